@@ -7,7 +7,7 @@ import argparse
 import random
 import time
 
-from wayfarer.cluster.directory import LeaseRules
+from wayfarer.cluster.directory import LeaseRules, share_of
 from wayfarer.cluster.directory_service import METHODS, DirectoryService
 from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad, Registration
 from wayfarer.ids import SLOTS
@@ -42,7 +42,11 @@ def main() -> None:
             began = time.perf_counter()
         for number in range(args.nodes):
             told = LeaseRenewal(
-                name=f"node{number}", count=count + 2, load=NodeLoad(), seen=seen[number]
+                name=f"node{number}",
+                count=count + 2,
+                load=NodeLoad(),
+                held=dict.fromkeys(share_of(slots[number :: args.nodes], count + 2), 1),
+                seen=seen[number],
             )
             answer = METHODS["renew"][2].validate_json(
                 service.answer("renew", METHODS["renew"][1].dump_json(told).decode())[10:-1]

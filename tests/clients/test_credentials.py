@@ -59,5 +59,5 @@ async def test_mutual_tls(tmp_path):
         async with wf.Client(server.address, tls=named) as client:
             await client.create_session()
         for tls in (None, wf.Tls(), wf.Tls(authority.path)):
-            with pytest.raises(wf.Unavailable, match="no server at"):
+            with pytest.raises(wf.Unavailable, match="no gRPC server at"):
                 await wf.Client(server.address, timeout=0.5, tls=tls).connect()

@@ -5,7 +5,7 @@ from collections import Counter
 import pytest
 
 from tests.cluster.nodes import LEASE, Bench, info, registration, renewal
-from wayfarer.cluster.directory import DRIFT, POOL, Directory, LeaseRules, rendezvous
+from wayfarer.cluster.directory import DRIFT, POOL, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.messages import Changes, NodeLoad
 from wayfarer.cluster.slot_map import MOST_PLACES, SlotMap
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
@@ -55,11 +55,12 @@ def test_a_report_whose_answer_was_lost_is_repeated_and_changes_nothing():
     pools = []
     for _ in range(2):
         told = bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"])
-        assert told.used == (slot,)
+        assert set(told.held) == {slot}
         pools.append(bench.directory.renew(told, bench.now).pool)
     assert pools[0] == pools[1] and slot not in pools[0]
     assert bench.beat()["n0"].pool == pools[0]
-    assert bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"]).used == ()
+    told = [bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"]).held for _ in range(SHARES)]
+    assert sorted(map(len, told)) == [0] * (SHARES - 1) + [1], "as any that it holds, from now on"
 
 
 def test_a_report_that_comes_after_its_successor_is_not_heard():
@@ -267,7 +268,83 @@ def test_a_transfer_needs_owner_and_epoch_as_they_are():
         directory.transfer(slot, "n0", epoch, "n2", now)
     new = directory.transfer(slot, "n0", epoch, "n1", now)
     assert new > epoch
-    assert directory.transfer(slot, "n1", new, "n0", now) > new  # given back
+    assert directory.transfer(slot, "n0", epoch, "n1", now) == new, "the answer was lost"
+    with pytest.raises(Aborted):  # it has not heard that n1 has taken it
+        directory.transfer(slot, "n0", epoch, "n0", now)
+    assert directory.counters["moved"] == 1
+
+
+def test_an_owner_that_keeps_a_slot_takes_the_offer_back():
+    bench = Bench(["n0", "n1"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    epoch, directory = bench.nodes["n0"].epoch(named(slot)), bench.directory
+    kept = directory.transfer(slot, "n0", epoch, "n0", bench.now)
+    assert kept > epoch and directory.transfer(slot, "n0", epoch, "n0", bench.now) == kept
+    with pytest.raises(Aborted):
+        directory.transfer(slot, "n0", epoch, "n1", bench.now)
+    assert directory.transfer(slot, "n0", kept, "n1", bench.now) > kept
+
+
+def test_a_directory_that_does_not_know_all_decides_no_move():
+    bench = Bench(["n0", "n1"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    epoch = bench.nodes["n0"].epoch(named(slot))
+    given = bench.directory.transfer(slot, "n0", epoch, "n1", bench.now)
+    bench.nodes["n1"].came(slot, given)
+    bench.present = {"n0": {slot}, "n1": {slot}}
+    bench.nodes["n0"].moving(slot)
+    bench.directory = Directory(LeaseRules(LEASE), bench.now, generation=given + 1000, seed=1)
+    bench.beat()  # fenced
+    bench.beat("n0")
+    with pytest.raises(Unavailable):
+        bench.directory.transfer(slot, "n0", epoch, "n0", bench.now)
+    bench.later(LEASE * DRIFT + 0.5, "n1", "n0")
+    with pytest.raises(Aborted, match="n1's"):
+        bench.directory.transfer(slot, "n0", epoch, "n0", bench.now)
+
+
+def test_who_gave_a_slot_to_a_node_that_died_with_it_may_still_have_it():
+    bench = Bench(["n0", "n1", "n2"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    epoch, directory = bench.nodes["n0"].epoch(named(slot)), bench.directory
+    directory.transfer(slot, "n0", epoch, "n1", bench.now)
+    directory._nodes["n1"].keepers = ("n2",)
+    directory.ended("n1")
+    with pytest.raises(Unavailable, match="adopted by n2"):
+        directory.transfer(slot, "n0", epoch, "n0", bench.now)
+    bench.nodes["n2"].failed(slot)
+    bench.beat("n2")
+    assert directory.transfer(slot, "n0", epoch, "n0", bench.now) > epoch
+    assert not bench.beat("n0")["n0"].orders and not directory.counters["lost"]
+
+
+def test_a_node_and_the_directory_that_disagree_notice_it():
+    bench = Bench(["n0", "n1"])
+    other, gone = bench.new_session("n0"), bench.new_session("n0")
+    bench.beat()
+    directory, seconds = bench.directory, SHARES / 4
+    directory._own(other, "n1", directory._next_epoch())
+    del bench.nodes["n0"]._held[gone]
+    bench.present["n0"] = {other}
+    bench.later(seconds, "n0")
+    assert bench.nodes["n0"].lost == {other} and not bench.nodes["n0"].may_step()
+    bench.later(0.25, "n0")
+    assert gone not in directory._slots
+
+
+def test_what_is_left_from_an_earlier_time_does_not_stand_for_a_replica():
+    bench = Bench(["n0", "n1"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    epoch = bench.nodes["n0"].epoch(named(slot))
+    bench.directory.transfer(slot, "n0", epoch, "n1", bench.now)
+    bench.directory.ended("n1")  # n0, which has not heard that, is to adopt it
+    bench.nodes["n0"].registered = False
+    answer = bench.beat("n0")["n0"]
+    assert answer.lost == (slot,) and [order.slot for order in answer.orders] == [slot]
 
 
 def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_meanwhile():
@@ -354,6 +431,7 @@ def test_places_of_nodes_are_bounded():
     for number in range(MOST_PLACES + 9):
         view.take(Changes(generation=1, version=number, nodes=(info(f"n{number}"),)))
     assert [place.worker for place in view.places] == list(range(9, MOST_PLACES + 9))
+    assert len(view._places) == MOST_PLACES
 
 
 def test_an_imported_snapshot_claims_the_slot_of_its_id():

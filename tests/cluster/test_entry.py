@@ -62,7 +62,8 @@ class Rig:
             s for s, entry in self.link.service._directory._slots.items()
             if entry.owner == node.name
         )  # fmt: skip
-        await directory.renew(LeaseRenewal(name=node.name, count=2, load=NodeLoad(), used=(slot,)))
+        told = LeaseRenewal(name=node.name, count=2, load=NodeLoad(), held={slot: 0})
+        await directory.renew(told)
         return session_id(slot)
 
 
@@ -106,7 +107,7 @@ async def test_who_was_made_a_moment_ago_is_found():
         assert (await rig.http.get(f"/v1/sessions/{name}")).status_code == 421, "to some node"
         for count, node in enumerate(rig.nodes, start=2):
             slot = 0xFF00 + count
-            told = LeaseRenewal(name=node.name, count=count, load=NodeLoad(), used=(slot,))
+            told = LeaseRenewal(name=node.name, count=count, load=NodeLoad(), held={slot: 0})
             await DirectoryClient(rig.link).renew(told)
             found = await rig.http.get(f"/v1/sessions/{session_id(slot)}")
             assert found.json()["endpoint"]["grpc_port"] == node.grpc_port

@@ -1,34 +1,249 @@
 """Nodes that stop, die, lose messages and drain, and directories that start again: at every instant
-at most one node may step what lives in a slot, and it is the one whose epoch is the greatest.
+at most one node steps what lives in a slot, and nothing is lost while no node dies.
+
+Nodes are the real `NodeAgent` and `Tenancy`; time, network, sessions and their death are made here.
 """
 
+import asyncio
 import contextlib
 import random
+from types import SimpleNamespace
 
 import pytest
 
-from tests.cluster.nodes import LEASE, info
+from tests.cluster import virtual_time
+from tests.cluster.nodes import info
+from wayfarer.cluster import node_agent
 from wayfarer.cluster.directory import Directory, LeaseRules
-from wayfarer.cluster.messages import NodeLoad
+from wayfarer.cluster.node_agent import ANSWER_S, NodeAgent
+from wayfarer.cluster.peer import CALL_S, Replicas
 from wayfarer.cluster.tenancy import Tenancy
-from wayfarer.errors import WayfarerError
-from wayfarer.ids import SLOTS
+from wayfarer.errors import AlreadyExists, NotFound, Unavailable, WayfarerError
+from wayfarer.ids import slot_of
 
 TICK = 0.05
+LEASE = 5.0  # a lost answer costs ANSWER_S of it
+NODES = 4
+SECONDS = 150
+
+
+class Moves:
+    """Sessions of a node: none has a scene. Called like `SessionMoves`."""
+
+    scenes = ()
+
+    def __init__(self, node):
+        self.node = node
+        self.frozen = {}  # every session in the world of this node, and whether it is frozen
+        self.open = {}  # those that callers find
+
+    @property
+    def sessions(self):
+        return list(self.open)
+
+    @property
+    def slots(self):
+        return {slot_of(name) for name in self.open}
+
+    def of(self, slot):
+        return [name for name in self.open if slot_of(name) == slot]
+
+    def is_movable(self, name):
+        return True
+
+    async def freeze(self, name):
+        await self.node.work()
+        if name not in self.open:
+            raise NotFound(name)
+        if self.node.sim.chance(0.05):
+            raise Unavailable("calls on it do not end")
+        self.frozen[name] = True
+        return b"live"
+
+    async def thaw(self, name):
+        await self.node.work()
+        if name not in self.frozen:
+            raise NotFound(name)
+        self.frozen[name] = False
+        self.node.sim.check()
+
+    async def take(self, name, live, content):
+        await self.node.work()
+        if name in self.frozen:
+            raise AlreadyExists(name)
+        if self.node.sim.chance(0.05):
+            raise Unavailable("no room")
+        self.frozen[name] = True
+        return SimpleNamespace(name=name)
+
+    async def enter(self, arrival):
+        await self.node.work()
+        if arrival.name not in self.frozen:
+            raise NotFound(arrival.name)
+        self.frozen[arrival.name] = False
+        self.open[arrival.name] = True
+        self.node.sim.seen["moved"] += 1
+        self.node.sim.check()
+
+    async def adopt(self, name, state, content, log_parts):
+        await self.node.work()
+        if name in self.frozen:
+            raise AlreadyExists(name)
+        if self.node.sim.chance(0.1):
+            raise Unavailable("no room")
+        self.frozen[name] = False
+        self.open[name] = True
+        self.node.sim.seen["adopted"] += 1
+        self.node.sim.check()
+
+    async def release(self, name, to):
+        self.open.pop(name, None)
+        await self.node.work()
+        self.frozen.pop(name, None)
+
+    def end(self, name):
+        self.open.pop(name, None)
+        self.frozen.pop(name, None)
+
+
+class Node:
+    """One process: its calls arrive late, or not, or their answers do not."""
+
+    def __init__(self, sim, name):
+        self.sim, self.name = sim, name
+        self.stopped_until = 0.0
+        self.moves, self.replicas = Moves(self), Replicas(lambda: sim.now)
+        self.tenancy = Tenancy(info(name), sim.rules.go_on, lambda: sim.now)
+        self.replication = SimpleNamespace(neighbour="")
+        self._turn = asyncio.Lock()  # of the link to the directory
+        gateway = SimpleNamespace(
+            moves=self.moves, started=True, alive=True, streams=0, loop_stats=self._stats
+        )
+        self.agent = NodeAgent(
+            self.tenancy, gateway, self, self, self.replicas, self.replication, self._end
+        )
+        self.tasks = [
+            asyncio.create_task(self.agent.renewing()),
+            asyncio.create_task(self._replicating()),
+        ]
+
+    @property
+    def stopped(self):
+        return self.stopped_until > self.sim.now
+
+    async def awake(self):
+        while self.stopped:
+            await asyncio.sleep(self.stopped_until - self.sim.now)
+
+    async def work(self):
+        """On the motion thread."""
+        await asyncio.sleep(self.sim.random.choice((0.0, 0.0, TICK, 0.2)))
+        await self.awake()
+
+    async def _stats(self):
+        return SimpleNamespace(agents=0, sessions=len(self.moves.open))
+
+    def _end(self):
+        assert not self.moves.frozen, "a node ends that has sessions"
+        self.sim.seen["drained"] += 1
+        self.sim.kill(self.name)
+
+    async def _replicating(self):
+        while True:
+            await asyncio.sleep(1.0)
+            await self.awake()
+            to = self.sim.nodes.get(self.replication.neighbour)
+            if to is not None and self.tenancy.may_step() and not self.sim.loses():
+                for name in self.moves.open:
+                    to.replicas.keep(self.name, name, b"state")
+                to.replicas.renew(self.name, set(self.moves.open))
+
+    # The directory, as DirectoryClient over KeeperLink
+
+    async def register(self, told):
+        return await self._ask(lambda d: d.register(told, self.sim.now))
+
+    async def renew(self, told):
+        answer = await self._ask(lambda d: d.renew(told, self.sim.now))
+        self.sim.seen["fenced"] += answer.fenced
+        return answer
+
+    async def transfer(self, told):
+        return await self._ask(
+            lambda d: d.transfer(told.slot, told.owner, told.epoch, told.to, self.sim.now)
+        )
+
+    async def _ask(self, call):
+        async with self._turn:
+            await self.awake()
+            answer = self.sim.sent(lambda: call(self.sim.directory))
+            try:
+                async with asyncio.timeout(ANSWER_S):
+                    result, error = await answer
+            except TimeoutError:
+                raise Unavailable("the directory does not answer") from None
+            finally:
+                await self.awake()
+            if error is not None:
+                raise error
+            return result
+
+    # Other nodes, as Peers
+
+    async def take(self, node, owner, slot, epoch, live):
+        to, sim = self.sim.nodes.get(node.name), self.sim
+        if to is None:
+            raise Unavailable("it has ended")
+        if sim.loses():
+            await asyncio.sleep(CALL_S)
+            raise Unavailable("deadline")
+        await to.awake()
+        handling = asyncio.create_task(to.agent.take(owner, slot, epoch, live))
+        try:
+            async with asyncio.timeout(0.2 if sim.chance(0.2) else CALL_S):  # or it is reset
+                await asyncio.wait({handling})
+            if handling.cancelled():
+                raise Unavailable("it has ended")
+            handling.result()
+        except TimeoutError:
+            handling.cancel()
+            raise Unavailable("deadline") from None
+        finally:
+            await self.awake()
+        if sim.loses():
+            await asyncio.sleep(CALL_S)
+            raise Unavailable("deadline")
 
 
 class Sim:
-    def __init__(self, seed, go_on):
+    def __init__(self, seed, rules, faults=True):
+        """`faults`: nodes are stopped and killed, and the directory is started again."""
         self.random = random.Random(seed)
         random.seed(seed)  # Tenancy draws from it
-        self.now = 1000.0
-        self.rules = LeaseRules(LEASE, go_on)
-        self.started = 0
-        self.nodes, self.present, self.stopped = {}, {}, {}
-        self.greatest = dict.fromkeys(range(SLOTS), 0)
+        self.rules, self.faults = rules, faults
+        self.loop = asyncio.get_running_loop()
+        self.nodes = {}
+        self.started = self.made = 0
+        self.living = set()  # sessions that were made and that nobody has ended
+        self.greatest = {}
+        self.calls = set()
+        self.seen = dict.fromkeys(
+            ("adopted", "moved", "fenced", "stepped", "drained", "lost answers"), 0
+        )
         self.restart()
-        self.coming = []  # (when, what): answers on their way
-        self.seen = dict.fromkeys(("adopted", "moved", "lost", "fenced", "stepped"), 0)
+        self.directory._settled_at = self.now
+
+    @property
+    def now(self):
+        return self.loop.time()
+
+    def chance(self, share):
+        return self.random.random() < share
+
+    def loses(self):
+        lost = self.chance(0.06)
+        self.seen["lost answers"] += lost
+        return lost
 
     def restart(self):
         self.directory = Directory(self.rules, self.now, int(self.now * 1e6), self.random.random())
@@ -36,139 +251,132 @@ class Sim:
     def start(self):
         name = f"n{self.started}"
         self.started += 1
-        self.nodes[name] = Tenancy(info(name), self.rules.go_on, lambda: self.now)
-        self.present[name], self.stopped[name] = set(), 0.0
-
-    def live(self):
-        return [name for name in self.nodes if self.stopped[name] <= self.now]
-
-    def tick(self):
-        self.now += TICK
-        chance = self.random.random
-        while len(self.nodes) < 4:
-            self.start()
-        for name in self.live():
-            if chance() < 0.1:
-                self.beat(name)
-            if chance() < 0.05:
-                self.create(name)
-            if chance() < 0.01 and self.present[name]:
-                self.present[name].pop()
-            if chance() < 0.004:
-                self.stopped[name] = self.now + self.random.expovariate(1 / LEASE)
-            if chance() < 0.001:
-                self.kill(name)
-            if chance() < 0.002 and self.nodes[name].registered:
-                with contextlib.suppress(WayfarerError):
-                    self.directory.drain(name)
-        if chance() < 0.001:
-            self.restart()
-        due = [what for when, what in self.coming if when <= self.now]
-        self.coming = [(when, what) for when, what in self.coming if when > self.now]
-        for what in due:
-            what()
-        self.check()
-
-    def beat(self, name):
-        node, sent_at = self.nodes[name], self.now
-        coming = not node.registered
-        told = (
-            node.registration(NodeLoad(), self.present[name] - node.lost)
-            if coming
-            else node.renewal(NodeLoad(), self.present[name] - node.lost)
-        )
-        if self.random.random() < 0.1:
-            return  # lost on its way there
-        answer = (self.directory.register if coming else self.directory.renew)(told, self.now)
-
-        def arrive():
-            if name not in self.nodes or coming == node.registered:
-                return
-            if self.stopped[name] > self.now:
-                return
-            self.seen["fenced"] += answer.fenced
-            take = node.take_registered if coming else node.take_renewed
-            if take(answer, told, sent_at):
-                self.obey(name, answer)
-
-        if self.random.random() < 0.1:
-            return  # lost on its way back
-        self.coming.append((self.now + self.random.choice((0, TICK, 1.0)), arrive))
-
-    def obey(self, name, answer):
-        node = self.nodes[name]
-        for slot in node.lost:
-            self.present[name].discard(slot)
-            node.released(slot)
-        for order in answer.orders:
-            if order.kind == "adopt":
-                if node.epoch(f"session-{order.slot:04x}") >= order.epoch:
-                    continue  # an order said twice
-                if self.random.random() < 0.8:
-                    self.present[name].add(order.slot)
-                    node.adopted(order.slot, order.epoch)
-                    self.seen["adopted"] += 1
-                else:
-                    node.failed(order.slot)
-                    self.seen["lost"] += 1
-            elif order.slot in self.present[name]:
-                self.move(name, order)
-        if answer.done:
-            self.kill(name)
-
-    def move(self, name, order):
-        node = self.nodes[name]
-        node.moving(order.slot)
-        try:
-            epoch = self.directory.transfer(order.slot, name, order.epoch, order.to, self.now)
-        except WayfarerError:
-            node.stays(order.slot, node.epoch(f"session-{order.slot:04x}"))
-            return
-        if order.to in self.live() and self.random.random() < 0.8:
-            self.present[name].discard(order.slot)
-            node.moved(order.slot)
-            self.present[order.to].add(order.slot)
-            self.nodes[order.to].came(order.slot, epoch)
-            self.seen["moved"] += 1
-            return
-        try:
-            back = self.directory.transfer(order.slot, order.to, epoch, name, self.now)
-        except WayfarerError:
-            self.present[name].discard(order.slot)
-            node.moved(order.slot)
-        else:
-            node.stays(order.slot, back)
-
-    def create(self, name):
-        with contextlib.suppress(WayfarerError):
-            self.present[name].add(self.nodes[name].new_key())
+        self.nodes[name] = Node(self, name)
 
     def kill(self, name):
         """The keeper sees the end of its process at once."""
-        del self.nodes[name], self.present[name], self.stopped[name]
+        node = self.nodes.pop(name)
+        for task in (*node.tasks, *node.agent._busy.values()):
+            task.cancel()
         self.directory.ended(name)
+
+    def sent(self, call):
+        """A future of (answer, error); a call may arrive long after its caller has given up."""
+        answer = self.loop.create_future()
+        if self.loses():
+            return answer
+
+        async def arrive():
+            await asyncio.sleep(self.random.choice((0.0, 0.0, TICK, 0.5)))
+            if self.chance(0.02):
+                await asyncio.sleep(5.0)
+            try:
+                found = call(), None
+            except WayfarerError as error:
+                found = None, error
+            await asyncio.sleep(self.random.choice((0.0, TICK, 0.5)))
+            if not (answer.done() or self.loses()):
+                answer.set_result(found)
+
+        task = asyncio.create_task(arrive())
+        self.calls.add(task)
+        task.add_done_callback(self.calls.discard)
+        return answer
+
+    async def run(self, seconds):
+        ends = self.now + seconds
+        while self.now < ends:
+            self.tick()
+            await asyncio.sleep(TICK)
+
+    def tick(self):
+        while len(self.nodes) < NODES:
+            self.start()
+        for name, node in list(self.nodes.items()):
+            if node.stopped:
+                continue
+            if self.chance(0.05):
+                self.create(node)
+            alive = [one for one, frozen in node.moves.frozen.items() if not frozen]
+            if self.chance(0.01) and alive and node.tenancy.may_step():
+                node.moves.end(ended := self.random.choice(sorted(alive)))
+                self.living.discard(ended)
+            if self.chance(0.005) and node.tenancy.registered:
+                with contextlib.suppress(WayfarerError):
+                    self.directory.drain(name)
+            if self.faults and self.chance(0.004):
+                node.stopped_until = self.now + self.random.expovariate(1 / LEASE)
+            if self.faults and self.chance(0.001):
+                self.kill(name)
+        # a node that goes on without a lease and is silent is not known to a new directory
+        moving = any(node.tenancy._moving for node in self.nodes.values())
+        if self.faults and self.chance(0.001) and not (self.rules.go_on and moving):
+            self.restart()
+        self.check()
+
+    def create(self, node):
+        with contextlib.suppress(Unavailable):
+            name = f"session-{node.tenancy.new_key():04x}{self.made:012x}"
+            self.made += 1
+            node.moves.frozen[name] = False
+            node.moves.open[name] = True
+            self.living.add(name)
 
     def check(self):
         owners = {}
-        for name in self.live():
-            node = self.nodes[name]
-            if not node.may_step():
+        for node in self.nodes.values():
+            if node.stopped or not node.tenancy.may_step():
                 continue
-            for slot in self.present[name] & set(node._held):
-                assert slot not in owners, f"{slot} is {owners[slot]}'s and {name}'s"
-                owners[slot] = name
-                epoch = node.epoch(f"session-{slot:04x}")
-                assert epoch == 0 or epoch >= self.greatest[slot]
-                self.greatest[slot] = max(self.greatest[slot], epoch)
+            for name, frozen in node.moves.frozen.items():
+                if frozen:
+                    continue
+                other = owners.setdefault(name, node.name)
+                assert other == node.name, f"{name} is {other}'s and {node.name}'s"
+                epoch = node.tenancy.epoch(name)
+                assert epoch == 0 or epoch >= self.greatest.get(name, 0)
+                self.greatest[name] = max(self.greatest.get(name, 0), epoch)
                 self.seen["stepped"] += 1
+
+    def stepped(self):
+        """Sessions that somebody steps."""
+        return {
+            name
+            for node in self.nodes.values()
+            for name, frozen in node.moves.frozen.items()
+            if not frozen
+        }
+
+
+@pytest.fixture(autouse=True)
+def one_clock(monkeypatch):
+    monkeypatch.setattr(node_agent, "boot_clock", lambda: asyncio.get_running_loop().time())
+    monkeypatch.setattr(node_agent, "log", SimpleNamespace(
+        info=lambda *_, **__: None, warning=lambda *_, **__: None, error=lambda *_, **__: None,
+        exception=lambda *_, **__: None))  # fmt: skip
 
 
 @pytest.mark.parametrize("go_on", [False, True])
 @pytest.mark.parametrize("seed", range(4))
 def test_never_two_owners(seed, go_on):
-    sim = Sim(seed, go_on)
-    for _ in range(3000):
-        sim.tick()
-    assert sim.seen["stepped"] > 10_000
-    assert sim.seen["adopted"] and sim.seen["moved"]
-    assert sim.seen["fenced"]
+    async def main():
+        sim = Sim(seed, LeaseRules(LEASE, go_on))
+        await sim.run(SECONDS)
+        return sim
+
+    seen = virtual_time.run(main()).seen
+    expected = seen.keys() - {"fenced"} if go_on else seen.keys()
+    assert seen["stepped"] > 10_000 and all(seen[kind] for kind in expected), seen
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_session_is_lost_while_messages_are(seed):
+    async def main():
+        sim = Sim(seed, LeaseRules(20 * LEASE), faults=False)
+        await sim.run(SECONDS / 2)
+        sim.chance = lambda share: False  # all goes well from now on
+        await asyncio.sleep(60)
+        assert sim.seen["drained"] > 3 and sim.seen["moved"] > 20, sim.seen
+        assert sim.stepped() == sim.living
+        assert not sim.directory.counters["expired"]
+
+    virtual_time.run(main())

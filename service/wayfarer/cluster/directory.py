@@ -6,8 +6,15 @@ The rules, on which "never two owners" rests:
   here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
 - A slot changes its owner only by its owner's wish (`transfer`), or after its owner has ended or
   its lease has. Each change gives it an epoch greater than any before.
+- A move is decided here and nowhere else. The owner freezes what lives in the slot and sends it to
+  the new node, which asks for the slot once it has everything, and lets it go on after the answer.
+  An owner that does not hear from the new node asks to keep the slot. Of these two the first that
+  arrives gets it. Each asks until it is answered, and what it has stays frozen meanwhile; the same
+  question always has the same answer.
 - A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
   tell it what they hold. Between two that claim one slot the greater epoch is right.
+- In each renewal a share of the slots is compared, so that a node and the directory that disagree
+  notice it within seconds.
 
 Owner of a slot without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
 answers that there is nothing. Times are seconds on any clock that never goes back.
@@ -52,6 +59,9 @@ LOGGED: Final = 8192
 AT_ONCE: Final = 4
 """Sessions' slots that a draining node moves at a time."""
 
+SHARES: Final = 16
+"""A renewal names one in so many of the slots that a node holds, the next renewal the next ones."""
+
 
 @dataclass(frozen=True, slots=True)
 class LeaseRules:
@@ -94,6 +104,7 @@ class _Node:
 class _Entry:
     owner: str
     epoch: int
+    before: tuple[str, int] | None = None  # owner and epoch before, if it came from one
     keepers: tuple[str, ...] | None = None  # being adopted: who else may have a replica, in order
 
 
@@ -151,14 +162,14 @@ class Directory:
                 self._own(slot, name, self._next_epoch())
             elif entry is None or (entry.owner != name and entry.epoch < epoch):
                 self._own(slot, name, epoch)
-            if self._slots[slot].owner == name:
+            if self._has(name, slot, epoch):
                 used.add(slot)
                 epochs[slot] = self._slots[slot].epoch  # an answer with it may have been lost
             else:
                 lost.append(slot)
         # what it owns here and does not have any more; an adoption that it was to make goes on
         for slot in (node.used | node.pool) - used:
-            if self._slots[slot].keepers is None:
+            if not self._is_adopted(slot):
                 self._disown(slot)
         node.used = used | {s for s in node.used - used if s in self._slots}
         node.pool = set()
@@ -176,27 +187,26 @@ class Directory:
         node.count = told.count
         node.load = told.load
         lost: list[int] = []
-        epochs: dict[int, int] = {}
-        for slot in told.used:
+        for slot, epoch in told.held.items():
             if slot not in self._slots:  # a snapshot was imported, whose id has this slot
                 self._own(slot, told.name, self._next_epoch())
-            entry = self._slots[slot]
-            if entry.owner != told.name:
+            if not self._has(told.name, slot, epoch):
                 lost.append(slot)
                 continue
-            epochs[slot] = entry.epoch
             node.pool.discard(slot)
             node.used.add(slot)
         for slot in told.freed:
             if slot in node.used:
                 self._disown(slot)
         for slot in told.adopted:
-            if slot in node.used and self._slots[slot].keepers is not None:
+            if slot in node.used and self._is_adopted(slot):
                 self._slots[slot].keepers = None
                 self.counters["adopted"] += 1
         for slot in told.failed:
-            if slot in node.used and self._slots[slot].keepers is not None:
+            if slot in node.used and self._is_adopted(slot):
                 self._pass_on(slot)
+        compared = {*told.held, *share_of(node.used, told.count)} & node.used
+        epochs = {s: self._slots[s].epoch for s in compared if not self._is_adopted(s)}
         return self._answer(node, now, told.seen, tuple(lost), epochs)
 
     def ended(self, name: str) -> None:
@@ -217,7 +227,10 @@ class Directory:
             self._disown(slot)
         for slot in sorted(node.used):
             entry = self._slots[slot]
-            entry.keepers = node.keepers if entry.keepers is None else entry.keepers
+            if entry.keepers is None:
+                # who gave it away may not have heard that, and have it frozen
+                giver = entry.before[:1] if entry.before else ()
+                entry.keepers = (*node.keepers, *giver)
             self._pass_on(slot)
 
     def expire(self, now: float) -> None:
@@ -244,24 +257,34 @@ class Directory:
         node.draining = True
 
     def transfer(self, slot: int, owner: str, epoch: int, to: str, now: float) -> int:
-        """Give a slot away, if `owner` still has it with this epoch; its new epoch.
+        """Give a slot to `to`, if `owner` still has it with this epoch; its new epoch.
 
-        The owner has frozen what lives there before, so nobody steps it until the new one does.
-        The same node gives it back in the same way when the other could not take it. Raises
-        Aborted when the slot has another owner or epoch, NotFound, FailedPrecondition.
+        `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the slot:
+        nobody else gets it with this epoch then. Safe to call twice.
+
+        Raises Aborted when the slot has another owner or epoch, FailedPrecondition; Unavailable
+        while that is not known: ask again.
         """
         self.expire(now)
-        entry = self._slots.get(slot)
-        if entry is None or (entry.owner, entry.epoch) != (owner, epoch):
-            found = f"{entry.owner} with epoch {entry.epoch}" if entry else "nobody"
-            raise Aborted(f"slot {slot:04x} is not {owner}'s with epoch {epoch}: it is {found}'s")
-        target, source = self._node(to), self._node(owner)
+        entry, target, source = self._slots.get(slot), self._nodes.get(to), self._nodes.get(owner)
+        if target is None or not self._settled(now):
+            raise Unavailable("not all nodes have come back to the directory; ask again")
+        has = entry is not None and entry.owner == to and entry.epoch != epoch
+        if entry is not None and has and (owner == to or entry.before == (owner, epoch)):
+            entry.keepers = None  # said twice; or it was to adopt the slot, and needs no replica
+            return entry.epoch
+        if entry is not None and owner == to and self._is_adopted(slot):  # if there is a replica
+            raise Unavailable(f"slot {slot:04x} is being adopted by {entry.owner}; ask again")
+        if source is None or entry is None or (entry.owner, entry.epoch) != (owner, epoch):
+            found = f"{entry.owner}'s with epoch {entry.epoch}" if entry else "nobody's"
+            raise Aborted(f"slot {slot:04x} is not {owner}'s with epoch {epoch}: it is {found}")
         if not self._alike(target, source):
             raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
-        source.used.discard(slot)
-        target.used.add(slot)
         self._own(slot, to, self._next_epoch())
-        self.counters["moved"] += 1
+        self._slots[slot].before = (owner, epoch)
+        target.used.add(slot)
+        if to != owner:
+            self.counters["moved"] += 1
         return self._slots[slot].epoch
 
     def node_for(self, slot: int) -> NodeInfo | None:
@@ -359,10 +382,10 @@ class Directory:
         )
 
     def _orders(self, node: _Node, now: float) -> Iterable[NodeOrder]:
-        adoptions = [s for s in node.used if self._slots[s].keepers is not None]
+        adoptions = [slot for slot in node.used if self._is_adopted(slot)]
         for slot in sorted(adoptions):
             yield NodeOrder(kind="adopt", slot=slot, epoch=self._slots[slot].epoch)
-        if not node.draining:
+        if not (node.draining and self._settled(now)):
             return
         able = [n for n in self._able(now) if n is not node and self._alike(n, node)]
         if not able:
@@ -441,6 +464,7 @@ class Directory:
             self._disown(slot)
             return
         self._own(slot, left[0], self._next_epoch())
+        self._slots[slot].before = (entry.owner, entry.epoch)
         self._slots[slot].keepers = tuple(left[1:])
         self._nodes[left[0]].used.add(slot)
 
@@ -458,6 +482,15 @@ class Directory:
             self._nodes[entry.owner].used.discard(slot)
             self._nodes[entry.owner].pool.discard(slot)
         self._touch(slot)
+
+    def _has(self, name: str, slot: int, epoch: int) -> bool:
+        """Whether what a node has with this epoch is its own, and not left from an earlier time."""
+        entry = self._slots[slot]
+        return entry.owner == name and (entry.keepers is None or entry.epoch == epoch)
+
+    def _is_adopted(self, slot: int) -> bool:
+        """Its owner has still to find replicas of what lived there."""
+        return self._slots[slot].keepers is not None
 
     def _next_epoch(self) -> int:
         self._epoch += 1
@@ -501,6 +534,12 @@ class Directory:
     def _touch(self, slot: int) -> None:
         self._version += 1
         self._log.append((self._version, slot))
+
+
+def share_of(slots: Iterable[int], count: int) -> set[int]:
+    """Those slots that the renewal of this number compares."""
+    due = count % SHARES
+    return {slot for slot in slots if slot % SHARES == due}
 
 
 def rendezvous(slot: int, names: Iterable[str]) -> str:

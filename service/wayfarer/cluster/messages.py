@@ -80,7 +80,7 @@ class NodeReply(ClusterMessage):
 
 
 class Transfer(ClusterMessage):
-    """A slot is given away; see `Directory.transfer`."""
+    """A slot has a new owner, or its owner keeps it; see `Directory.transfer`."""
 
     slot: int
     owner: str
@@ -126,7 +126,7 @@ class LeaseRenewal(ClusterMessage):
     name: str
     count: int  # greater with each: one that comes after its successor is not heard
     load: NodeLoad
-    used: tuple[int, ...] = ()  # slots of the pool that hold a session now
+    held: dict[int, int] = {}  # slots in use, and their epochs: new ones, and a share of the others
     freed: tuple[int, ...] = ()  # slots that hold none any more
     adopted: tuple[int, ...] = ()  # adoptions that succeeded, and
     failed: tuple[int, ...] = ()  # those of which no replica was there
@@ -158,7 +158,7 @@ class Answer(ClusterMessage):
     fenced: bool = False  # the node's lease has ended here: release what it has lost, register
     lease_s: float = 0.0  # from when the request was sent; 0: none yet, ask again
     pool: dict[int, int] = {}  # slots for new sessions, and their epochs
-    epochs: dict[int, int] = {}  # of slots that the node has said it holds
+    epochs: dict[int, int] = {}  # of slots that it owns: those that it named, and the same share
     lost: tuple[int, ...] = ()  # slots that have another owner: release them before stepping
     neighbour: str = ""  # the node that keeps this one's replicas; empty: there is none
     draining: bool = False

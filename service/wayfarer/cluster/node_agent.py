@@ -6,8 +6,8 @@ import asyncio
 import contextlib
 import os
 import sys
-from collections.abc import AsyncIterator, Callable
-from typing import Final
+from collections.abc import AsyncIterator, Callable, Iterable
+from typing import Any, Final
 
 import structlog
 
@@ -27,9 +27,17 @@ from wayfarer.cluster.peer import CONTENT, LOOPBACK, KeptReplica, Peers, PeerSer
 from wayfarer.cluster.replication import Replication
 from wayfarer.cluster.slot_map import endpoint
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
-from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
+from wayfarer.errors import (
+    Aborted,
+    FailedPrecondition,
+    InvalidArgument,
+    NotFound,
+    ResourceExhausted,
+    Unavailable,
+    WayfarerError,
+)
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.gateway.moves import is_scene
+from wayfarer.transport.gateway.moves import Arrival, is_scene
 from wayfarer.transport.tls import peer_tls
 
 log = structlog.get_logger(__name__)
@@ -39,6 +47,9 @@ RENEW_S: Final = 0.25
 
 ANSWER_S: Final = 2.0
 """How long an answer is waited for before the directory is asked again."""
+
+ADOPT_S: Final = 30.0
+"""How long an adoption waits for room."""
 
 STATS_S: Final = 1.0
 LINE_BYTES: Final = 16 * 1024 * 1024
@@ -119,7 +130,8 @@ class NodeAgent:
         self._counted = NodeLoad()
         self._leased = False
         self._held_until = 0.0
-        self._busy: dict[int, asyncio.Task[None]] = {}  # slots that are being moved or adopted
+        # slots that are being moved, taken or adopted
+        self._busy: dict[int, asyncio.Task[Any]] = {}
 
     async def renewing(self) -> None:
         """For ever: renew the lease, and do what the directory says."""
@@ -133,21 +145,61 @@ class NodeAgent:
             self._tell_lease()
             await asyncio.sleep(RENEW_S)
 
-    async def take(self, slot: int, epoch: int, live: dict[str, bytes]) -> None:
-        """A slot comes from another node, with all that lives there. Raises WayfarerError."""
+    async def take(self, owner: str, slot: int, epoch: int, live: dict[str, bytes]) -> None:
+        """A slot comes from another node, with all that lives there; the directory decides whether
+        it does. Raises WayfarerError.
+        """
+        if slot in self._tenancy.lost or self._is_busy(slot):
+            raise Unavailable(f"slot {slot:04x} is busy on this node; try again")
+        taking = asyncio.create_task(self._take(owner, slot, epoch, live), name="take")
+        self._busy[slot] = taking
+        # if the caller waits no more, the directory is asked all the same: it may have decided
+        if (refusal := await asyncio.shield(taking)) is not None:
+            raise refusal
+
+    async def _take(
+        self, owner: str, slot: int, epoch: int, live: dict[str, bytes]
+    ) -> WayfarerError | None:
+        """Returns why it has not come; the caller may have gone."""
         self._tenancy.coming(slot)
-        came, kept = list[str](), self._replicas.take(slot)
+        came, kept = dict[str, Arrival](), self._replicas.of(slot)
         try:
             for name, data in live.items():
-                await self._moves.take(name, data, _content(kept, name))
-                came.append(name)
-        except BaseException:
+                came[name] = await self._moves.take(name, data, _content(kept, name))
+            given = await self._transfer(slot, owner, epoch)
+            if given is None:
+                raise Unavailable(f"{owner} does not give slot {slot:04x} away any more")
+        except BaseException as error:
             for name in reversed(came):  # its owner goes on with all of them
                 await self._moves.release(name, None)
             self._tenancy.refused(slot)
+            if isinstance(error, WayfarerError):
+                return error
             raise
-        self._tenancy.came(slot, epoch)
-        log.info("sessions came", sessions=came, epoch=epoch, at=boot_clock())
+        self._tenancy.came(slot, given)
+        self._replicas.drop(slot)
+        for arrival in came.values():
+            with contextlib.suppress(NotFound):
+                await self._moves.enter(arrival)
+        log.info("sessions came", sessions=list(came), epoch=given, at=boot_clock())
+        return None
+
+    async def _transfer(self, slot: int, owner: str, epoch: int) -> int | None:
+        """The new epoch of a slot that `owner` gives to this node, or keeps; None: it is another's.
+
+        Asks until the directory answers: what the slot has is frozen here, so it can wait.
+        """
+        told = Transfer(slot=slot, owner=owner, epoch=epoch, to=self._tenancy.node.name)
+        while True:
+            try:
+                if self._tenancy.registered:  # else the directory does not count with this node
+                    return await self._directory.transfer(told)
+            except (Aborted, FailedPrecondition) as error:
+                log.warning("a slot has another owner", slot=slot, reason=str(error))
+                return None
+            except WayfarerError as error:
+                log.warning("a move waits", slot=slot, reason=str(error))
+            await asyncio.sleep(RENEW_S)
 
     # The lease
 
@@ -193,16 +245,22 @@ class NodeAgent:
 
     async def _obey(self, answer: Answer) -> None:
         for slot in self._tenancy.lost:
-            await self._give_up(slot)
+            if not (self._is_busy(slot) and self._busy[slot].get_name() != "move"):
+                await self._give_up(slot)  # else more may come into it; nothing is stepped so long
         self._replication.neighbour = answer.neighbour
         self._busy = {slot: task for slot, task in self._busy.items() if not task.done()}
         for order in answer.orders:
-            if order.slot not in self._busy:
+            here = self._tenancy.has(order.slot, order.epoch)
+            if order.slot not in self._busy and here == (order.kind == "move"):  # else it is done
                 work = self._adopt(order) if order.kind == "adopt" else self._move(order)
                 self._busy[order.slot] = asyncio.create_task(work, name=order.kind)
-        if answer.done and not (self._gateway.streams or self._busy):  # all know where to go on
+        empty = not (self._gateway.streams or self._busy or self._moves.slots)
+        if answer.done and empty:  # all know where to go on
             log.info("drained: nothing lives here any more")
             self._stop()
+
+    def _is_busy(self, slot: int) -> bool:
+        return slot in self._busy and not self._busy[slot].done()
 
     async def _give_up(self, slot: int) -> None:
         """What was here has another owner: end it, before anything steps again."""
@@ -215,26 +273,39 @@ class NodeAgent:
         self._tenancy.released(slot)
 
     async def _adopt(self, order: NodeOrder) -> None:
+        """Let all live on whose replicas are here; wait for room, where there is none just now."""
         slot, adopted = order.slot, 0
-        self._tenancy.coming(slot)
-        kept = self._replicas.take(slot)
+        self._tenancy.coming(slot, order.epoch)
+        kept = self._replicas.of(slot)
         names = [name for name in kept if not name.endswith(CONTENT)]
-        for name in sorted(names, key=is_scene, reverse=True):  # first what sessions need
+        names.sort(key=is_scene, reverse=True)  # first what sessions need
+        ends = asyncio.get_running_loop().time() + ADOPT_S
+        while names and slot not in self._tenancy.lost:
+            name = names[0]
             try:
                 found, content = kept[name], _content(kept, name)
                 await self._moves.adopt(name, found.state, content, found.log_parts)
             except WayfarerError as error:
+                passing = isinstance(error, Unavailable | ResourceExhausted)
+                if passing and asyncio.get_running_loop().time() < ends:
+                    await asyncio.sleep(RENEW_S)
+                    continue
                 log.error("session not adopted", session_id=name, reason=str(error))
-                continue
-            adopted += 1
-            log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())
+            else:
+                adopted += 1
+                log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())
+            names.pop(0)
+        if slot in self._tenancy.lost:
+            self._tenancy.refused(slot)
+            return
+        self._replicas.drop(slot)
         if adopted:
             self._tenancy.adopted(slot, order.epoch)
         else:
             self._tenancy.failed(slot)
 
     async def _move(self, order: NodeOrder) -> None:
-        """Give all that is in a slot to another node; if that fails it goes on here."""
+        """Give all that is in a slot to another node, or keep it all: the directory decides."""
         tenancy, slot, node = self._tenancy, order.slot, self._tenancy.view.nodes.get(order.to)
         own, names = tenancy.node.name, self._moves.of(slot)
         if node is None or not all(map(self._moves.is_movable, names)):
@@ -246,33 +317,35 @@ class NodeAgent:
             log.error("scene not moved", slot=slot, to=order.to, reason=str(error))
             return
         began, frozen = boot_clock(), dict[str, bytes]()
-        tenancy.moving(slot)
-        epoch = order.epoch
         try:
             for name in reversed(names):  # nobody enters a scene any more, first
                 frozen[name] = await self._moves.freeze(name)
-            if set(self._moves.of(slot)) != set(names):
+            if set(self._moves.of(slot)) != set(names) or slot in tenancy.lost:
                 raise Unavailable("somebody has come or gone meanwhile")
-            told = Transfer(slot=slot, owner=own, epoch=epoch, to=node.name)
-            given = await self._directory.transfer(told)
-            try:
-                await self._peers.take(node, slot, given, frozen)
-            except WayfarerError:
-                back = Transfer(slot=slot, owner=node.name, epoch=given, to=own)
-                epoch = await self._directory.transfer(back)
-                raise
         except WayfarerError as error:
             log.error("session not moved", slot=slot, to=order.to, reason=str(error))
-            for name in frozen:
-                await self._moves.thaw(name)
-            self._replication.forget()  # the other node may have let go of them
-            tenancy.stays(slot, epoch)
+            await self._thaw(frozen)
             return
+        tenancy.moving(slot)
+        try:
+            await self._peers.take(node, own, slot, order.epoch, frozen)
+        except WayfarerError as error:  # it may have come there all the same
+            log.error("session not moved", slot=slot, to=order.to, reason=str(error))
+            epoch = await self._transfer(slot, own, order.epoch)
+            if epoch is not None:
+                tenancy.stays(slot, epoch)
+                await self._thaw(frozen)
+                return
         for name in names:
             await self._moves.release(name, endpoint(node))
             ms = round(1e3 * (boot_clock() - began))
             log.info("session moved", session_id=name, to=node.name, ms=ms)
         tenancy.moved(slot)
+
+    async def _thaw(self, names: Iterable[str]) -> None:
+        for name in names:
+            with contextlib.suppress(NotFound):
+                await self._moves.thaw(name)
 
 
 @contextlib.asynccontextmanager
@@ -288,8 +361,8 @@ async def joined(
     replicas, peers = Replicas(), Peers(plan.secret, tls)
     link = await KeeperLink.open()
 
-    async def take(slot: int, epoch: int, live: dict[str, bytes]) -> None:
-        await agent.take(slot, epoch, live)
+    async def take(owner: str, slot: int, epoch: int, live: dict[str, bytes]) -> None:
+        await agent.take(owner, slot, epoch, live)
 
     async def ask(question: bytes) -> bytes:
         return await answer(gateway, question)

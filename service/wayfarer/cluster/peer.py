@@ -2,13 +2,18 @@
 and what an entry asks each of them.
 
 Both ends are of one cluster and one version, so the messages are the service's own containers
-(persistence/container.py), which check themselves; a header of JSON says what they are. Who calls
-shows the cluster's secret; with TLS both show a certificate of the cluster's authority.
+(persistence/container.py), which check themselves; a header of JSON says what they are:
+
+    4 bytes  length of the header  uint32, little-endian
+    rest     header, then containers
+
+Who calls shows the cluster's secret; with TLS both show a certificate of the cluster's authority.
 """
 
 import itertools
 import json
 import secrets
+import struct
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -48,8 +53,13 @@ LOOPBACK: Final = "127.0.0.1"
 """Where nodes reach each other that are all on one machine."""
 
 CALL_S: Final = 10.0
+SESSION_S: Final = 0.1
+"""How much longer a call may take for each session that it gives away."""
+
 STOP_S: Final = 1.0
 CALLS: Final = 32
+
+_LENGTH: Final = struct.Struct("<I")
 
 
 @dataclass(slots=True)
@@ -99,10 +109,14 @@ class Replicas:
             elif replica.owner == owner or now - replica.at > KEPT_S:
                 del self._kept[name]
 
-    def take(self, slot: int) -> dict[str, KeptReplica]:
-        """Those of a slot, by name; they are not kept any more."""
-        names = [name for name in self._kept if slot_of(name) == slot]
-        return {name: self._kept.pop(name) for name in names}
+    def of(self, slot: int) -> dict[str, KeptReplica]:
+        """Those of a slot, by name; they are kept until `drop`."""
+        return {name: kept for name, kept in self._kept.items() if slot_of(name) == slot}
+
+    def drop(self, slot: int) -> None:
+        """What lived in this slot lives here, or nowhere any more."""
+        for name in self.of(slot):
+            del self._kept[name]
 
     @property
     def bytes(self) -> int:
@@ -113,8 +127,8 @@ class Replicas:
         return len(self._kept)
 
 
-Take = Callable[[int, int, dict[str, bytes]], Awaitable[None]]
-"""Let the live sessions and scenes of this slot, by id, with this epoch, go on here."""
+Take = Callable[[str, int, int, dict[str, bytes]], Awaitable[None]]
+"""Let the live sessions and scenes, by id, go on here: of this owner, slot and epoch."""
 
 Prepare = Callable[[str, bytes], Awaitable[None]]
 """A scene of this content may come: bake it."""
@@ -180,7 +194,7 @@ class PeerServer:
         if not secrets.compare_digest(shown, b"Bearer " + self._secret):
             raise PermissionDenied("not a node of this cluster")
         try:
-            header = json.loads(metadata["wayfarer-header"])
+            header, data = _opened(data)
             if name == "Ask":
                 return await self._ask(data)
             if name == "Keep":
@@ -195,7 +209,8 @@ class PeerServer:
             else:
                 parts = _split(data, header["sizes"])
                 live = dict(zip(header["names"], parts, strict=True))
-                await self._take(int(header["slot"]), int(header["epoch"]), live)
+                slot, epoch = int(header["slot"]), int(header["epoch"])
+                await self._take(header["owner"], slot, epoch, live)
         except (KeyError, ValueError, TypeError) as error:
             raise InvalidArgument(f"not a call of a node: {error!r}") from None
         return b""
@@ -219,6 +234,19 @@ class _Methods(grpc.GenericRpcHandler):
                 raise
 
         return grpc.unary_unary_rpc_method_handler(handle)
+
+
+def _closed(header: dict[str, Any], data: bytes) -> bytes:
+    """Not as metadata of the call: that has room for some 200 names."""
+    written = json.dumps(header).encode()
+    return _LENGTH.pack(len(written)) + written + data
+
+
+def _opened(body: bytes) -> tuple[dict[str, Any], bytes]:
+    if len(body) < _LENGTH.size:
+        raise ValueError("there is no header")
+    end = _LENGTH.size + _LENGTH.unpack_from(body)[0]
+    return json.loads(body[_LENGTH.size : end]), body[end:]
 
 
 def _split(data: bytes, sizes: list[int]) -> list[bytes]:
@@ -251,11 +279,16 @@ class Peers:
         """Say which sessions and scenes there are."""
         await self._call(node, "Present", {"owner": owner}, json.dumps(names).encode())
 
-    async def take(self, node: NodeInfo, slot: int, epoch: int, live: dict[str, bytes]) -> None:
-        """Give away what lives in a slot, scenes first."""
-        sizes = [len(one) for one in live.values()]
-        header = {"slot": slot, "epoch": epoch, "names": list(live), "sizes": sizes}
-        await self._call(node, "Take", header, b"".join(live.values()))
+    async def take(
+        self, node: NodeInfo, owner: str, slot: int, epoch: int, live: dict[str, bytes]
+    ) -> None:
+        """Give away what lives in a slot, scenes first. If it raises, the node may have taken it all
+        the same.
+        """
+        names, sizes = list(live), [len(one) for one in live.values()]
+        header = {"owner": owner, "slot": slot, "epoch": epoch, "names": names, "sizes": sizes}
+        seconds = CALL_S + SESSION_S * len(live)
+        await self._call(node, "Take", header, b"".join(live.values()), seconds)
 
     async def prepare(self, node: NodeInfo, owner: str, scene_id: str, content: bytes) -> None:
         """Leave a scene's content there, and wait until it is baked."""
@@ -282,13 +315,10 @@ class Peers:
         channel = self._channels.get(node.name)
         if channel is None:
             channel = self._channels[node.name] = self._channel(node)
-        metadata = (
-            ("authorization", f"Bearer {self._secret}"),
-            ("wayfarer-header", json.dumps(header)),
-        )
+        metadata = (("authorization", f"Bearer {self._secret}"),)
         call: Any = channel.unary_unary(SERVICE + name, None, None)  # bytes both ways
         try:
-            return bytes(await call(data, timeout=seconds, metadata=metadata))
+            return bytes(await call(_closed(header, data), timeout=seconds, metadata=metadata))
         except grpc.aio.AioRpcError as error:
             full = error.code() is grpc.StatusCode.RESOURCE_EXHAUSTED
             kind = ResourceExhausted if full else Unavailable

@@ -36,12 +36,14 @@ class SlotMap:
             for node in changes.nodes:
                 self._places.pop((node.host, node.http_port), None)
                 self._places[node.host, node.http_port] = endpoint(node)
+            for place in list(self._places)[:-MOST_PLACES]:
+                del self._places[place]
         self.seen = (changes.generation, changes.version)
 
     @property
     def places(self) -> list[Endpoint]:
         """The nodes, and before them those that were; `MOST_PLACES` at most."""
-        return list(self._places.values())[-MOST_PLACES:]
+        return list(self._places.values())
 
     def owner(self, name: str) -> NodeInfo | None:
         """The node that has what has this id; None: nobody is known to.

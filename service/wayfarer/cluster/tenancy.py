@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Collection
 from typing import Final
 
+from wayfarer.cluster.directory import share_of
 from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo, NodeLoad, Registration
 from wayfarer.cluster.slot_map import SlotMap, endpoint
 from wayfarer.endpoint import Endpoint
@@ -44,7 +45,8 @@ class Tenancy:
         self._pool: dict[int, int] = {}
         self._lost: frozenset[int] = frozenset()  # to be released before another step
         self._moving: set[int] = set()
-        self._coming: set[int] = set()  # some of what lives there is not here yet
+        # some of what lives there is not here yet: the epoch of an adoption; 0: not owned yet
+        self._coming: dict[int, int] = {}
         self._fresh: dict[int, float] = {}  # when they were given out
         self._used: set[int] = set()  # reported as used until it is known to have arrived
         self._freed: set[int] = set()
@@ -109,6 +111,10 @@ class Tenancy:
         """Of the slot; 0 for what is not here."""
         return self._held.get(slot_of(session_id), 0)
 
+    def has(self, slot: int, epoch: int) -> bool:
+        """Whether it is in use here, with this epoch."""
+        return self._held.get(slot) == epoch
+
     # ---- what the directory is told
 
     @property
@@ -128,14 +134,14 @@ class Tenancy:
 
     def registration(self, load: NodeLoad, present: Collection[int]) -> Registration:
         """To come, or to come again. `present`: as in `renewal`; a journal may have kept it."""
-        for slot in set(present) - self._held.keys() - self._lost - self._coming:
+        for slot in set(present) - self._held.keys() - self._lost - self._coming.keys():
             self._held[slot] = 0
         self._count += 1
         return Registration(
             node=self.node,
             count=self._count,
             load=load,
-            held=dict(self._held),
+            held=self._owned(),
             leased=self.leased,
         )
 
@@ -147,7 +153,7 @@ class Tenancy:
             for slot, at in self._fresh.items()
             if now - at < FRESH_S and slot not in present
         }
-        for slot in set(present) - self._held.keys() - self._lost - self._coming:
+        for slot in set(present) - self._held.keys() - self._lost - self._coming.keys():
             self._held[slot] = self._pool.pop(slot, 0)  # an imported snapshot
             self._used.add(slot)
         gone = set(self._held) - set(present) - set(self._fresh) - self._moving
@@ -156,11 +162,12 @@ class Tenancy:
             self._used.discard(slot)
             self._freed.add(slot)
         self._count += 1
+        named = self._used.intersection(self._held) | share_of(self._held, self._count)
         return LeaseRenewal(
             name=self.node.name,
             count=self._count,
             load=load,
-            used=tuple(sorted(self._used)),
+            held={slot: self._held[slot] for slot in sorted(named - self._moving)},
             freed=tuple(sorted(self._freed)),
             adopted=tuple(sorted(self._adopted)),
             failed=tuple(sorted(self._failed)),
@@ -174,7 +181,7 @@ class Tenancy:
         self.registered = True
         self._used = set(self._held) - set(told.held)
         self._freed.clear()
-        self._take(answer, sent_at)
+        self._take(answer, told.held, sent_at)
         return True
 
     def take_renewed(self, answer: Answer, told: LeaseRenewal, sent_at: float) -> bool:
@@ -186,19 +193,26 @@ class Tenancy:
             return False
         if not answer.lease_s:
             return False
-        self._used -= set(told.used)
+        self._used -= told.held.keys()
         self._freed -= set(told.freed)
         self._adopted -= set(told.adopted)
         self._failed -= set(told.failed)
-        self._take(answer, sent_at)
+        self._take(answer, told.held, sent_at)
         return True
 
-    def _take(self, answer: Answer, sent_at: float) -> None:
-        lost = {slot for slot in answer.lost if slot not in self._moving}
+    def _take(self, answer: Answer, told: dict[int, int], sent_at: float) -> None:
+        """`told`: what was said to be held. It says nothing of what has changed since."""
+        owned = self._owned()
+        same = {slot for slot, epoch in told.items() if owned.get(slot) == epoch}
+        lost = same.intersection(answer.lost) - self._moving  # of these `transfer` tells
         self._lost |= lost
         for slot in lost:
             self._held.pop(slot, None)
-        self._held |= {s: epoch for s, epoch in answer.epochs.items() if s in self._held}
+        for slot, epoch in answer.epochs.items():
+            if slot in same and slot in self._held:
+                self._held[slot] = epoch
+            elif slot not in owned and slot not in self._coming:
+                self._freed.add(slot)
         self._pool = {
             slot: epoch
             for slot, epoch in answer.pool.items()
@@ -207,6 +221,10 @@ class Tenancy:
         self.view.take(answer.changes)
         self._until = sent_at + answer.lease_s
 
+    def _owned(self) -> dict[int, int]:
+        """Slots in use, with those that are being adopted, and their epochs."""
+        return self._held | {slot: epoch for slot, epoch in self._coming.items() if epoch}
+
     # ---- what has happened here
 
     def released(self, slot: int) -> None:
@@ -214,7 +232,7 @@ class Tenancy:
         self._lost -= {slot}
 
     def moving(self, slot: int) -> None:
-        """It is frozen, to be given away."""
+        """All of it is frozen, to be given away; end that with `moved` or `stays`."""
         self._moving.add(slot)
 
     def moved(self, slot: int) -> None:
@@ -225,19 +243,20 @@ class Tenancy:
         self._used.discard(slot)
 
     def stays(self, slot: int, epoch: int) -> None:
-        """It could not be given away, and has this epoch now."""
+        """It was not given away, and has this epoch now."""
         self._moving.discard(slot)
         self._held[slot] = epoch
 
-    def coming(self, slot: int) -> None:
+    def coming(self, slot: int, epoch: int = 0) -> None:
         """What lives in it is being put in here; end that with `came`, `adopted`, `failed` or
-        `refused`.
+        `refused`. `epoch`: of an adoption's order, with which this node owns it.
         """
-        self._coming.add(slot)
+        self._coming[slot] = epoch
+        self._freed.discard(slot)  # it was another session's
 
     def came(self, slot: int, epoch: int) -> None:
         """It was given to this node."""
-        self._coming.discard(slot)
+        self._coming.pop(slot, None)
         self._held[slot] = epoch
         self._fresh[slot] = self._clock()
         self._pool.pop(slot, None)
@@ -249,10 +268,10 @@ class Tenancy:
         self._adopted.add(slot)
 
     def refused(self, slot: int) -> None:
-        """It could not be put in; its owner keeps it."""
-        self._coming.discard(slot)
+        """It could not be put in, or has another owner."""
+        self._coming.pop(slot, None)
 
     def failed(self, slot: int) -> None:
         """No replica of it was here."""
-        self._coming.discard(slot)
+        self._coming.pop(slot, None)
         self._failed.add(slot)

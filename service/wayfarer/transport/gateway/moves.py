@@ -3,8 +3,11 @@
 For the node itself (cluster/), and not for callers: nothing here asks who calls.
 """
 
+import asyncio
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeVar
 
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
@@ -13,12 +16,29 @@ from wayfarer.service.persistence.record import LogMark
 from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.residence import misdirected
-from wayfarer.world.agents.agent import SessionInfo
+from wayfarer.world.agents.agent import AgentInfo, SessionInfo
+from wayfarer.world.scenes.messages import SceneInfo
+
+T = TypeVar("T")
+
+FULL_S: Final = 30.0
+"""Seconds for which a call is repeated while the motion thread has no room for it."""
+
+AGAIN_S: Final = 0.05
 
 
 def is_scene(name: str) -> bool:
     """Whether an id is a scene's, and not a session's."""
     return name.startswith("scene-")
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A session or scene that has come, and that callers do not find yet."""
+
+    info: SessionInfo | SceneInfo
+    agents: Sequence[AgentInfo] = ()  # without a crowd's people
+    crowd: int = 0  # people who were asked for
 
 
 class SessionMoves:
@@ -85,9 +105,9 @@ class SessionMoves:
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
         if is_scene(name):
-            await self._adopt_scene(name, replica, content)
+            self._open(await self._scene(name, replica, content))
         else:
-            await self._enter(await self._context.service.adopt(replica, log_parts))
+            self._open(await self._session(await self._context.service.adopt(replica, log_parts)))
 
     # A move
 
@@ -110,30 +130,34 @@ class SessionMoves:
             raise
 
     async def thaw(self, name: str) -> None:
-        """Let what is frozen go on here. Raises NotFound."""
+        """Let what is frozen go on here. Raises NotFound, Unavailable."""
         if is_scene(name):
             self._context.service.scenes.unfreeze(name)
         else:
-            await self._context.service.moves.unfreeze(name)
+            await _served(lambda: self._context.service.moves.unfreeze(name))
 
-    async def take(self, name: str, live: bytes, content: bytes) -> None:
-        """Let what was frozen elsewhere go on here; `content` is a scene's.
+    async def take(self, name: str, live: bytes, content: bytes) -> Arrival:
+        """Put in what was frozen elsewhere; it stays frozen. `content` is a scene's.
 
-        Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
+        End that with `enter` or `release`. Raises InvalidArgument, FailedPrecondition,
+        AlreadyExists, ResourceExhausted, Unavailable.
         """
         if is_scene(name):
-            await self._adopt_scene(name, live, content)
-            return
+            return await self._scene(name, live, content)
         moves = self._context.service.moves
-        info = await moves.import_(await moves.read(live))
-        await self._enter(info)
-        await moves.unfreeze(info.session_id)
+        return await self._session(await moves.import_(await moves.read(live)))
+
+    async def enter(self, arrival: Arrival) -> None:
+        """Let what was taken go on here. Raises NotFound, Unavailable."""
+        if isinstance(arrival.info, SessionInfo):
+            await self.thaw(arrival.info.session_id)
+        self._open(arrival)
 
     async def release(self, name: str, to: Endpoint | None) -> None:
         """A session or scene lives there now, or nobody knows where: end it here, and its streams.
 
         Its streams and the calls that wait end with Misdirected, or Unavailable. Safe to call
-        twice.
+        twice. Raises Unavailable.
         """
         error: WayfarerError = Unavailable("the session was taken from this node; try again")
         if to is not None:
@@ -142,19 +166,41 @@ class SessionMoves:
         self._context.book.forget(name)
         self._context.scenes.forget(name)
         service = self._context.service
+        home = service.scenes if is_scene(name) else service.moves
         with contextlib.suppress(NotFound):
-            await (service.scenes if is_scene(name) else service.moves).release(name, error)
+            await _served(lambda: home.release(name, error))
 
-    async def _adopt_scene(self, scene_id: str, obstacles: bytes, content: bytes) -> None:
-        info = await self._context.service.scenes.adopt(scene_id, content, obstacles)
-        self._context.scenes.open(info)
-        self._context.residence.came(scene_id)
+    async def _scene(self, scene_id: str, obstacles: bytes, content: bytes) -> Arrival:
+        return Arrival(await self._context.service.scenes.adopt(scene_id, content, obstacles))
 
-    async def _enter(self, info: SessionInfo) -> None:
+    async def _session(self, info: SessionInfo) -> Arrival:
         service = self._context.service
-        agents = await service.list_agents(info.session_id)
-        crowd = await service.scenes.crowd(info.session_id) if info.spec.scene else None
-        people = crowd.leaves_at if crowd else {}
-        created = [agent for agent in agents if agent.agent_id not in people]
-        self._context.book.open(info, created).crowd = crowd.crowd.count if crowd else 0
-        self._context.residence.came(info.session_id)
+        agents = await _served(lambda: service.list_agents(info.session_id))
+        if not info.spec.scene:
+            return Arrival(info, agents)
+        crowd = await _served(lambda: service.scenes.crowd(info.session_id))
+        if crowd is None:
+            return Arrival(info, agents)
+        created = [agent for agent in agents if agent.agent_id not in crowd.leaves_at]
+        return Arrival(info, created, crowd.crowd.count)
+
+    def _open(self, arrival: Arrival) -> None:
+        info = arrival.info
+        if isinstance(info, SessionInfo):
+            self._context.book.open(info, arrival.agents).crowd = arrival.crowd
+            self._context.residence.came(info.session_id)
+        else:
+            self._context.scenes.open(info)
+            self._context.residence.came(info.scene_id)
+
+
+async def _served(call: Callable[[], Awaitable[T]]) -> T:
+    """Make a call until the motion thread has room for it: what it is for cannot be taken back."""
+    ends = asyncio.get_running_loop().time() + FULL_S
+    while True:
+        try:
+            return await call()
+        except Unavailable:
+            if asyncio.get_running_loop().time() > ends:
+                raise
+            await asyncio.sleep(AGAIN_S)

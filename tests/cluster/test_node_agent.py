@@ -1,0 +1,206 @@
+"""A node gives slots away, takes and adopts them, while answers are lost and room is scarce."""
+
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+
+from tests.cluster import virtual_time
+from tests.cluster.nodes import Bench
+from wayfarer.cluster.messages import NodeOrder
+from wayfarer.cluster.node_agent import NodeAgent
+from wayfarer.cluster.peer import Replicas
+from wayfarer.errors import InvalidArgument, NotFound, Unavailable
+from wayfarer.ids import slot_of
+
+
+class Moves:
+    """Sessions, and whether they are frozen."""
+
+    scenes = ()
+
+    def __init__(self):
+        self.frozen, self.taken, self.refusals = {}, [], {}
+
+    @property
+    def slots(self):
+        return {slot_of(name) for name in self.frozen}
+
+    def of(self, slot):
+        return [name for name in self.frozen if slot_of(name) == slot]
+
+    def is_movable(self, name):
+        return True
+
+    async def freeze(self, name):
+        self.frozen[name] = True
+        return b"live"
+
+    async def thaw(self, name):
+        self.frozen[name] = False
+
+    async def take(self, name, live, content):
+        self.taken.append(name)
+        return name
+
+    async def enter(self, name):
+        if name not in self.taken:
+            raise NotFound(name)
+        self.frozen[name] = False
+
+    async def release(self, name, to):
+        self.frozen.pop(name, None)
+
+    async def adopt(self, name, state, content, log_parts):
+        if refusals := self.refusals.get(name):
+            raise refusals.pop(0)
+        self.frozen[name] = False
+
+
+class Pair:
+    """n1 has a session and gives it to n2. `losses`: of what is lost, in the order of the calls."""
+
+    def __init__(self, losses=()):
+        self.bench, self.losses = Bench(["n1", "n2"]), list(losses)
+        self.slot = self.bench.new_session("n1")
+        self.bench.beat()
+        self.bench.beat()
+        self.name = f"session-{self.slot:04x}00"
+        self.asked = []
+        self.stopped = []
+        self.moves, self.agents, self.replicas = {}, {}, {}
+        for name in ("n1", "n2"):
+            self.moves[name], self.replicas[name] = Moves(), Replicas()
+            gateway = SimpleNamespace(moves=self.moves[name], streams=0)
+            self.agents[name] = NodeAgent(
+                self.bench.nodes[name], gateway, self, self, self.replicas[name],
+                SimpleNamespace(), lambda: self.stopped.append(1),
+            )  # fmt: skip
+        self.moves["n1"].frozen[self.name] = False
+
+    def loses(self, what):
+        if self.losses[:1] == [what]:
+            return self.losses.pop(0)
+        return None
+
+    async def transfer(self, told):
+        self.asked.append(told.to)
+        if self.loses("question"):
+            raise Unavailable("the directory does not answer")
+        args = told.slot, told.owner, told.epoch, told.to
+        epoch = self.bench.directory.transfer(*args, self.bench.now)
+        if self.loses("answer"):
+            raise Unavailable("the directory does not answer")
+        return epoch
+
+    async def take(self, node, owner, slot, epoch, live):
+        if self.loses("take"):
+            raise Unavailable("deadline")
+        await self.agents[node.name].take(owner, slot, epoch, live)
+        if self.loses("taken"):
+            raise Unavailable("deadline")
+
+    def move(self):
+        epoch = self.bench.nodes["n1"].epoch(self.name)
+        order = NodeOrder(kind="move", slot=self.slot, epoch=epoch, to="n2")
+        virtual_time.run(self.agents["n1"]._move(order))
+        for name in ("n1", "n2"):  # for `Bench.beat`
+            self.bench.present[name] = self.moves[name].slots
+        self.bench.later(5, "n1", "n2")
+
+    @property
+    def owner(self):
+        """Whoever steps it, and nobody else; the directory agrees."""
+        [found] = [name for name in self.moves if self.moves[name].frozen == {self.name: False}]
+        assert self.bench.directory.node_for(self.slot).name == found
+        epoch = self.bench.directory._slots[self.slot].epoch
+        assert {n: node.epoch(self.name) for n, node in self.bench.nodes.items() if node.epoch(
+            self.name)} == {found: epoch}  # fmt: skip
+        return found
+
+
+@pytest.mark.parametrize(
+    ("losses", "owner", "asked"),
+    [
+        ([], "n2", ["n2"]),
+        (["question", "answer", "answer"], "n2", ["n2"] * 4),
+        (["answer", "taken"], "n2", ["n2", "n2", "n1"]),
+        (["taken", "question"], "n2", ["n2", "n1", "n1"]),
+        (["take"], "n1", ["n1"]),
+        (["take", "question", "answer"], "n1", ["n1"] * 3),
+    ],
+)
+def test_whatever_is_lost_during_a_move_one_node_has_the_session(losses, owner, asked):
+    pair = Pair(losses)
+    pair.move()
+    assert (pair.owner, pair.asked, pair.losses) == (owner, asked, [])
+
+
+def test_what_cannot_be_known_stays_frozen_and_the_owner_may_move_it_again():
+    pair = Pair(["take"] + ["question"] * 20)
+    seen = []
+    question = pair.transfer
+
+    async def transfer(told):
+        seen.append(pair.moves["n1"].frozen[pair.name])
+        return await question(told)
+
+    pair.transfer = transfer
+    pair.move()
+    assert seen == [True] * 21 and pair.owner == "n1"
+    pair.move()
+    assert pair.owner == "n2"
+
+
+def test_who_has_withdrawn_an_offer_keeps_the_session_though_all_of_it_has_come():
+    pair = Pair()
+    n1, n2 = pair.bench.nodes.values()
+    epoch = n1.epoch(pair.name)
+    pair.bench.directory.transfer(pair.slot, "n1", epoch, "n1", pair.bench.now)
+    with pytest.raises(Unavailable, match="does not give"):
+        virtual_time.run(pair.agents["n2"].take("n1", pair.slot, epoch, {pair.name: b"live"}))
+    assert pair.moves["n2"].taken and not pair.moves["n2"].frozen and not n2.epoch(pair.name)
+
+
+def test_a_node_does_not_end_while_something_lives_on_it():
+    pair = Pair()
+    done = pair.bench.beat("n1")["n1"].model_copy(update={"done": True})
+    virtual_time.run(pair.agents["n1"]._obey(done))
+    assert not pair.stopped
+    pair.moves["n1"].frozen.clear()
+    virtual_time.run(pair.agents["n1"]._obey(done))
+    assert pair.stopped
+
+
+def adopt(refusals):
+    """What lives on at n2 after the death of n1, where each session meets these errors first."""
+    pair = Pair()
+    for name, errors in refusals.items():
+        pair.replicas["n2"].keep("n1", name.replace("SLOT", f"{pair.slot:04x}"), b"state")
+        pair.moves["n2"].refusals[name.replace("SLOT", f"{pair.slot:04x}")] = errors
+    pair.bench.directory.ended("n1")
+    del pair.bench.nodes["n1"]
+
+    async def obey():
+        for _ in range(3):
+            await pair.agents["n2"]._obey(pair.bench.beat("n2")["n2"])
+            await asyncio.gather(*pair.agents["n2"]._busy.values())
+            pair.bench.present["n2"] = pair.moves["n2"].slots
+
+    virtual_time.run(obey())
+    counters = pair.bench.directory.counters
+    found = [name[12:] for name in pair.moves["n2"].frozen]
+    return found, len(pair.replicas["n2"]), counters["adopted"], counters["lost"]
+
+
+def test_an_adoption_waits_for_room():
+    full = Unavailable("4096 commands are waiting already; try again")
+    assert adopt({"session-SLOT00": [full, full]}) == (["00"], 0, 1, 0)
+    assert adopt({"session-SLOT00": [], "session-SLOT01": [full]}) == (["00", "01"], 0, 1, 0)
+
+
+def test_what_is_refused_for_good_is_not_adopted_and_the_others_are():
+    damaged = InvalidArgument("damaged")
+    assert adopt({"session-SLOT00": [damaged], "session-SLOT01": []}) == (["01"], 0, 1, 0)
+    assert adopt({"session-SLOT00": [damaged]}) == ([], 0, 0, 1)
+    assert adopt({"session-SLOT00": [Unavailable("")] * 1000}) == ([], 0, 0, 1), "not for ever"
