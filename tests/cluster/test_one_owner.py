@@ -141,7 +141,7 @@ class Node:
         await self.awake()
 
     async def _stats(self):
-        return SimpleNamespace(agents=0, sessions=len(self.moves.open))
+        return SimpleNamespace(agents=0, sessions=len(self.moves.open), capacity=0)
 
     def _end(self):
         assert not self.moves.frozen, "a node ends that has sessions"

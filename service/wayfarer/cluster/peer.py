@@ -282,8 +282,9 @@ class Peers:
     async def take(
         self, node: NodeInfo, owner: str, slot: int, epoch: int, live: dict[str, bytes]
     ) -> None:
-        """Give away what lives in a slot, scenes first. If it raises, the node may have taken it all
-        the same.
+        """Give away what lives in a slot, scenes first.
+
+        If it raises, the node may have taken it all the same.
         """
         names, sizes = list(live), [len(one) for one in live.values()]
         header = {"owner": owner, "slot": slot, "epoch": epoch, "names": names, "sizes": sizes}

@@ -68,11 +68,6 @@ class Replication:
                 log.exception("a round of copies failed", neighbour=self.neighbour)
             await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
 
-    def forget(self) -> None:
-        """The neighbour may have let go of what it was sent once: send it again."""
-        self._contents.clear()
-        self._logs.clear()
-
     async def _replicate(self, node: NodeInfo) -> None:
         names = [name for name in self._moves.scenes if self._moves.is_movable(name)]
         names += [name for name in self._moves.sessions if self._moves.is_movable(name)]
