@@ -187,6 +187,16 @@ async def test_limits_hold_while_a_session_is_put_in():
     sessions.stop("the test is over")
 
 
+async def test_one_that_is_here_is_not_replaced():
+    sessions = LockSteps(fake_worlds(), Offline(1), lambda: 0.0)
+    sessions.put(record_of(1))
+    home = sessions.session("guest")
+    with pytest.raises(AlreadyExists, match="'guest' exists already"):
+        sessions.put(record_of(1))
+    assert sessions.session("guest") is home
+    sessions.stop("the test is over")
+
+
 def record_of(count):
     """A session in lock-step as it comes from elsewhere."""
     world = fake_worlds().lock_step()

@@ -13,7 +13,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from wayfarer.errors import NotFound, ResourceExhausted, Unavailable, WayfarerError
+from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted, Unavailable, WayfarerError
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.offline import Offline
 from wayfarer.service.persistence.capture import capture_session
@@ -207,8 +207,11 @@ class LockSteps:
     ) -> SessionInfo:
         """Go on with one; `log` says how far it has come, if that is known.
 
-        `entered` is called before it takes calls. Raises InvalidArgument, ResourceExhausted.
+        `entered` is called before it takes calls. Raises InvalidArgument, AlreadyExists,
+        ResourceExhausted.
         """
+        if record.session_id in self._sessions:
+            raise AlreadyExists(f"session {record.session_id!r} exists already")
 
         def enter(home: LockStep) -> SessionInfo:
             if log is not None:
