@@ -110,7 +110,7 @@ class Pair:
 
     @property
     def owner(self):
-        """Whoever steps it, and nobody else; the directory agrees."""
+        """The only node that steps it, which must be the directory's choice, too."""
         [found] = [name for name in self.moves if self.moves[name].frozen == {self.name: False}]
         assert self.bench.directory.node_for(self.slot).name == found
         epoch = self.bench.directory._slots[self.slot].epoch

@@ -60,7 +60,7 @@ AT_ONCE: Final = 4
 """Sessions' slots that a draining node moves at a time."""
 
 SHARES: Final = 16
-"""A renewal names one in so many of the slots that a node holds, the next renewal the next ones."""
+"""In each renewal a node names one in so many of its slots. The next renewal names others."""
 
 
 @dataclass(frozen=True, slots=True)

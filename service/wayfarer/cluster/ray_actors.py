@@ -239,7 +239,7 @@ def _runs(name: str) -> bool:
 def _find(address: str) -> None:
     """Raises Unavailable at once where nothing listens: Ray itself tries for minutes."""
     host, _, port = address.rpartition(":")
-    if not (host and port.isdecimal()):  # as `auto`
+    if "://" in host or not (host and port.isdecimal()):  # as `auto`
         return
     try:
         socket.create_connection((host.strip("[]"), int(port)), FIND_S).close()
