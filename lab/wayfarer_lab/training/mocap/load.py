@@ -16,6 +16,7 @@ from wayfarer_lab.training.mocap.rig import ClipInfo, J, to_our_joints
 from wayfarer_lab.training.mocap.skeleton import Array, SkeletonMotion
 from wayfarer_lab.training.mocap.sources import SourceFile
 
+MIN_FPS = 24  # a fast step, four a second, keeps six frames; fewer lose its shape
 MIN_FRAMES = 20  # shorter pieces (0.5 s) hold no two primitives
 
 
@@ -48,8 +49,10 @@ def load_pieces(entry: SourceFile, asf_path: Path | None, options: ReadOptions) 
     """
     motion, unit, up = _read(entry, asf_path, options)
     fps = entry.fps or motion.fps or options.fps
-    if fps < FPS - 1e-3:
-        raise DataError(f"{fps:.1f} frames per second; at least {FPS} are needed", str(entry.path))
+    if fps < MIN_FPS - 1e-3:
+        raise DataError(
+            f"{fps:.1f} frames per second; at least {MIN_FPS} are needed", str(entry.path)
+        )
     try:
         places, rotations, rest = to_our_joints(motion, unit, up)
     except DataError as error:

@@ -26,7 +26,7 @@ def resample(places: Array, rotations: Array, fps: float, target: float) -> tupl
     """Places [N, J, 3] and rotations [N, J, 3, 3] at `target` frames per second.
 
     A higher rate is smoothed first over the new frame interval (no aliasing); a rate that is
-    no multiple is interpolated, rotations on the shortest arc.
+    no multiple is interpolated by cubic splines, which keep velocities smooth between frames.
     """
     ratio = fps / target
     whole = round(ratio)
@@ -36,11 +36,12 @@ def resample(places: Array, rotations: Array, fps: float, target: float) -> tupl
         places, rotations = _smooth(places, whole), _smooth(rotations, whole)
     if abs(ratio - whole) < 1e-2:
         return places[::whole], nearest_rotations(rotations[::whole])
+    # imported here: scipy comes with the `train` extra
+    from scipy.interpolate import CubicSpline
+
+    given = np.arange(len(places))
     times = np.arange(0, len(places) - 1 + 1e-9, ratio)
-    first = np.minimum(times.astype(int), len(places) - 2)
-    part = times - first
-    moved = places[first] + (places[first + 1] - places[first]) * part[:, None, None]
-    return moved, slerp(rotations[first], rotations[first + 1], part[:, None])
+    return CubicSpline(given, places)(times), nearest_rotations(CubicSpline(given, rotations)(times))
 
 
 def slerp(a: Array, b: Array, part: Array) -> Array:

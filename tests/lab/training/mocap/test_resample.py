@@ -11,7 +11,7 @@ def motion(fps: float, seconds: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
     return places, Rotation.from_euler("z", 2 * t[:, None]).as_matrix()[:, None]
 
 
-@pytest.mark.parametrize("fps", [40, 60, 100, 120, 240])
+@pytest.mark.parametrize("fps", [24, 30, 40, 60, 100, 120, 240])
 def test_any_rate_becomes_40(fps: float) -> None:
     places, turns = resample(*motion(fps), fps, 40)
     wanted_places, wanted_turns = motion(40)
