@@ -21,7 +21,7 @@ from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.model_bundle import load_models
-from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer.motion.policy import Condition, Gaussian, Policy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
@@ -90,7 +90,7 @@ class Parts:
 
     predictors: Mapping[str, MarkerPredictor]
     regressors: Mapping[str, BodyRegressor]  # by gender
-    policy: GoalPolicy | None
+    policy: Policy | None
     pose_prior: PosePrior | None
     floor_origin: bool
     direct: Mapping[str, Direct] = field(default_factory=dict)
@@ -158,7 +158,7 @@ def _from_models(path: Path, threads: int) -> Parts:
     }
     regressors = {gender: read_regressor(path, gender) for gender in GENDERS}
     found = session("policy.onnx")
-    policy = cast(GoalPolicy, OnnxPolicy(found)) if found else None
+    policy = cast(Policy, OnnxPolicy(found)) if found else None
     found, decoder = session("pose_encoder.onnx"), session("pose_decoder.onnx")
     prior = cast(PosePrior, OnnxPosePrior(found, decoder)) if found and decoder else None
     floor_origin = all(contract.floor_origin for contract in folder.contracts.values())
@@ -232,7 +232,7 @@ class OnnxPredictor(nn.Module):
 
 
 class OnnxPolicy(nn.Module):
-    """An exported actor with the interface of `GoalPolicy`; it takes seeds of 2 frames."""
+    """An exported actor with the interface of a `Policy`; it takes seeds of 2 frames."""
 
     def __init__(self, session: onnxruntime.InferenceSession) -> None:
         super().__init__()

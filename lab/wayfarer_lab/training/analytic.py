@@ -35,7 +35,7 @@ from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.run import (
     TrainingRun,
     cosine_rate,
-    load_policy,
+    load_goal_policy,
     load_predictor,
 )
 from wayfarer_lab.training.steady import (
@@ -156,7 +156,7 @@ class AnalyticTrainer:
         torch.manual_seed(config.seed)
         self.config = config
         start = config.start_from
-        self.policy = load_policy(Path(start)).train() if start else GoalPolicy()
+        self.policy = load_goal_policy(Path(start)).train() if start else GoalPolicy()
         self.average = copy.deepcopy(self.policy).requires_grad_(False)
         self.watched = Watched(self.policy)
         names = load_body("anny52", GENDERS[0]).marker_names

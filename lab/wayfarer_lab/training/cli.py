@@ -16,6 +16,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.blend import blend_runs
+from wayfarer_lab.training.cloning import CloningConfig, train_cloning
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
 from wayfarer_lab.training.distillation import (
     DistilledPolicyConfig,
@@ -24,6 +25,7 @@ from wayfarer_lab.training.distillation import (
     distil_predictor,
 )
 from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end
+from wayfarer_lab.training.following import FollowingConfig, train_following
 from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, train_goal_cvae
 from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_policy
 from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
@@ -196,6 +198,35 @@ def policy_analytic(settings: AnalyticConfig, data: Path, out: Path, minutes: fl
     """
     walks = load_walks(data) if settings.likeness else None
     return train_analytic(settings, *_frames(data, settings.mix), out, minutes, walks)
+
+
+@training(
+    "policy-clone",
+    CloningConfig,
+    "policy_cloned",
+    "Clone the policy from recordings, in hindsight.",
+)
+def policy_clone(settings: CloningConfig, data: Path, out: Path, minutes: float) -> bool:
+    """Clone the policy that serves: what recorded people did is the answer to where they went.
+
+    The config names the runs of the trained networks. val/kl is the divergence of the policy from
+    the codes of people it has not seen, per latent dimension.
+    """
+    return train_cloning(settings, *_frames(data, settings.mix), out, minutes)
+
+
+@training(
+    "policy-follow",
+    FollowingConfig,
+    "policy_following",
+    "Teach a cloned policy to follow in closed loop.",
+)
+def policy_follow(settings: FollowingConfig, data: Path, out: Path, minutes: float) -> bool:
+    """Teach a cloned policy to follow what is asked, by its own steps, and to set its feet.
+
+    The log shows m/s off the way, soles' slide in m/s, and the divergence from the cloned policy.
+    """
+    return train_following(settings, *_frames(data, settings.mix), out, minutes)
 
 
 @training("goal-cvae", GoalCvaeConfig, "goal_cvae", "Train the baseline, a goal-conditioned CVAE.")

@@ -5,7 +5,7 @@ re-skinned with any body shape.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -73,6 +73,35 @@ class WindowSampler:
         """`count` start frames."""
         u = torch.rand(count, dtype=torch.float64, generator=generator) * self._upto[-1]
         return self.index[torch.searchsorted(self._upto, u).clamp(max=len(self.index) - 1)]
+
+
+class PairedSampler:
+    """Draws start frames of both genders, half of each: the first half of the rows is male.
+
+    So the rows of a gender are a slice, whose length does not depend on what was drawn: that is
+    cheaper than picking rows, and can be recorded in a CUDA graph.
+    """
+
+    def __init__(self, frames: Frames, length: int) -> None:
+        """Raises InvalidArgument where a gender has no stretch of `length` frames."""
+        self.samplers = [
+            WindowSampler(replace(frames, weight=frames.weight * (frames.gender == g)), length)
+            for g in range(len(GENDERS))
+        ]
+
+    def draw(self, count: int) -> Tensor:
+        """`count` start frames; an even number."""
+        each = count // len(self.samplers)
+        return torch.cat([sampler.draw(each) for sampler in self.samplers])
+
+
+def in_halves(
+    parts: Sequence[Part], do: Callable[[Part, slice], Sequence[Tensor]], count: int
+) -> tuple[Tensor, ...]:
+    """What `do(part, rows)` gives for the slices of `count` rows that a `PairedSampler` drew."""
+    each = count // len(parts)
+    made = [do(part, slice(i * each, (i + 1) * each)) for i, part in enumerate(parts)]
+    return tuple(torch.cat(column) for column in zip(*made, strict=True))
 
 
 def by_gender(

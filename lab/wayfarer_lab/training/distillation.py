@@ -21,7 +21,7 @@ from wayfarer_lab.training.predictor import marker_error, marker_terms
 from wayfarer_lab.training.run import (
     TrainingRun,
     cosine_rate,
-    load_policy,
+    load_goal_policy,
     load_predictor,
     read_run_config,
 )
@@ -66,7 +66,7 @@ class Teachers:
 
     def __init__(self, config: DistillationConfig, asked: Visited) -> None:
         self.predictor = load_predictor(Path(config.predictor), SEED_FRAMES).requires_grad_(False)
-        self.policy = load_policy(Path(config.policy)).requires_grad_(False)
+        self.policy = load_goal_policy(Path(config.policy)).requires_grad_(False)
         self.asked = asked
         self.answers = self._answers()
 
@@ -160,7 +160,7 @@ class PolicyDistillation:
         self.teachers, self.trial = Teachers(config, train), Teachers(config, validation)
         self.model = GoalPolicy(config.hidden)
         if config.start_from:
-            known = load_policy(Path(config.start_from))
+            known = load_goal_policy(Path(config.start_from))
             if known.condition.out_features != config.hidden:
                 raise InvalidArgument(
                     f"{config.start_from} is {known.condition.out_features} wide", "hidden"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer.motion.policy import Condition, Gaussian, Policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.regressor import BodyRegressor
@@ -50,7 +50,7 @@ def predictor_graph(predictor: MarkerPredictor) -> ExportGraph:
 class _Act(nn.Module):
     """The actor alone, on flat arguments."""
 
-    def __init__(self, policy: GoalPolicy) -> None:
+    def __init__(self, policy: Policy) -> None:
         super().__init__()
         self.policy = policy
 
@@ -60,7 +60,7 @@ class _Act(nn.Module):
         return self.policy(seed, Condition(goal, target_speed, facing, weights))
 
 
-def policy_graph(policy: GoalPolicy) -> ExportGraph:
+def policy_graph(policy: Policy) -> ExportGraph:
     """Seed [N, 2, 201], canonical frame, and what is asked → mean and log σ [N, 128] of latents."""
     inputs = {
         "seed": torch.randn(3, SEED_FRAMES, MARKERS * 3),

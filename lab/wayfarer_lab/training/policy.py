@@ -28,7 +28,7 @@ from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import (
     TrainingRun,
-    load_policy,
+    load_goal_policy,
     load_predictor,
     read_run_config,
 )
@@ -86,7 +86,7 @@ class PolicyTrainer:
         self.environment = environment
         self.weights = reward_weights(config.reward)
         start = config.start_from
-        self.model = load_policy(Path(start)).train() if start else GoalPolicy()
+        self.model = load_goal_policy(Path(start)).train() if start else GoalPolicy()
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.ppo.rate, fused=True)
         self.run: TrainingRun | None = None
 

@@ -1,7 +1,8 @@
 """Train the marker predictor: per primitive, then over rollouts (paper Sec. 3.2.2, Eq. 1)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import torch
 from pydantic import BaseModel, ConfigDict
@@ -13,14 +14,17 @@ from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, Settled
-from wayfarer.motion.quality import Sites
-from wayfarer.spec import FPS, GENDERS, PRIMITIVE_FRAMES
-from wayfarer_lab.training.dataset import Frames, WindowSampler, by_gender
+from wayfarer.motion.quality import CONTACT_HEIGHT, Sites
+from wayfarer.spec import FPS, GENDERS, MARKERS, PRIMITIVE_FRAMES
+from wayfarer_lab.training.dataset import Frames, PairedSampler, in_halves
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import REPRESENTATIONS, Markers, Name, Whose
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_predictor
+
+RESTS = 0.004
+"""Metres a frame (.16 m/s): a recorded sole that is slower bears weight."""
 
 
 class PredictorConfig(BaseModel):
@@ -37,6 +41,8 @@ class PredictorConfig(BaseModel):
     velocity_weight: float = 3.0  # λ of Eq. 1
     floor_origin: bool = True
     learned_prior: bool = True  # False: N(0, I), as in the paper
+    slide_weight: float = 0.0  # of soles that move while the recorded ones rest, not in the paper
+    at_once: Literal[1, 2, 4, 8] = 1  # frames that a step of the decoder finds
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
     regressors: dict[str, str] = {}  # run folders by gender: seeds of rollouts as they are served
     start_from: str = ""  # run folder whose weights to begin with
@@ -73,24 +79,51 @@ def marker_terms(made: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
     return error.abs().mean(), change.abs().mean()
 
 
+class Terms(NamedTuple):
+    """What a primitive costs, each a scalar."""
+
+    reconstruction: Tensor  # metres, Eq. 1
+    velocity: Tensor  # metres a frame, Eq. 1
+    kl: Tensor  # Eq. 1
+    slide: Tensor  # metres a frame, of soles whose recorded ones rest; not in the paper
+
+
+def sole_slide(made: Tensor, truth: Tensor, soles: Tensor) -> Tensor:
+    """Mean way per frame of soles that rest in the recording, in plan.
+
+    made, truth [B, F, 201]; `soles` are indices of markers. Each way is counted as |x| + |y|.
+    """
+    found, known = (
+        markers.unflatten(-1, (MARKERS, 3)).index_select(-2, soles) for markers in (made, truth)
+    )
+    rests = torch.diff(known, dim=1)[..., :2].norm(dim=-1) < RESTS
+    rests = (rests & (known[:, 1:, :, 2] < CONTACT_HEIGHT)).to(made.dtype)
+    moved = torch.diff(found, dim=1)[..., :2].abs().sum(-1)
+    return (moved * rests).sum() / (rests.sum() + 1)
+
+
 class Serving:
     """What the service makes of predicted markers, for rows of both genders."""
 
-    def __init__(self, config: PredictorConfig) -> None:
-        missing = sorted(set(GENDERS) - set(config.regressors))
+    def __init__(
+        self, regressors: Mapping[str, str], seed_frames: int = 2, floor_origin: bool = True
+    ) -> None:
+        """`regressors` are run folders by gender. Raises InvalidArgument when one is missing."""
+        missing = sorted(set(GENDERS) - set(regressors))
         if missing:
             raise InvalidArgument(f"no run of a regressor for {missing}", "regressors")
-        self.steps = [self._step(config, gender) for gender in GENDERS]
+        self.seed_frames, self.floor_origin = seed_frames, floor_origin
+        self.steps = [self._step(Path(regressors[gender]), gender) for gender in GENDERS]
 
-    def _step(self, config: PredictorConfig, gender: str) -> PrimitiveStep:
+    def _step(self, run: Path, gender: str) -> PrimitiveStep:
         model = load_body("anny52", gender)
         body = marker_body(model)
-        regressor = load_regressor(body, Path(config.regressors[gender]))
+        regressor = load_regressor(body, run)
         regressor.correct = half_precision()(regressor.correct)  # type: ignore[method-assign]
         sites = Sites.from_names(model.marker_names)
         # the predictor is the one in training: only what follows it is asked of this step
-        empty = MarkerPredictor(config.seed_frames)
-        return PrimitiveStep(empty, regressor, body, sites, floor_origin=config.floor_origin)
+        empty = MarkerPredictor(self.seed_frames)
+        return PrimitiveStep(empty, regressor, body, sites, floor_origin=self.floor_origin)
 
     @torch.no_grad()
     def follow(
@@ -102,13 +135,13 @@ class Serving:
         hips: Tensor,  # [B, S, 3] world
         rotations: Tensor,  # [B, S, 22, 4]
     ) -> Settled:
-        """The bodies behind the markers of `future`."""
+        """The bodies behind the markers of `future`; rows as a `PairedSampler` draws them."""
 
-        def of_gender(step: PrimitiveStep, rows: Tensor) -> Settled:
+        def of_gender(step: PrimitiveStep, rows: slice) -> Settled:
             betas = frames.betas[starts[rows]]
             return step.follow(seed[rows], hips[rows], rotations[rows], betas, future[rows])
 
-        return Settled(*by_gender(frames.gender[starts], self.steps, of_gender))
+        return Settled(*in_halves(self.steps, of_gender, len(starts)))
 
 
 class PredictorTrainer:
@@ -126,9 +159,15 @@ class PredictorTrainer:
         # long clips are scarce: shorter rollouts keep the others in use
         lengths = {config.rollout, max(1, config.rollout // 2), max(1, config.rollout // 4)}
         self.samplers = {
-            n: WindowSampler(train, self.window(n)) for n in sorted(lengths, reverse=True)
+            n: PairedSampler(train, self.window(n)) for n in sorted(lengths, reverse=True)
         }
-        self.serving = Serving(config) if config.regressors else None
+        self.serving = (
+            Serving(config.regressors, config.seed_frames, config.floor_origin)
+            if config.regressors
+            else None
+        )
+        sites = Sites.from_names(load_body("anny52", GENDERS[0]).marker_names)
+        self.soles = torch.tensor(sites.left_sole + sites.right_sole)
         self.run: TrainingRun | None = None
 
     def representation(self) -> Markers:
@@ -146,7 +185,7 @@ class PredictorTrainer:
         if start:
             model = load_predictor(Path(start), frames).train()
         else:
-            model = MarkerPredictor(frames, self.kind.size)
+            model = MarkerPredictor(frames, self.kind.size, self.config.at_once)
         if model.size != self.kind.size:
             raise InvalidArgument(
                 f"{start} has frames of {model.size} numbers, {self.config.representation!r} "
@@ -175,9 +214,7 @@ class PredictorTrainer:
         """Frames that `primitives` overlapping primitives cover."""
         return self.config.seed_frames + primitives * self.stride
 
-    def losses(
-        self, frames: Frames, starts: Tensor, primitives: int
-    ) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
+    def losses(self, frames: Frames, starts: Tensor, primitives: int) -> Iterator[Terms]:
         """Terms of each primitive of a rollout; the graph of one is freed before the next.
 
         Seeds after the first are the model's own last frames, detached. In the paper they are what
@@ -213,7 +250,8 @@ class PredictorTrainer:
                 reconstruction = reconstruction + (beside.places - true.places).abs().mean()
                 off = (beside.velocities - true.velocities).abs().mean()
                 velocity = velocity + off / FPS
-            yield reconstruction, velocity, kl
+            slide = sole_slide(made, told.markers[:, s:], self.soles)
+            yield Terms(reconstruction, velocity, kl, slide)
             if p + 1 == primitives:
                 break
             handed = kind.handed_on(guess, made).detach()
@@ -234,16 +272,15 @@ class PredictorTrainer:
         for group in self.optimizer.param_groups:
             group["lr"] = cosine_rate(self.config.rate, self.run.step, self.config.steps)
         self.optimizer.zero_grad()
-        total = torch.zeros(3)
-        for reconstruction, velocity, kl in self.losses(self.frames, starts, primitives):
-            loss = (
-                reconstruction + self.config.velocity_weight * velocity + self.config.kl_weight * kl
-            )
+        config, total = self.config, torch.zeros(len(Terms._fields))
+        for terms in self.losses(self.frames, starts, primitives):
+            loss = terms.reconstruction + config.velocity_weight * terms.velocity
+            loss = loss + config.kl_weight * terms.kl + config.slide_weight * terms.slide
             (loss / primitives).backward()
-            total += torch.stack([reconstruction, velocity, kl]).detach() / primitives
+            total += torch.stack(terms).detach() / primitives
         torch.nn.utils.clip_grad_norm_(self.parameters(), 1.0)
         self.optimizer.step()
-        return dict(zip(("reconstruction", "velocity", "kl"), total.tolist(), strict=True))
+        return dict(zip(Terms._fields, total.tolist(), strict=True))
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:

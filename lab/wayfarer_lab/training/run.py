@@ -28,7 +28,7 @@ from torch.optim import Optimizer
 from torch.utils.tensorboard import SummaryWriter
 
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.policy import GoalPolicy, Policy, fitting_policy
 from wayfarer.motion.predictor import MarkerPredictor
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -256,8 +256,13 @@ def load_predictor(folder: Path, seed_frames: int) -> MarkerPredictor:
     return load_weights(MarkerPredictor.fitting(read_weights(folder), seed_frames), folder)
 
 
-def load_policy(folder: Path) -> GoalPolicy:
-    """The policy of a run. Raises ArtifactError."""
+def load_policy(folder: Path) -> Policy:
+    """The policy of a run, of either kind. Raises ArtifactError."""
+    return load_weights(fitting_policy(read_weights(folder)), folder)
+
+
+def load_goal_policy(folder: Path) -> GoalPolicy:
+    """The paper's kind of policy, with its critic. Raises ArtifactError for another."""
     return load_weights(GoalPolicy.fitting(read_weights(folder)), folder)
 
 

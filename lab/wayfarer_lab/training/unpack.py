@@ -17,7 +17,7 @@ from wayfarer.body.library import load_body
 from wayfarer.engines.torch.weights import count_networks, named, of_network, output_biases
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.policy import fitting_policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
@@ -75,7 +75,7 @@ def _networks(models: Path) -> dict[str, tuple[nn.Module, tuple[str, ...]]]:
             )
             for n in (1, 2)
         },
-        "policy": (GoalPolicy.fitting(_read(models / "policy.onnx", "policy")), ("policy.onnx",)),
+        "policy": (fitting_policy(_read(models / "policy.onnx", "policy")), ("policy.onnx",)),
         "pose_prior": (PosePrior(), ("pose_encoder.onnx", "pose_decoder.onnx")),
     }
 

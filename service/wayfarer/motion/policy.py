@@ -1,14 +1,16 @@
 """The goal policy π(Z | s): which latents bring a body to its goal (paper Sec. 3.3.1, Fig. S4).
 
-An actor and a critic over one recurrent encoder. The state is that of Eq. 3: the markers of the
-seed and, for each, the direction to the goal.
+There are two. `GoalPolicy` is the paper's: an actor and a critic over one recurrent encoder. Its
+state is that of Eq. 3: the markers of the seed and, for each, the direction to the goal. Deviations
+from the paper: the networks also get the distance to the goal, the target speed, the target facing
+and the weights of the quality terms, so that one policy walks, strolls, stops, stands and turns.
 
-Deviations from the paper, and why: the networks also get the distance to the goal, the target
-speed, the target facing and the weights of the quality terms, so that one policy walks, strolls,
-stops, stands and turns, and can be asked for any of them at any step.
+`TrajectoryPolicy` serves. It is asked for a trajectory (`trajectory.py`) and was cloned from
+recorded people, who show by their own future what they were about to do.
 """
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import torch
@@ -16,7 +18,8 @@ from torch import Tensor, nn
 
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.layers import Gru
-from wayfarer.spec import LATENT, MARKERS
+from wayfarer.motion.trajectory import HORIZONS, Asked, asked_of
+from wayfarer.spec import FPS, LATENT, MARKERS
 from wayfarer.terms import TOLD
 
 HIDDEN = 512
@@ -133,3 +136,51 @@ class GoalPolicy(nn.Module):
             condition.term_weights[:, : len(TOLD)],
         ]
         return torch.tanh(encoded + self.condition(torch.cat(asked, -1)))
+
+
+CLONED_LOG_STD = (-3.0, 0.5)
+"""Limits of log σ of a cloned policy: recorded people are surer at times than a rewarded one."""
+
+VELOCITY = 0.3
+"""Seconds: velocities of markers are told as the way in this time, about as long as places."""
+
+
+class TrajectoryPolicy(nn.Module):
+    """Latents that lead along a trajectory, for seeds of two frames."""
+
+    def __init__(self, hidden: int = HIDDEN) -> None:
+        """`hidden`: width of its layers."""
+        super().__init__()
+        sizes = (2 * MARKERS * 3 + 4 * len(HORIZONS), hidden, hidden, hidden)
+        layers: list[nn.Module] = []
+        for before, after in pairwise(sizes):
+            layers += [nn.Linear(before, after), nn.ELU()]
+        output = nn.Linear(hidden, 2 * LATENT)
+        self.net = nn.Sequential(*layers, output)
+        nn.init.zeros_(output.weight)  # begins as the prior N(0, I)
+        nn.init.zeros_(output.bias)
+
+    def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
+        """Seed [A, S, 201], canonical frame → the distribution of latents."""
+        return self.lead(
+            seed, asked_of(seed, condition.goal, condition.target_speed, condition.facing)
+        )
+
+    def lead(self, seed: Tensor, asked: Asked) -> Gaussian:
+        """As `forward`, along a given trajectory."""
+        last = seed[:, -1]
+        moved = (last - seed[:, 0]) * (FPS * VELOCITY)
+        trajectory = torch.cat([asked.ways, asked.facings], -1).flatten(1)
+        mean, log_std = self.net(torch.cat([last, moved, trajectory], -1)).chunk(2, -1)
+        low, high = CLONED_LOG_STD
+        return Gaussian(mean, log_std.clamp(low, high))
+
+
+Policy = GoalPolicy | TrajectoryPolicy
+
+
+def fitting_policy(weights: Mapping[str, Tensor]) -> Policy:
+    """A new policy of the kind and the width that these weights have. Raises ArtifactError."""
+    if "net.0.bias" in weights:
+        return TrajectoryPolicy(len(weights["net.0.bias"]))
+    return GoalPolicy.fitting(weights)

@@ -18,7 +18,7 @@ from wayfarer.motion.constants import constant, indices, numbers
 from wayfarer.motion.frame import Frame, canonical_frame, to_local, to_world
 from wayfarer.motion.marker_body import MarkerBody, Placed, Shaped
 from wayfarer.motion.obstacles import localised
-from wayfarer.motion.policy import Condition, GoalPolicy
+from wayfarer.motion.policy import Condition, Policy
 from wayfarer.motion.posing import (
     compose,
     from_6d,
@@ -76,7 +76,7 @@ class PrimitiveStep(nn.Module):
         regressor: BodyRegressor,
         body: MarkerBody,
         sites: Sites,
-        policy: GoalPolicy | None = None,
+        policy: Policy | None = None,
         floor_origin: bool = True,
         blend: float = BLEND,
         grounding: float = GROUNDING,

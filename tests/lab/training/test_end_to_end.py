@@ -50,7 +50,7 @@ def test_the_loss_of_bodies_moves_every_network(config):
     trainer = EndToEndTrainer(config, DATA, DATA)
     starts = torch.tensor([3, 70])  # of both genders
     first, second = trainer.losses(DATA, starts, 2)
-    (first[0] + second[1]).backward()
+    (first.reconstruction + second.velocity).backward()
     for network in (trainer.model.output, trainer.model.mean, *trainer.kind.regressors):
         grown = [p.grad is not None and bool(p.grad.any()) for p in network.parameters()]
         assert sum(grown) > 0.9 * len(grown), network

@@ -42,7 +42,7 @@ def test_goals_are_where_the_same_clip_goes():
 
 
 def test_a_goal_is_no_farther_than_asked():
-    frames = gliding_frames(clips=1)
+    frames = gliding_frames(clips=2)
     trainer = GoalCvaeTrainer(SMALL.model_copy(update={"goal_seconds": 0.5}), frames, frames)
     at = torch.zeros(500, dtype=torch.long)
     step = frames.hips[1, 1] - frames.hips[0, 1]

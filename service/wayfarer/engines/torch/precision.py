@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from wayfarer.motion.marker_body import MarkerBody
-from wayfarer.motion.policy import Condition, GoalPolicy
+from wayfarer.motion.policy import Condition, Policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
@@ -74,7 +74,7 @@ class MixedStep(PrimitiveStep):
         regressor: MixedRegressor,
         body: MarkerBody,
         sites: Sites,
-        policy: GoalPolicy | None,
+        policy: Policy | None,
         floor_origin: bool,
         precision: Precision,
     ) -> None:

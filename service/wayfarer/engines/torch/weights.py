@@ -21,7 +21,7 @@ from wayfarer.body.library import load_body
 from wayfarer.engines.torch.precision import MixedRegressor, MixedStep, Precision
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.policy import fitting_policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BLOCKS
@@ -59,7 +59,7 @@ def load_step(models: ModelFolder, gender: str, precision: Precision) -> MixedSt
         _filled(regressor, "regressor", weights, path),
         skin,
         Sites.from_names(body.marker_names),
-        _filled(GoalPolicy.fitting(policy), "policy", weights, path) if policy else None,
+        _filled(fitting_policy(policy), "policy", weights, path) if policy else None,
         models.contracts[path.name].floor_origin,
         precision,
     ).eval()

@@ -1,0 +1,218 @@
+"""Clone the policy from recordings, in hindsight: `wayfarer train policy-clone`.
+
+A recorded person shows by its own future what it was about to do. So the way and the facing that
+it had .2, .5 and 1 s later are the question (`motion/trajectory.py`), and the posterior code of
+what it did is the answer. The seeds are those of the service: the predictor goes on from its own
+bodies, led by posterior codes and, in some rows, by the policy itself, whose errors the posterior
+of the recorded future then takes back (DAgger; Ross et al. 2011).
+"""
+
+from pathlib import Path
+
+import torch
+from pydantic import BaseModel, ConfigDict
+from torch import Tensor
+
+from wayfarer.errors import ArtifactError
+from wayfarer.motion.frame import Frame, canonical_frame, to_local
+from wayfarer.motion.policy import Gaussian, TrajectoryPolicy
+from wayfarer.motion.predictor import Posterior
+from wayfarer.motion.trajectory import HORIZONS, Asked
+from wayfarer.spec import FPS, GENDERS, LATENT, PRIMITIVE_FRAMES, SEED_FRAMES
+from wayfarer_lab.training.dataset import Frames, PairedSampler
+from wayfarer_lab.training.precision import half_precision
+from wayfarer_lab.training.predictor import Serving
+from wayfarer_lab.training.rotation import matrix_from_quaternion
+from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_policy, load_predictor
+
+SMOOTHING = 0.12
+"""Seconds, standard deviation: paths without the sway of a step, as a service asks for them."""
+
+STRIDE = PRIMITIVE_FRAMES - SEED_FRAMES
+
+
+class CloningConfig(BaseModel):
+    """What a policy is cloned with; files in `training/configs/`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    predictor: str = "runs/predictor_2f_rollout"
+    regressors: dict[str, str] = {g: f"runs/regressor_{g}" for g in GENDERS}
+    hidden: int = 512
+    steps: int = 4000
+    batch: int = 256
+    rate: float = 1e-3
+    rollout: int = 6  # primitives per window; a third of the draws are shorter, for short clips
+    own: float = 0.35  # share of primitives that the policy itself leads
+    noise: float = 0.02  # spread of what is asked: metres, and parts of a facing
+    start_from: str = ""  # run folder of a cloned policy to go on from
+    mix: dict[str, float] = {
+        "walk": 0.24,
+        "run": 0.04,
+        "sideways": 0.15,
+        "backward": 0.13,
+        "start_stop": 0.14,
+        "turn": 0.12,
+        "standing": 0.12,
+        "other": 0.06,
+    }  # share of draws, see dataset.group_of
+    seed: int = 0
+
+
+class Hindsight:
+    """Where recorded people were, and what they faced, a moment later."""
+
+    def __init__(self, frames: Frames) -> None:
+        facing = frames.hips_rotation[:, :2, 1]
+        facing = facing / facing.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+        path = smoothed(torch.cat([frames.hips[:, :2], facing], -1), frames.run)
+        self.places, facing = path.split(2, -1)
+        self.facings = facing / facing.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+
+    def asked(self, at: Tensor, hips: Tensor, frame: Frame) -> Asked:
+        """Of bodies whose hips are at `hips` [B, 2] when the recording is at frames `at` [B].
+
+        A body that has left the recorded path is asked back to it.
+        """
+        ahead = at[:, None] + torch.tensor(HORIZONS, device=at.device)
+        turn = frame.rotation[:, :2, :2]
+        return Asked((self.places[ahead] - hips[:, None]) @ turn, self.facings[ahead] @ turn)
+
+
+def smoothed(values: Tensor, run: Tensor) -> Tensor:
+    """Gaussian mean over time of values [N, C]; `run` [N] says where unbroken stretches end."""
+    most = round(3 * SMOOTHING * FPS)
+    ends = torch.arange(len(run), device=run.device) + run  # the same within a stretch
+    ends = torch.where(run > 0, ends, -1 - torch.arange(len(run), device=run.device))
+    total, weights = values.clone(), torch.ones_like(values[:, :1])
+    for step in range(1, most + 1):
+        weight = torch.exp(torch.tensor(-0.5 * (step / FPS / SMOOTHING) ** 2)).item()
+        same = (ends[step:] == ends[:-step])[:, None].to(values.dtype) * weight
+        total[:-step] += same * values[step:]
+        total[step:] += same * values[:-step]
+        weights[:-step] += same
+        weights[step:] += same
+    return total / weights
+
+
+class CloningTrainer:
+    """Rollouts of the trained predictor over recordings; only the policy learns."""
+
+    def __init__(self, config: CloningConfig, train: Frames, validation: Frames) -> None:
+        torch.manual_seed(config.seed)
+        self.config = config
+        self.predictor = load_predictor(Path(config.predictor), SEED_FRAMES).requires_grad_(False)
+        self.predictor.uses_prior = self.predictor.has_learned_prior
+        self.serving = Serving(config.regressors)
+        start = config.start_from
+        self.policy = (
+            load_trajectory_policy(Path(start)).train()
+            if start
+            else TrajectoryPolicy(config.hidden)
+        )
+        self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
+        self.lengths = (config.rollout, max(1, config.rollout // 3))
+        self.samplers = {n: PairedSampler(train, self._window(n)) for n in self.lengths}
+        self.trial = PairedSampler(validation, self._window(self.lengths[-1]))
+        self.validation = validation, Hindsight(validation)
+        self.train = train, Hindsight(train)
+        self.run: TrainingRun | None = None
+
+    def _window(self, primitives: int) -> int:
+        """Frames that a rollout needs, and what is asked at its last primitive."""
+        return SEED_FRAMES + (primitives - 1) * STRIDE + max(HORIZONS)
+
+    def losses(
+        self, data: tuple[Frames, Hindsight], starts: Tensor, primitives: int
+    ) -> list[Tensor]:
+        """KL(posterior ‖ policy) per latent dimension, by primitive; rows as of `PairedSampler`."""
+        frames, hindsight = data
+        within = torch.arange(PRIMITIVE_FRAMES)
+        begin = starts[:, None] + within[:SEED_FRAMES]
+        hips, rotations = frames.hips[begin], frames.rotations[begin]
+        markers = frames.markers[begin]
+        found: list[Tensor] = []
+        for p in range(primitives):
+            at = starts + p * STRIDE
+            frame = canonical_frame(hips[:, 0], matrix_from_quaternion(rotations[:, 0, 0]))
+            seed = to_local(frame, markers.flatten(1, 2)).reshape(len(starts), SEED_FRAMES, -1)
+            future = frames.markers[at[:, None] + within[SEED_FRAMES:]]
+            local = to_local(frame, future.flatten(1, 2)).reshape(len(starts), STRIDE, -1)
+            with torch.no_grad(), half_precision():
+                posterior = self.predictor.encode(seed, local)
+            asked = hindsight.asked(at + SEED_FRAMES - 1, hips[:, -1, :2], frame)
+            blurred = Asked(*(a + self.config.noise * torch.randn_like(a) for a in asked))
+            with half_precision():
+                answer = self.policy.lead(seed, blurred)
+            found.append(divergence(posterior, answer))
+            if p + 1 == primitives:
+                break
+            with torch.no_grad():
+                latent = self._latent(posterior, seed, asked)
+                with half_precision():
+                    guess = self.predictor.decode(seed, latent[:, None])[:, 0].float()
+                step = self.serving.follow(frames, starts, markers, guess, hips, rotations)
+                markers = step.next_seed_markers
+                hips = step.translation[:, -SEED_FRAMES:]
+                rotations = step.rotations[:, -SEED_FRAMES:]
+        return found
+
+    def _latent(self, posterior: Posterior, seed: Tensor, asked: Asked) -> Tensor:
+        """What leads on [B, 128]: the recording or, in some rows, the policy."""
+        answer = self.policy.lead(seed, asked)
+        noise = torch.randn(len(seed), LATENT, device=seed.device)
+        by_policy = answer.mean + torch.exp(answer.log_std) * noise
+        own = torch.rand(len(seed), 1, device=seed.device) < self.config.own
+        return torch.where(own, by_policy, posterior.sample())
+
+    def update(self) -> dict[str, float]:
+        """One optimiser step."""
+        assert self.run is not None
+        for group in self.optimizer.param_groups:
+            group["lr"] = cosine_rate(self.config.rate, self.run.step, self.config.steps)
+        primitives = self.lengths[int(torch.rand(()) < 0.35)]
+        starts = self.samplers[primitives].draw(self.config.batch)
+        loss = torch.stack([kl.mean() for kl in self.losses(self.train, starts, primitives)]).mean()
+        self.optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
+        self.optimizer.step()
+        return {"kl": float(loss.detach())}
+
+    @torch.no_grad()
+    def validate(self) -> dict[str, float]:
+        """The divergence on people of the validation."""
+        state = torch.get_rng_state()
+        torch.manual_seed(1)
+        losses = self.losses(self.validation, self.trial.draw(512), self.lengths[-1])
+        torch.set_rng_state(state)
+        return {"val/kl": float(torch.stack([kl.mean() for kl in losses]).mean())}
+
+
+def divergence(posterior: Posterior, answer: Gaussian) -> Tensor:
+    """KL(posterior ‖ policy) averaged over latent dimensions [B]; both count from the prior."""
+    mean, log_std = answer.mean.float(), answer.log_std.float()
+    off = torch.exp(posterior.log_variance) + (posterior.mean - mean) ** 2
+    half = 0.5 * posterior.log_variance
+    return (log_std - half + 0.5 * off * torch.exp(-2 * log_std) - 0.5).mean(-1)
+
+
+def load_trajectory_policy(folder: Path) -> TrajectoryPolicy:
+    """The policy of a run. Raises ArtifactError when it is the paper's kind."""
+    policy = load_policy(folder)
+    if not isinstance(policy, TrajectoryPolicy):
+        raise ArtifactError(f"{folder}: holds a goal policy; a cloned one is needed")
+    return policy
+
+
+def train_cloning(
+    config: CloningConfig,
+    train: Frames,
+    validation: Frames,
+    folder: Path,
+    minutes: float = float("inf"),
+) -> bool:
+    """Train or resume in `folder`. True when all steps are done."""
+    trainer = CloningTrainer(config, train, validation)
+    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer)
+    return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)

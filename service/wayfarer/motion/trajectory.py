@@ -1,0 +1,86 @@
+"""The trajectory that is asked of a body: where it should be, and face, a moment ahead.
+
+A recorded person shows by its own future what it was about to do; so a policy can learn from
+recordings which latent leads where (`lab/wayfarer_lab/training/cloning.py`). While it serves, the
+same numbers are made here of what the service asks: a goal, a speed and a facing. They are those
+of motion matching (Clavet, GDC 2016): velocities and headings that approach their aims
+exponentially.
+"""
+
+from typing import Final, NamedTuple
+
+import torch
+from torch import Tensor
+
+from wayfarer.motion.constants import numbers
+from wayfarer.spec import FPS, MARKERS
+
+HORIZONS: Final = (8, 20, 40)
+"""Frames ahead of the last seed frame: .2, .5 and 1 s."""
+
+EASE: Final = 0.3
+"""Seconds in which a velocity comes to 1/e of its aim: recorded people set off so fast."""
+
+BRAKE: Final = 0.6
+"""Seconds: nobody is asked to go faster than the way to the goal divided by it."""
+
+CREEP: Final = 0.3
+"""m/s at most of a body that stands, back to the place where it should stand."""
+
+TURN_EASE: Final = 0.35
+TURN_MOST: Final = 2.6
+"""Seconds to 1/e of a turn, and radians per second at most (recorded: 83 to 230 °/s)."""
+
+NEAR: Final = 0.3
+"""Metres: the direction of a goal that is nearer fades out as a facing."""
+
+
+class Asked(NamedTuple):
+    """What a policy is asked, canonical frame of the seed. H horizons."""
+
+    ways: Tensor  # [A, H, 2] metres from the hips of the last seed frame
+    facings: Tensor  # [A, H, 2] unit vectors
+
+
+def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked:
+    """The trajectory towards a goal.
+
+    seed [A, S, 201] markers in their canonical frame; goal [A, 3] m, in that frame; speed [A] m/s,
+    0: come to rest at the goal; facing [A, 2] unit vector, or zero: the way to the goal.
+    """
+    # of all markers: the swing of limbs cancels. A mean would get the name of an output on export.
+    points = seed.unflatten(-1, (MARKERS, 3))[..., :2].sum(2) / MARKERS
+    moved = points[:, -1] - points[:, 0]
+    velocity = moved * (FPS / max(1, seed.shape[1] - 1))
+    way = goal[:, :2] - moved  # the canonical origin lies under the hips of the first seed frame
+    distance = _length(way)
+    most = torch.maximum(speed[:, None], numbers((CREEP,), speed))
+    aim = way / distance * torch.minimum(most, distance / BRAKE)
+    seconds = numbers([h / FPS for h in HORIZONS], seed)[None, :, None]
+    eased = EASE * (1 - torch.exp(-seconds / EASE))
+    ways = aim[:, None] * seconds + (velocity - aim)[:, None] * eased
+    # nobody is asked to go past the goal
+    along = _length(ways)
+    ways = ways * torch.minimum(torch.ones_like(along), (distance[:, None] + 0.05) / along)
+    return Asked(ways, _facings(seed, way, distance, facing, seconds))
+
+
+def _facings(
+    seed: Tensor, way: Tensor, distance: Tensor, facing: Tensor, seconds: Tensor
+) -> Tensor:
+    """Facings [A, H, 2] on the way from the seed's own, which is +Y, to the one asked for."""
+    given = (facing * facing).sum(-1, keepdim=True)  # 1 or 0
+    share = distance / (distance + NEAR)
+    ahead = numbers((0.0, 1.0), seed)
+    by_way = share * way / distance + (1 - share) * ahead
+    wished = facing * given + (1 - given) * by_way
+    off = torch.atan2(-wished[:, 0], wished[:, 1])[:, None, None]  # to the left is positive
+    turned = off * (1 - torch.exp(-seconds / TURN_EASE))
+    limit = TURN_MOST * seconds
+    turned = torch.maximum(torch.minimum(turned, limit), -limit)
+    return torch.cat([-torch.sin(turned), torch.cos(turned)], -1)
+
+
+def _length(v: Tensor) -> Tensor:
+    """[..., 2] → [..., 1], never 0."""
+    return torch.sqrt((v * v).sum(-1, keepdim=True) + 1e-6)

@@ -1,0 +1,171 @@
+"""Hindsight and cloning on made-up motion and untrained networks."""
+
+import pytest
+import torch
+
+from tests.lab.training.fakes import gliding_frames, walking_frames
+from wayfarer.body.library import load_body
+from wayfarer.errors import ArtifactError
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.frame import canonical_frame
+from wayfarer.motion.policy import Gaussian, GoalPolicy
+from wayfarer.motion.predictor import MarkerPredictor, Posterior
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.trajectory import HORIZONS, Asked
+from wayfarer.spec import FPS, GENDERS
+from wayfarer_lab.training.cloning import (
+    CloningConfig,
+    Hindsight,
+    divergence,
+    load_trajectory_policy,
+    smoothed,
+    train_cloning,
+)
+from wayfarer_lab.training.following import (
+    Costs,
+    FollowingConfig,
+    FollowingTrainer,
+    Orders,
+    costs_of,
+    train_following,
+)
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """Run folders of untrained networks, which hardly move a body."""
+    torch.manual_seed(0)
+    networks = {"predictor": MarkerPredictor(2, at_once=8)}
+    for gender in GENDERS:
+        networks[gender] = BodyRegressor(marker_body(load_body("anny52", gender)))
+    for name, network in networks.items():
+        (tmp_path / name).mkdir()
+        torch.save({"model": network.state_dict()}, tmp_path / name / "last.pt")
+    regressors = {g: str(tmp_path / g) for g in GENDERS}
+    return {"predictor": str(tmp_path / "predictor"), "regressors": regressors}
+
+
+def test_hindsight_is_where_a_body_was_and_what_it_faced():
+    frames = walking_frames()  # in circles of 1 m, 1.5 rad/s, facing turns with the way
+    at = torch.tensor([10, 70])
+    frame = canonical_frame(frames.hips[at], frames.hips_rotation[at])
+    asked = Hindsight(frames).asked(at, frames.hips[at, :2], frame)
+    for row, start in enumerate(at.tolist()):
+        for number, ahead in enumerate(HORIZONS):
+            place = (frames.hips[start + ahead] - frames.hips[start])[:2] @ frame.rotation[
+                row, :2, :2
+            ]
+            assert (asked.ways[row, number] - place).norm() < 0.03
+    assert torch.allclose(asked.facings.norm(dim=-1), torch.ones(2, 3), atol=1e-4)
+
+
+def test_a_body_that_has_left_the_path_is_asked_back():
+    frames = gliding_frames()
+    at = torch.tensor([20])
+    frame = canonical_frame(frames.hips[at], frames.hips_rotation[at])
+    hindsight = Hindsight(frames)
+    on, off = (hindsight.asked(at, frames.hips[at, :2] + d, frame).ways for d in (0.0, 0.1))
+    assert torch.allclose(on - off, torch.full_like(on, 0.1), atol=1e-5)
+
+
+def test_smoothing_keeps_to_a_stretch():
+    run = torch.tensor([3, 2, 1, 0, 2, 1])
+    values = torch.tensor([1.0, 1, 1, 50, 7, 7])[:, None]
+    assert torch.allclose(smoothed(values, run), values)
+    time = torch.arange(80) / FPS
+    sway = torch.sin(2 * torch.pi * 2 * time)[:, None]  # two steps a second
+    assert smoothed(sway, torch.arange(80, 0, -1))[20:60].abs().max() < 0.4
+
+
+def test_the_divergence_is_that_of_normal_distributions():
+    generator = torch.Generator().manual_seed(0)
+    mean, other, log, width = (torch.randn(4, 128, generator=generator) * 0.5 for _ in range(4))
+    normal = torch.distributions.Normal
+    expected = torch.distributions.kl_divergence(
+        normal(mean, torch.exp(0.5 * log)), normal(other, torch.exp(width))
+    )
+    found = divergence(Posterior(mean, log), Gaussian(other, width))
+    assert torch.allclose(found, expected.mean(-1), atol=1e-5)
+
+
+def test_cloning_learns_resumes_and_is_followed(runs, tmp_path):
+    """Codes of an untrained encoder are a function of the seed: there is something to learn."""
+    data, held = gliding_frames(), gliding_frames(seed=1)
+    config = CloningConfig(
+        **runs, steps=30, batch=16, rollout=3, hidden=32, rate=3e-3, mix={"walk": 1.0}
+    )
+    out = tmp_path / "cloned"
+    assert not train_cloning(config, data, held, out, minutes=0.001)
+    assert train_cloning(config, data, held, out)
+    assert "val/kl" in (out / "log.txt").read_text()
+    policy = load_trajectory_policy(out)
+    assert any(p.abs().sum() > 0 for p in policy.net[-1].parameters())
+
+    following = FollowingConfig(
+        **runs, start_from=str(out), steps=2, agents=6, horizon=2, mix={"walk": 1.0}
+    )
+    assert train_following(following, data, held, tmp_path / "following")
+    taught = load_trajectory_policy(tmp_path / "following")
+    pairs = zip(taught.parameters(), policy.parameters(), strict=True)
+    assert any(not torch.equal(a, b) for a, b in pairs)
+
+
+def test_the_paper_s_policy_is_no_start(runs, tmp_path):
+    (tmp_path / "goal").mkdir()
+    torch.save({"model": GoalPolicy(16).state_dict()}, tmp_path / "goal" / "last.pt")
+    with pytest.raises(ArtifactError, match="a cloned one is needed"):
+        load_trajectory_policy(tmp_path / "goal")
+
+
+def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
+    """A T-pose that glides 0.2 m in a step: on its way, with soles that slide at its speed."""
+    model = load_body("anny52", "male")
+    body = marker_body(model)
+    identity = torch.eye(3).expand(1, 10, 22, 3, 3)
+    shape = body.shaped(torch.zeros(1, 10))
+    place = torch.zeros(1, 10, 3)
+    place[..., 1] = torch.arange(10) / FPS
+    markers, _ = body.skin(shape, place, identity)
+    markers[..., 2] -= markers[..., 2].min()
+    ways = torch.tensor([[[0.0, 0.2], [0.0, 0.5], [0.0, 1.0]]])
+    facings = torch.tensor([0.0, 1.0]).expand(1, 3, 2)
+    sites = Sites.from_names(model.marker_names)
+    costs = costs_of(markers[:, :2], markers[:, 2:], Asked(ways, facings), sites)
+    assert costs.way.item() == pytest.approx(0, abs=1e-4)
+    assert costs.facing.item() == pytest.approx(0, abs=1e-3)
+    assert costs.slide.item() == pytest.approx(1.5, abs=0.1)  # 1 m/s, half again for the rest
+    assert costs.seam.item() == pytest.approx(0, abs=1e-3)
+    assert costs.floating.item() < 0.01
+    still = costs_of(markers[:, :1].expand(-1, 2, -1, -1), markers[:, :1].expand(-1, 8, -1, -1),
+                     Asked(ways, facings), sites)  # fmt: skip
+    assert still.slide.item() < 1e-4 and still.way.item() == pytest.approx(1.0, abs=1e-3)
+    assert len(Costs._fields) == 6
+
+
+def test_orders_are_put_row_by_row(runs):
+    mine = Orders(torch.zeros(3, 2), torch.zeros(3), torch.zeros(3, 2))
+    mine.put(
+        torch.tensor([False, True, False]),
+        Orders(torch.ones(3, 2), torch.ones(3), torch.ones(3, 2)),
+    )
+    assert mine.speed.tolist() == [0, 1, 0] and mine.goal[:, 0].tolist() == [0, 1, 0]
+
+
+def test_a_fallen_agent_teaches_nothing_and_is_replaced(runs, tmp_path):
+    data = gliding_frames()
+    config = CloningConfig(**runs, steps=1, batch=8, rollout=1, hidden=16, mix={"walk": 1.0})
+    assert train_cloning(config, data, data, tmp_path / "cloned")
+    trainer = FollowingTrainer(
+        FollowingConfig(
+            **runs, start_from=str(tmp_path / "cloned"), agents=4, horizon=1, mix={"walk": 1.0}
+        ),
+        data, data,
+    )  # fmt: skip
+    trainer.run = type("Run", (), {"step": 0})()
+    crowd = trainer.crowds["male"]
+    crowd.markers[1] = torch.nan
+    seen = trainer.update()
+    assert seen["fallen"] >= 0.25
+    assert all(p.isfinite().all() for p in trainer.policy.parameters())
+    assert trainer.crowds["male"].markers.isfinite().all()
