@@ -7,6 +7,7 @@ of motion matching (Clavet, GDC 2016): velocities and headings that approach the
 exponentially.
 """
 
+from math import cos, sin
 from typing import Final, NamedTuple
 
 import torch
@@ -27,9 +28,8 @@ BRAKE: Final = 0.6
 CREEP: Final = 0.3
 """m/s at most of a body that stands, back to the place where it should stand."""
 
-TURN_EASE: Final = 0.35
 TURN_MOST: Final = 2.6
-"""Seconds to 1/e of a turn, and radians per second at most (recorded: 83 to 230 °/s)."""
+"""Radians per second at most of a turn (recorded: 83 to 230 °/s)."""
 
 NEAR: Final = 0.3
 """Metres: the direction of a goal that is nearer fades out as a facing."""
@@ -62,23 +62,63 @@ def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked
     # nobody is asked to go past the goal
     along = _length(ways)
     ways = ways * torch.minimum(torch.ones_like(along), (distance[:, None] + 0.05) / along)
-    return Asked(ways, _facings(seed, way, distance, facing, seconds))
+    return Asked(ways, _facings(seed, way, distance, facing))
 
 
-def _facings(
-    seed: Tensor, way: Tensor, distance: Tensor, facing: Tensor, seconds: Tensor
-) -> Tensor:
-    """Facings [A, H, 2] on the way from the seed's own, which is +Y, to the one asked for."""
+def _facings(seed: Tensor, way: Tensor, distance: Tensor, facing: Tensor) -> Tensor:
+    """Facings [A, H, 2] on the way from the seed's own, which is +Y, to the one asked for.
+
+    Of an angle 7/16, 3/4 and 15/16 are turned at the horizons: 1 - exp(-t / .35 s). Angles are
+    halved and added as sines and cosines, since exported functions of angles round a row
+    differently in other batches.
+    """
     given = (facing * facing).sum(-1, keepdim=True)  # 1 or 0
     share = distance / (distance + NEAR)
     ahead = numbers((0.0, 1.0), seed)
-    by_way = share * way / distance + (1 - share) * ahead
-    wished = facing * given + (1 - given) * by_way
-    off = torch.atan2(-wished[:, 0], wished[:, 1])[:, None, None]  # to the left is positive
-    turned = off * (1 - torch.exp(-seconds / TURN_EASE))
-    limit = TURN_MOST * seconds
-    turned = torch.maximum(torch.minimum(turned, limit), -limit)
-    return torch.cat([-torch.sin(turned), torch.cos(turned)], -1)
+    wished = facing * given + (1 - given) * (share * way / distance + (1 - share) * ahead)
+    wished = wished / _length(wished)
+    half = _halved(_Turn(wished[:, 1:], -wished[:, :1]))  # to the left is positive
+    quarter = _halved(half)
+    eighth = _halved(quarter)
+    sixteenth = _halved(eighth)
+    most = [
+        quarter.and_(eighth).and_(sixteenth),
+        half.and_(quarter),
+        half.and_(quarter).and_(eighth).and_(sixteenth),
+    ]
+    turns = [turn.at_most(TURN_MOST * h / FPS) for turn, h in zip(most, HORIZONS, strict=True)]
+    return torch.stack([torch.cat([-turn.sin, turn.cos], -1) for turn in turns], 1)
+
+
+class _Turn(NamedTuple):
+    """Angles from -π to π, each [A, 1]."""
+
+    cos: Tensor
+    sin: Tensor
+
+    def and_(self, other: "_Turn") -> "_Turn":
+        """The sum of both."""
+        return _Turn(
+            self.cos * other.cos - self.sin * other.sin,
+            self.sin * other.cos + self.cos * other.sin,
+        )
+
+    def at_most(self, angle: float) -> "_Turn":
+        """The same, but no farther than `angle` to either side."""
+        far = self.cos < cos(angle)
+        side = torch.where(self.sin < 0, -sin(angle), sin(angle))
+        return _Turn(
+            torch.where(far, torch.full_like(self.cos, cos(angle)), self.cos),
+            torch.where(far, side, self.sin),
+        )
+
+
+def _halved(turn: _Turn) -> _Turn:
+    """Half of each angle."""
+    sine = torch.sqrt((0.5 - 0.5 * turn.cos).clamp(min=0))
+    return _Turn(
+        torch.sqrt((0.5 + 0.5 * turn.cos).clamp(min=0)), torch.where(turn.sin < 0, -sine, sine)
+    )
 
 
 def _length(v: Tensor) -> Tensor:
