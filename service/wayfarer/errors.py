@@ -16,8 +16,8 @@
     └── DataError            a motion file is malformed (carries file and line)
 
 A message says what was wrong, where, and what is allowed. `transport/errors.py` holds
-the one table that turns these classes into gRPC and HTTP codes. Lengths and places in the message
-of an InvalidArgument are quantities, so that transport can write them in the client's basis.
+the one table that turns these classes into gRPC and HTTP codes. Lengths and places in a message
+are quantities, so that transport can write them in the client's basis (`Text`).
 """
 
 from collections.abc import Callable, Sequence
@@ -71,6 +71,30 @@ Quantity = Metres | MetresPerSecond | Heading | Place
 """A quantity whose text depends on the basis."""
 
 
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A sentence for people. `parts` are what its `{}` stand for; without parts it has no such
+    places.
+    """
+
+    pattern: str
+    parts: tuple[object, ...] = ()
+
+    def __str__(self) -> str:
+        return self.pattern.format(*self.parts) if self.parts else self.pattern
+
+    def written(self, quantity: Callable[[Quantity], str]) -> str:
+        """The sentence with quantities as `quantity` writes them."""
+        parts = (quantity(part) if isinstance(part, Quantity) else part for part in self.parts)
+        return str(Text(self.pattern, tuple(parts)))
+
+
+def spot(point: Sequence[float]) -> Place:
+    """A place for a sentence, to the centimetre."""
+    x, y, z = (round(float(value), 2) for value in (*point, 0.0)[:3])
+    return Place((x, y, z))
+
+
 def unknown_name(name: str, known: Sequence[str]) -> str:
     """Sentence about an unknown name: the nearest known one, or all of them."""
     if meant := get_close_matches(name, known, n=1):
@@ -85,21 +109,13 @@ class WayfarerError(Exception):
 class InvalidArgument(WayfarerError):
     """A value is malformed or out of range; `field` names it (dotted path).
 
-    `parts`: what the `{}` of the message stand for; none: the message has no such places.
+    `parts`: as of a `Text`.
     """
 
     def __init__(self, message: str, field: str = "", *parts: object) -> None:
-        super().__init__(message.format(*parts) if parts else message)
+        self.text = Text(message, parts)
+        super().__init__(str(self.text))
         self.field = field
-        self._told = (message, parts)
-
-    def retold(self, quantity: Callable[[Quantity], str]) -> "InvalidArgument":
-        """The same, with quantities as `quantity` writes them."""
-        message, parts = self._told
-        if not any(isinstance(part, Quantity) for part in parts):
-            return self
-        written = (quantity(part) if isinstance(part, Quantity) else part for part in parts)
-        return InvalidArgument(message, self.field, *written)
 
 
 class NotFound(WayfarerError):
@@ -120,10 +136,14 @@ class FailedPrecondition(WayfarerError):
 
 
 class Unreachable(FailedPrecondition):
-    """No way leads to the goal; `nearest` (x, y, z) is the closest place that can be reached."""
+    """No way leads to the goal; `nearest` (x, y, z) is the closest place that can be reached.
 
-    def __init__(self, message: str, nearest: tuple[float, float, float]) -> None:
-        super().__init__(message)
+    `parts`: as of a `Text`.
+    """
+
+    def __init__(self, message: str, nearest: tuple[float, float, float], *parts: object) -> None:
+        self.text = Text(message, parts)
+        super().__init__(str(self.text))
         self.nearest = nearest
 
 

@@ -9,9 +9,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+import DracoPy
 import numpy as np
 import trimesh
 
+from tests.navigation.meshes.glb_files import glb
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.read import read_mesh
 from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat
@@ -52,7 +54,7 @@ def seeds(form: MeshFormat) -> list[bytes]:
     scene = trimesh.Scene([box, ball.apply_translation((3, 0, 0))])
     scene.add_geometry(box, transform=trimesh.transformations.scale_matrix(-2))
     if form == "glb":
-        return [m.export(file_type="glb") for m in (box, ball, painted, scene)]
+        return [*(m.export(file_type="glb") for m in (box, ball, painted, scene)), packed(ball)]
     if form == "obj":
         hand = (
             b"mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0 .1 .2 .3\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n"
@@ -67,6 +69,42 @@ def seeds(form: MeshFormat) -> list[bytes]:
     )
     encodings = [(m, e) for m in (box, ball, painted) for e in ("ascii", "binary")]
     return [hand, *(m.export(file_type="ply", encoding=e) for m, e in encodings)]
+
+
+def packed(mesh: trimesh.Trimesh) -> bytes:
+    """A GLB whose one mesh is packed by Draco and stands there twice."""
+    data = DracoPy.encode(mesh.vertices.astype("f4"), mesh.faces.astype("u4"))
+    places = np.array([[0, 0, 0], [4, 0, 0]], "<f4").tobytes()
+    blob = places + data + bytes(-len(data) % 4)
+    extension = {"bufferView": 1, "attributes": {"POSITION": 0}}
+    copies = {"attributes": {"TRANSLATION": 2}}
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsRequired": ["KHR_draco_mesh_compression"],
+        "nodes": [{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": copies}}],
+        "meshes": [
+            {
+                "primitives": [
+                    {
+                        "attributes": {"POSITION": 0},
+                        "indices": 1,
+                        "extensions": {"KHR_draco_mesh_compression": extension},
+                    }
+                ]
+            }
+        ],
+        "accessors": [
+            {"componentType": 5126, "count": len(mesh.vertices), "type": "VEC3"},
+            {"componentType": 5125, "count": mesh.faces.size, "type": "SCALAR"},
+            {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 24},
+            {"buffer": 0, "byteOffset": 24, "byteLength": len(data)},
+        ],
+        "buffers": [{"byteLength": len(blob)}],
+    }
+    return glb(document, blob)
 
 
 @dataclass

@@ -3,8 +3,11 @@
 import json
 from contextlib import asynccontextmanager
 
+import pytest
+
 from tests.transport.rig import until
 from tests.transport.samples import NOW
+from wayfarer.errors import Metres, Place
 from wayfarer.world.events import Event, EventKind
 
 REACHED = Event(EventKind.GOAL_REACHED, NOW, "agent-2", 1, 3, 4, "there")
@@ -80,3 +83,32 @@ async def test_why_events_end_is_told(rig):
         draining, problem = [fields(block) async for block in blocks if block != [":"]]
     assert draining["event"] == "draining" and "id" not in draining
     assert problem["event"] == "problem" and json.loads(problem["data"])["status"] == 503
+
+
+MOVED = Event(
+    EventKind.GOAL_MOVED,
+    NOW,
+    "agent-2",
+    1,
+    3,
+    4,
+    "the nearest is {} from it: {}",
+    (Metres(0.5), Place((-9.69, 2.0, 0.0))),
+)
+
+
+@pytest.mark.parametrize(
+    ("basis", "text"),
+    [
+        ("gltf", "the nearest is 0.5 m from it: (9.69, 0, 2)"),
+        ("unreal", "the nearest is 50 cm from it: (200, -969, 0)"),
+        ("blender", "the nearest is 0.5 m from it: (9.69, -2, 0)"),
+    ],
+)
+async def test_places_in_an_event_are_in_the_sessions_basis_and_unit(rig, basis, text):
+    session = await rig.http.post("/v1/sessions", json={"basis": basis})
+    session_id = session.json()["session_id"]
+    async with reading(rig, session_id) as blocks:
+        assert await anext(blocks) == [":"]
+        rig.service.emit(session_id, MOVED)
+        assert json.loads(fields(await anext(blocks))["data"])["detail"] == text

@@ -44,6 +44,7 @@ async def test_grpc_from_scene_to_crowd(rig):
     with pytest.raises(grpc.aio.AioRpcError) as caught:
         await rig.scenes.QueryPath(query)
     assert caught.value.code() is grpc.StatusCode.FAILED_PRECONDITION
+    assert caught.value.details().startswith("no way leads to (0, 0, 3); the nearest place")
     info = ErrorInfo()
     assert rpc_status.from_call(caught.value).details[0].Unpack(info)
     assert info.reason == "UNREACHABLE" and float(info.metadata["z"]) < 0

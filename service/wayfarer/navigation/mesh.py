@@ -14,7 +14,7 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 Portal: TypeAlias = tuple[int, float, float, float, float]
-"""(triangle behind it, left x, left y, right x, right y), as seen by who walks out."""
+"""(triangle behind it, left x, left y, right x, right y), as seen on the way out."""
 
 _GRAIN = 1e-5
 """Metres: corners closer than this are one."""
@@ -24,7 +24,10 @@ _ALONG = 0.94
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavMesh:
-    """corners [T, 3, 2], anticlockwise; layer, island [T]; areas [islands] in m²."""
+    """corners [T, 3, 2], anticlockwise; layer, island [T]; areas [islands] in m².
+
+    Every portal has one that leads back: a way exists between any two triangles of an island.
+    """
 
     corners: Array
     layer: Ints
@@ -91,10 +94,14 @@ def _shared_edges(corners: Array, layer: Ints) -> Links:
     there, back = (a * len(names) + b).reshape(-1), (b * len(names) + a).reshape(-1)
     order = np.argsort(there)
     at = np.minimum(np.searchsorted(there[order], back), max(len(order) - 1, 0))
-    edge = np.flatnonzero(there[order][at] == back) if len(order) else np.empty(0, np.int64)
+    mate = order[at]
+    # Each edge has one mate and is that edge's mate, also where triangles overlap; an edge without
+    # a length has none.
+    mutual = (there[mate] == back) & (mate[mate] == np.arange(len(there))) & (there != back)
+    edge = np.flatnonzero(mutual & (mate // 3 != np.arange(len(there)) // 3))
     return (
         edge // 3,
-        order[at][edge] // 3,
+        mate[edge] // 3,
         np.roll(corners, -1, 1).reshape(-1, 2)[edge],
         corners.reshape(-1, 2)[edge],
     )
@@ -110,7 +117,8 @@ def _bordering(corners: Array, layer: Ints, shared: Links, slack: float) -> Link
     edges = np.flatnonzero(outer & (np.linalg.norm(ends - starts, axis=1) > slack / 10))
     lines = shapely.linestrings(np.stack([starts[edges], ends[edges]], 1))
     i, j = shapely.STRtree(lines).query(lines, "dwithin", distance=slack)
-    i, j = edges[i], edges[j]
+    once = i < j  # a link is measured on one of its edges and counts both ways
+    i, j = edges[i[once]], edges[j[once]]
     along = ends[i] - starts[i]
     length = np.linalg.norm(along, axis=1)
     along /= length[:, None]
@@ -127,4 +135,9 @@ def _bordering(corners: Array, layer: Ints, shared: Links, slack: float) -> Link
     i, j, along, low, high = i[good], j[good], along[good], low[good], high[good]
     left = starts[i] + high[:, None] * along
     right = starts[i] + low[:, None] * along
-    return i // 3, j // 3, left, right
+    return (
+        np.concatenate([i, j]) // 3,
+        np.concatenate([j, i]) // 3,
+        np.concatenate([left, right]),
+        np.concatenate([right, left]),
+    )

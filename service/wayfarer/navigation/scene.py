@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from wayfarer.errors import NotFound, ResourceExhausted, Unreachable
+from wayfarer.errors import NotFound, ResourceExhausted, Unreachable, spot
 from wayfarer.navigation import baking
 from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
 from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
@@ -103,7 +103,6 @@ class Scene:
         """
         first, last = self._ends(start, goal)
         points = shortest(self.mesh, self.ground, first, last)
-        assert points is not None  # one island
         points = widened(points, self, self.spec.walkable.radius)
         points[:, 2] = self.floor(points)
         return GroundPath(points, first.moved, last.moved, self.content_hash, self.version)
@@ -191,9 +190,10 @@ class Scene:
         nearest = nearest_place(self.mesh, self.ground, goal, self.spec.walkable, reachable)
         if not last.moved:
             raise Unreachable(
-                f"no way leads from {_text(start)} to {_text(goal)}; the nearest place that "
-                f"can be reached is {_text(nearest.point)}",
+                "no way leads to {}; the nearest place that can be reached is {}",
                 nearest.point,
+                spot(last.point),
+                spot(nearest.point),
             )
         return first, nearest
 
@@ -263,7 +263,3 @@ def _lift(points: Array) -> Array:
     if points.shape[-1] == 3:
         return points
     return np.column_stack([points, np.zeros(len(points))])
-
-
-def _text(point: Point2 | Point3) -> str:
-    return "(" + ", ".join(f"{value:.2f}" for value in point) + ")"

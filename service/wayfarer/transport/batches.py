@@ -13,7 +13,7 @@ from wayfarer.service.streams.publications import Publication
 from wayfarer.service.streams.root_tracks import Roots
 from wayfarer.spec import FPS
 from wayfarer.transport import convert, schema, wire
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PackedPoses, PoseEncoder, PoseFormat, TierEncoder
 from wayfarer.transport.framing import Part
@@ -153,8 +153,8 @@ def parsed(batch: Iterable[Part]) -> motion_pb2.MotionBatch:
     return motion_pb2.MotionBatch.FromString(b"".join(batch))
 
 
-def event_message(event: Event) -> motion_pb2.Event:
-    """Field by field."""
+def event_message(event: Event, axes: Axes) -> motion_pb2.Event:
+    """Field by field; lengths and places of its sentence in the basis of these axes."""
     return motion_pb2.Event(
         kind=KINDS[event.kind],
         agent_id=event.agent_id,
@@ -162,5 +162,5 @@ def event_message(event: Event) -> motion_pb2.Event:
         at_us=convert.microseconds(event.at),
         goal_revision=event.goal_revision,
         waypoint=event.waypoint,
-        detail=event.detail,
+        detail=convert.written(event.text, axes),
     )

@@ -20,6 +20,7 @@ from wayfarer.errors import (
     MetresPerSecond,
     Place,
     Quantity,
+    Text,
     Unreachable,
 )
 from wayfarer.service.stats import LoopStats
@@ -53,13 +54,15 @@ def in_basis(axes: Axes) -> Iterator[None]:
         yield
     except Unreachable as error:
         nearest = vector(axes.points_to_wire(np.array(error.nearest)))
-        raise Unreachable(
-            "no way leads to the goal; the nearest place that can be reached is "
-            f"({nearest.x:.2f}, {nearest.y:.2f}, {nearest.z:.2f})",
-            (nearest.x, nearest.y, nearest.z),
-        ) from None
+        told = written(error.text, axes)
+        raise Unreachable(told, (nearest.x, nearest.y, nearest.z)) from None
     except InvalidArgument as error:
-        raise error.retold(lambda quantity: _written(quantity, axes)) from None
+        raise InvalidArgument(written(error.text, axes), error.field) from None
+
+
+def written(text: Text, axes: Axes) -> str:
+    """The sentence with its lengths and places in this basis."""
+    return text.written(lambda quantity: _written(quantity, axes))
 
 
 def _written(quantity: Quantity, axes: Axes) -> str:

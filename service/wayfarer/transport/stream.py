@@ -141,16 +141,16 @@ class MotionStream:
                 elif not events:
                     yield self._response(heartbeat=motion_pb2.Heartbeat())
                 for token, event in events:
-                    yield self._response(event=event_message(event))
+                    yield self._response(event=event_message(event, self._axes))
                     self._token = token
                     if event.kind is EventKind.AGENT_LEFT:  # no chunk of it comes after that
                         self._leave(event.alias)
         if self._error:
             if isinstance(self._error, Unavailable):
-                yield self._response(event=event_message(self._draining()))
+                yield self._response(event=event_message(self._draining(), self._axes))
             raise self._error
 
-    async def events(self) -> AsyncGenerator[tuple[str, Event] | None]:
+    async def events(self) -> AsyncGenerator[tuple[str, motion_pb2.Event] | None]:
         """Events alone, each with its resume token; None at once, and when nothing else happens.
 
         Raises what it was ended with; Unavailable after an event that says so. Close it with
@@ -163,10 +163,10 @@ class MotionStream:
                     yield None
                     continue
                 for token, event in self._fresh(published)[1]:
-                    yield token, event
+                    yield token, event_message(event, self._axes)
         if self._error:
             if isinstance(self._error, Unavailable):
-                yield "", self._draining()
+                yield "", event_message(self._draining(), self._axes)
             raise self._error
 
     def _count_sent(self, batch: WrittenBatch, size: int) -> None:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from wayfarer.errors import Metres, Place, Text
+
 
 class EventKind(StrEnum):
     """Kinds of `Event`; names as in motion.proto."""
@@ -29,4 +31,10 @@ class Event:
     alias: int = 0
     goal_revision: int = 0
     waypoint: int = 0
-    detail: str = ""  # a sentence for people
+    detail: str = ""  # a sentence for people, in which each {} stands for one of `parts`
+    parts: tuple[Metres | Place | str, ...] = ()
+
+    @property
+    def text(self) -> Text:
+        """The sentence, to be written in a basis."""
+        return Text(self.detail, self.parts)

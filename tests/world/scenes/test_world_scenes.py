@@ -124,7 +124,7 @@ def test_waits_before_a_way_that_is_closed_and_goes_on_when_it_opens():
     [(session_id, event)] = world.take_events()
     assert (session_id, event.kind) == ("s", EventKind.BLOCKED)
     assert (event.agent_id, event.goal_revision, event.waypoint) == (agent.agent_id, 1, 0)
-    assert "no way leads" in event.detail
+    assert "no way leads" in str(event.text)
     book.remove(scene_id, "wall")
     _, arrived = walked(world, 25.0)
     assert arrived == {agent.agent_id}
@@ -139,7 +139,7 @@ def test_a_goal_off_free_ground_is_moved_to_the_nearest_and_it_is_told():
     assert moved == pytest.approx((6.0, 5.2, 0.0), abs=0.02)
     [(_, event)] = world.take_events()
     assert event.kind is EventKind.GOAL_MOVED and event.goal_revision == 1
-    assert "0.7" in event.detail
+    assert "0.71 m" in str(event.text)
     tracks, arrived = walked(world, 10.0)
     assert arrived and math.dist(tracks[agent.agent_id][-1, :2], moved[:2]) < 0.3
 

@@ -1,30 +1,27 @@
 """GLB (glTF 2.0 binary): triangles of the default scene, nodes' transforms applied.
 
-Only what is inside the file is read, and only where the file has the bytes it claims: external
-buffers, compressed or sparse data are refused by name; materials, images, skins and animations are
-never looked at.
+Only what is inside the file is read, and only where the file has the bytes it claims. Copies of a
+mesh count, quantized and Draco's data are read, and skins are in the pose of the nodes; materials,
+images and animations are never looked at. What changes triangles and is not read is refused by
+name.
 """
 
-import json
-import struct
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.faces import bad, check_count, corners_of
-from wayfarer.navigation.scene_spec import MAX_TRIANGLES
+from wayfarer.navigation.meshes.glb_data import GlbData, Json, index
+from wayfarer.navigation.meshes.glb_extensions import check_required, draco, instances
+from wayfarer.navigation.meshes.transforms import local, placed
 
-_MAGIC: Final = 0x46546C67
-_JSON, _BIN = 0x4E4F534A, 0x004E4942
-_MAX_JSON: Final = 8 * 2**20
 _MAX_NODES: Final = 50_000
-_INDEX_TYPES: Final = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
-_FLOAT: Final = 5126
+_MAX_JOINTS: Final = 8
+"""Sets of four joints of a vertex."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
-Json = dict[str, Any]
 Array = NDArray[np.float64]
 
 
@@ -40,149 +37,109 @@ def read_glb(data: bytes) -> Array:
 
 
 class _Document:
-    """The JSON and the one binary chunk of a GLB."""
+    """The meshes and nodes of a GLB."""
 
     def __init__(self, data: bytes) -> None:
-        if len(data) < 20:
-            raise bad("shorter than a GLB header")
-        magic, version, length = struct.unpack_from("<III", data)
-        if magic != _MAGIC or version != 2:
-            raise bad("not a GLB of version 2 (glTF 2.0 binary)")
-        if length != len(data):
-            raise bad(f"the header says {length:,} bytes, the file has {len(data):,}")
-        chunks = _chunks(data)
-        if len(chunks.get(_JSON, b"")) > _MAX_JSON:
-            raise bad(f"the JSON chunk exceeds {_MAX_JSON:,} bytes")
-        try:
-            self.json: Json = json.loads(chunks[_JSON])
-        except (KeyError, ValueError, RecursionError):
-            raise bad("no readable JSON chunk") from None
-        self.blob = chunks.get(_BIN, b"")
-        required = self.json.get("extensionsRequired", [])
-        if required and set(required) - {"KHR_materials_unlit", "KHR_texture_transform"}:
-            raise bad(f"needs the glTF extensions {required}; export without compression")
+        self._data = GlbData(data)
+        self.json = self._data.json
+        check_required(self.json)
+        self._world = self._placed_nodes()
+        self._meshes: dict[tuple[int, int], Array] = {}
 
     def corners(self) -> Array:
         """All triangles of the default scene."""
-        meshes: dict[int, Array] = {}
         pieces, total = [], 0
-        for mesh, matrix in self._instances():
-            if mesh not in meshes:
-                meshes[mesh] = self._mesh(self.json["meshes"][mesh])
-            total = check_count(total + len(meshes[mesh]), "triangles")
-            placed = meshes[mesh] @ matrix[:3, :3].T + matrix[:3, 3]
-            # a mirroring node turns its triangles over
-            pieces.append(placed[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else placed)
+        for number, matrix in self._world.items():
+            node = self.json["nodes"][number]
+            if "mesh" not in node:
+                continue
+            skin = index(node["skin"]) if "skin" in node else -1
+            corners = self._mesh(index(node["mesh"]), skin)
+            # a skin's joints say where its mesh is, and the node does not
+            copies = np.eye(4)[None] if skin >= 0 else matrix @ instances(self._data, node)
+            total = check_count(total + len(corners) * len(copies), "triangles")
+            pieces.append(placed(corners, copies))
         if not pieces:
             raise bad("no node of the scene has a mesh")
         return np.concatenate(pieces)
 
-    def _instances(self) -> list[tuple[int, Array]]:
-        """(mesh, world matrix) of every node of the scene that has a mesh."""
+    def _placed_nodes(self) -> dict[int, Array]:
+        """The world matrix of every node of the scene."""
         nodes = self.json.get("nodes", [])
         check_count(len(nodes), "nodes", _MAX_NODES)
         scenes = self.json.get("scenes", [])
-        roots = scenes[_index(self.json.get("scene", 0))]["nodes"] if scenes else range(len(nodes))
-        waiting = [(_index(node), np.eye(4)) for node in roots]
-        seen, found = set(), list[tuple[int, Array]]()
+        scene = scenes[index(self.json.get("scene", 0))] if scenes else {"nodes": range(len(nodes))}
+        waiting = [(index(node), np.eye(4)) for node in scene.get("nodes", [])]
+        found: dict[int, Array] = {}
         while waiting:
             number, parent = waiting.pop()
-            if number in seen:
+            if number in found:
                 raise bad(f"node {number} has two parents: nodes of glTF form a tree")
-            seen.add(number)
-            node = nodes[number]
-            matrix = parent @ _local(node)
-            if "mesh" in node:
-                found.append((_index(node["mesh"]), matrix))
-            waiting += [(_index(child), matrix) for child in node.get("children", [])]
+            found[number] = parent @ local(nodes[number])
+            waiting += [(index(c), found[number]) for c in nodes[number].get("children", [])]
         return found
 
-    def _mesh(self, mesh: Json) -> Array:
+    def _mesh(self, number: int, skin: int) -> Array:
         """Corners of all the mesh's primitives; lines and points are passed over."""
+        if (number, skin) in self._meshes:
+            return self._meshes[number, skin]
         pieces, total = [np.empty((0, 3, 3))], 0
-        for primitive in mesh["primitives"]:
+        for primitive in self.json["meshes"][number]["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)
             if mode not in (_TRIANGLES, _STRIP, _FAN):
                 continue
-            vertices = self._positions(_index(primitive["attributes"]["POSITION"]))
-            order = (
-                self._indices(_index(primitive["indices"]))
-                if "indices" in primitive
-                else np.arange(len(vertices))
+            found = draco(self._data, primitive)
+            attributes, order = (
+                found
+                if found is not None
+                else (self._attributes(primitive), self._order(primitive))
             )
+            vertices = attributes["POSITION"]
+            if skin >= 0:
+                vertices = self._skinned(attributes, skin)
             total = check_count(total + len(order) // 3, "triangles of a mesh")
-            pieces.append(corners_of(vertices, _triangles(order, mode)))
-        return np.concatenate(pieces)
+            triangles = _triangles(order, mode if found is None else _TRIANGLES)
+            pieces.append(corners_of(vertices, triangles))
+        self._meshes[number, skin] = np.concatenate(pieces)
+        return self._meshes[number, skin]
 
-    def _positions(self, number: int) -> Array:
-        accessor = self.json["accessors"][number]
-        if accessor["componentType"] != _FLOAT or accessor["type"] != "VEC3":
-            raise bad(f"accessor {number} of positions is not float VEC3")
-        return self._values(accessor, number, "<f4", 3).astype(np.float64)
+    def _attributes(self, primitive: Json) -> dict[str, Array]:
+        """Positions [V, 3]; joints and weights [V, 4] where there are some."""
+        given = {name: index(number) for name, number in primitive["attributes"].items()}
+        found = {"POSITION": self._data.numbers(given["POSITION"], ("VEC3",))}
+        for k in range(_MAX_JOINTS):
+            if f"JOINTS_{k}" not in given:
+                break
+            for name in (f"JOINTS_{k}", f"WEIGHTS_{k}"):
+                found[name] = self._data.numbers(given[name], ("VEC4",))
+        return found
 
-    def _indices(self, number: int) -> NDArray[np.int64]:
-        accessor = self.json["accessors"][number]
-        if accessor["componentType"] not in _INDEX_TYPES or accessor["type"] != "SCALAR":
-            raise bad(f"accessor {number} of indices is not an unsigned SCALAR")
-        kind = _INDEX_TYPES[accessor["componentType"]]
-        return self._values(accessor, number, kind, 1)[:, 0].astype(np.int64)
+    def _order(self, primitive: Json) -> NDArray[np.int64]:
+        """Numbers of vertices."""
+        if "indices" in primitive:
+            return self._data.whole(index(primitive["indices"]), ("SCALAR",))[:, 0]
+        return np.arange(self._data.count(index(primitive["attributes"]["POSITION"])))
 
-    def _values(self, accessor: Json, number: int, kind: str, width: int) -> NDArray[Any]:
-        """[count, width] of an accessor, all of it inside the file's own bytes."""
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise bad(f"accessor {number} is sparse or has no data; export plain data")
-        count = check_count(_index(accessor["count"]), "elements of an accessor", 3 * MAX_TRIANGLES)
-        view = self.json["bufferViews"][_index(accessor["bufferView"])]
-        buffers = self.json["buffers"]
-        if _index(view["buffer"]) != 0 or "uri" in buffers[0]:
-            raise bad("data outside of the file is not fetched: pack all into one GLB")
-        size = np.dtype(kind).itemsize * width
-        stride = _index(view.get("byteStride", size)) or size
-        inner = _index(accessor.get("byteOffset", 0))
-        start = _index(view.get("byteOffset", 0)) + inner
-        used = (count - 1) * stride + size if count else 0
-        room = min(_index(view["byteLength"]) - inner, len(self.blob) - start)
-        if stride < size or stride > 252 + size or used > room:
-            raise bad(f"accessor {number} claims {used:,} bytes, its buffer view holds {room:,}")
-        return np.ndarray((count, width), kind, self.blob, start, (stride, np.dtype(kind).itemsize))
-
-
-def _chunks(data: bytes) -> dict[int, bytes]:
-    """The first chunk of each kind."""
-    found: dict[int, bytes] = {}
-    at = 12
-    while at + 8 <= len(data):
-        length, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + length > len(data):
-            raise bad(f"a chunk claims {length:,} bytes, {len(data) - at - 8:,} are left")
-        found.setdefault(kind, data[at + 8 : at + 8 + length])
-        at += 8 + length
-    return found
-
-
-def _index(value: Any) -> int:
-    """A JSON number that is a count or an index."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise bad(f"{str(value)[:40]!r} is no index")
-    return value
-
-
-def _local(node: Json) -> Array:
-    """A node's own transform. [4, 4]"""
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = (float(v) for v in node.get("rotation", (0, 0, 0, 1)))
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation * np.array(node.get("scale", (1, 1, 1)), np.float64)
-    matrix[:3, 3] = node.get("translation", (0, 0, 0))
-    return matrix
+    def _skinned(self, attributes: dict[str, Array], number: int) -> Array:
+        """Vertices [V, 3] where the joints of a skin have them now."""
+        skin = self.json["skins"][number]
+        joints = np.stack([self._world[index(joint)] for joint in skin["joints"]])
+        if "inverseBindMatrices" in skin:
+            inverse = self._data.numbers(index(skin["inverseBindMatrices"]), ("MAT4",))
+            joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).swapaxes(1, 2)
+        vertices = attributes["POSITION"]
+        moved, total = np.zeros_like(vertices), np.zeros((len(vertices), 1))
+        for k in range(_MAX_JOINTS):
+            if f"JOINTS_{k}" not in attributes:
+                break
+            for which, weight in zip(
+                attributes[f"JOINTS_{k}"].T.astype(int), attributes[f"WEIGHTS_{k}"].T, strict=True
+            ):
+                matrix = joints[np.where(weight > 0, which, 0)]
+                spots = (matrix[:, :3, :3] @ vertices[..., None])[..., 0] + matrix[:, :3, 3]
+                moved += weight[:, None] * spots
+                total += weight[:, None]
+        return np.where(total > 0, moved / np.where(total > 0, total, 1), vertices)
 
 
 def _triangles(order: NDArray[np.int64], mode: int) -> NDArray[np.int64]:

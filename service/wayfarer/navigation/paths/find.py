@@ -40,8 +40,8 @@ _SURE: Final = 1.013
 too large. The funnel's own corners pass: they are 2 % farther out."""
 
 
-def shortest(mesh: NavMesh, ground: Ground, start: MeshPoint, goal: MeshPoint) -> Array | None:
-    """Waypoints [P, 3] of a short way; None where there is none.
+def shortest(mesh: NavMesh, ground: Ground, start: MeshPoint, goal: MeshPoint) -> Array:
+    """Waypoints [P, 3] of a short way between two places of one island.
 
     The best of three searches, which are the same three from goal to start: there and back are
     equally long.
@@ -51,8 +51,6 @@ def shortest(mesh: NavMesh, ground: Ground, start: MeshPoint, goal: MeshPoint) -
     ways = []
     for first, last, aim in searches:
         portals = corridor(mesh, first.triangle, last.triangle, first.spot, last.spot, aim)
-        if portals is None:
-            return None
         way = pull(first.spot, last.spot, portals)
         ways.append((length(way), first, portals, way))
     _, first, portals, way = min(ways, key=lambda found: found[0])
@@ -172,22 +170,20 @@ def _turn(a: Spot, b: Spot, c: Spot) -> float:
 
 def corridor(
     mesh: NavMesh, first: int, last: int, start: Spot, goal: Spot, aim: bool = True
-) -> list[Portal] | None:
-    """The portals of a short way from triangle `first` to `last`; None where there is none.
+) -> list[Portal]:
+    """The portals of a short way from triangle `first` to `last`, both of one island.
 
     How far a way is can only be guessed before its string is pulled. It is measured through one
     point of each portal: with `aim` the one where the straight line to the goal crosses it (or the
     end nearest to that), without it the one nearest to the point before. Each guess overlooks
     short ways that the other finds.
     """
-    if mesh.island[first] != mesh.island[last]:
-        return None
     gx, gy = goal
     portals = mesh.portals
     best = {first: 0.0}
     came: dict[int, tuple[int, Portal]] = {}
     queue = [(hypot(gx - start[0], gy - start[1]), 0.0, first, start[0], start[1])]
-    while queue:
+    while True:  # until `last` comes: every portal leads back, so an island hangs together
         _, cost, here, x, y = heappop(queue)
         if here == last:
             return _trace(came, first, last)
@@ -213,7 +209,6 @@ def corridor(
                 best[there] = spent
                 came[there] = here, portal
                 heappush(queue, (spent + hypot(gx - px, gy - py), spent, there, px, py))
-    return None
 
 
 def _trace(came: dict[int, tuple[int, Portal]], first: int, last: int) -> list[Portal]:

@@ -20,7 +20,6 @@ from wayfarer.transport.motion_files import motion_file, parts_of, performances
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
-from wayfarer.world.events import Event
 
 
 class MotionApi:
@@ -43,7 +42,7 @@ class MotionApi:
     @needs(Scope.READ)
     async def events(
         self, request: schema.StreamRequest
-    ) -> AsyncGenerator[tuple[str, Event] | None]:
+    ) -> AsyncGenerator[tuple[str, motion_pb2.Event] | None]:
         """Events with their resume tokens, None for a sign of life. Otherwise as `stream`."""
         async with self._followed(request) as (_, stream), aclosing(stream.events()) as events:
             async for event in events:
@@ -140,7 +139,10 @@ class MotionApi:
                 parsed(writer.batch(p.chunks, (infos[alias] for alias in sorted(aliases))))
                 for p, aliases in zip(published, new, strict=True)
             ],
-            events=map(event_message, chain.from_iterable(p.events for p in published)),
+            events=[
+                event_message(event, session.basis.axes)
+                for event in chain.from_iterable(p.events for p in published)
+            ],
         )
 
     @asynccontextmanager

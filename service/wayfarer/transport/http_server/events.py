@@ -5,10 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Response
 
 from wayfarer.transport import errors, schema, wire
-from wayfarer.transport.batches import event_message
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.streaming import ServerSentEvents, begun
-from wayfarer.world.events import Event
+from wayfarer.v1 import motion_pb2
 
 Id = Annotated[str, Query(max_length=schema.ID_LENGTH)]
 
@@ -49,12 +48,12 @@ def event_routes(gateway: Gateway) -> APIRouter:
     return router
 
 
-def _text(item: tuple[str, Event] | None) -> str:
+def _text(item: tuple[str, motion_pb2.Event] | None) -> str:
     """One event; a comment for None."""
     if item is None:
         return ":\n\n"
     token, event = item
-    told = schema.Event.model_validate(wire.values(event_message(event)))
+    told = schema.Event.model_validate(wire.values(event))
     name = f"id: {token}\n" if token else ""  # an empty id would make the reader forget its last
     return f"{name}event: {told.kind}\ndata: {told.model_dump_json()}\n\n"
 

@@ -9,6 +9,7 @@ from typing import Final, Protocol, TypeVar, cast
 
 import numpy as np
 
+from wayfarer.errors import Text
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import STEP_SECONDS
@@ -40,7 +41,7 @@ class Surroundings(Protocol):
         """The scene that a slot is in."""
         ...
 
-    def tell(self, slot: int, kind: EventKind, waypoint: int, detail: str) -> None:
+    def tell(self, slot: int, kind: EventKind, waypoint: int, text: Text) -> None:
         """Something happened to the agent of a slot."""
         ...
 
@@ -119,7 +120,7 @@ class BehaviourRunner:
     def end(self, agent: Agent, detail: str) -> None:
         """End what it does now because an agent that it depends on is gone."""
         waypoint = int(self.slots.planned.gait.waypoint[agent.slot])
-        self.around.tell(agent.slot, EventKind.BEHAVIOUR_ENDED, waypoint, detail)
+        self.around.tell(agent.slot, EventKind.BEHAVIOUR_ENDED, waypoint, Text(detail))
         self.slots.group[agent.slot] = 0
         if isinstance(agent.behaviour, Routine):
             self._next_part(agent, agent.behaviour)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import dist
 from typing import Final, NamedTuple
 
+from wayfarer.errors import Metres, Place, Text
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import NEW_FRAMES
@@ -103,7 +104,7 @@ class SceneContext:
         ]
         return found, moves
 
-    def tell(self, slot: int, kind: EventKind, waypoint: int, detail: str) -> None:
+    def tell(self, slot: int, kind: EventKind, waypoint: int, text: Text) -> None:
         """An agent has met with something on the way to a goal of its path."""
         slots = self._slots
         frame = int(slots.start_frame[slot] + NEW_FRAMES * slots.planned_chunks[slot])
@@ -114,7 +115,8 @@ class SceneContext:
             int(slots.alias[slot]),
             int(slots.goal_revision[slot]),
             waypoint,
-            detail,
+            text.pattern,
+            tuple(p if isinstance(p, Metres | Place) else str(p) for p in text.parts),
         )
         self._events.append(event)
         del self._events[:-MOST_EVENTS]

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import Unreachable
+from wayfarer.errors import Metres, Text, Unreachable, spot
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
@@ -41,8 +41,8 @@ RETRY: Final = 5
 MOVED: Final = 0.01
 """Metres: a goal moved by less is where it was."""
 
-Tell = Callable[[int, EventKind, int, str], None]
-"""(slot, kind, waypoint, detail)"""
+Tell = Callable[[int, EventKind, int, Text], None]
+"""(slot, kind, waypoint, text)"""
 
 
 class Planner:
@@ -129,7 +129,7 @@ class Planner:
         except Unreachable as error:
             if not known or was_open:
                 kind = EventKind.BLOCKED if was_open else EventKind.UNREACHABLE
-                self._tell(slot, kind, waypoint, str(error))
+                self._tell(slot, kind, waypoint, error.text)
             route.passage[slot] = Passage.CLOSED
             route.revision[slot], route.waypoint[slot] = revision, waypoint
             route.doubt[slot] = False
@@ -141,9 +141,9 @@ class Planner:
         self._routes.lay(slot, path.points, revision, waypoint)
 
 
-def moved_text(metres: float, place: Point3) -> str:
+def moved_text(metres: float, place: Point3) -> Text:
     """What is said of a goal that was moved."""
-    return (
-        f"the goal is not on free ground; the nearest that can be reached is {metres:.2f} m from "
-        f"it: ({', '.join(f'{value:.2f}' for value in place)})"
+    return Text(
+        "the goal is not on free ground; the nearest that can be reached is {} from it: {}",
+        (Metres(round(metres, 2)), spot(place)),
     )
