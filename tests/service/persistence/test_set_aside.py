@@ -17,11 +17,11 @@ from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.service.faults import FaultLog
 from wayfarer.service.motion_service import MotionService
+from wayfarer.service.persistence.crash_loop import NAME as STARTS
+from wayfarer.service.persistence.crash_loop import STARTS as EARLY
+from wayfarer.service.persistence.crash_loop import CrashLoopGuard
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.journal_file import NAME, EntryKind
-from wayfarer.service.persistence.trial import NAME as STARTS
-from wayfarer.service.persistence.trial import STARTS as EARLY
-from wayfarer.service.persistence.trial import Trial
 from wayfarer.service.thread import MotionThread
 from wayfarer.transport.metrics import Metrics
 from wayfarer.world.agents.agent import SessionSpec
@@ -210,9 +210,9 @@ def test_a_session_during_whose_trials_the_process_ends_is_set_aside(tmp_path):
         raise Killed
 
     for _ in range(EARLY):
-        assert not Trial(tmp_path).begin()
+        assert not CrashLoopGuard(tmp_path).begin()
     for _ in range(2):
-        trial = Trial(tmp_path)
+        trial = CrashLoopGuard(tmp_path)
         assert trial.begin() and trial.passes("a", lambda: None)
         kept = (tmp_path / STARTS).read_text()
         try:
@@ -220,11 +220,11 @@ def test_a_session_during_whose_trials_the_process_ends_is_set_aside(tmp_path):
         except Killed:  # a real end runs no `finally`
             (tmp_path / STARTS).write_text(ends_of[-1])
         assert json.loads(kept)["ended"].get("a") is None
-    trial = Trial(tmp_path)
+    trial = CrashLoopGuard(tmp_path)
     assert trial.begin() and trial.passes("a", lambda: None)
     assert not trial.passes("b", die), "it is not even tried"
     trial.end()
-    assert not Trial(tmp_path).begin()
+    assert not CrashLoopGuard(tmp_path).begin()
 
 
 ends_of = []
@@ -236,10 +236,10 @@ def kept_ends(folder):
 
 def test_a_count_that_cannot_be_read_is_begun_again(tmp_path):
     (tmp_path / STARTS).write_text("{")
-    assert not Trial(tmp_path).begin()
+    assert not CrashLoopGuard(tmp_path).begin()
     assert json.loads((tmp_path / STARTS).read_text())["starts"] == 1
 
 
 def test_without_a_folder_nothing_is_counted():
-    assert not Trial(None).begin()
-    Trial(None).end()
+    assert not CrashLoopGuard(None).begin()
+    CrashLoopGuard(None).end()

@@ -11,8 +11,8 @@ import structlog
 from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.persistence.crash_loop import CALM_SECONDS, CrashLoopGuard
 from wayfarer.service.persistence.journal import Journal
-from wayfarer.service.persistence.trial import CALM_SECONDS, Trial
 from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.scenes.scene_registry import SceneRegistry
@@ -35,7 +35,7 @@ class Persistence:
         """Read it. Raises ArtifactError when it holds more than the limits allow."""
         self._journal = journal
         self._meter = meter or MetricsSink()
-        self._trial = Trial(None if journal is None else journal.folder)
+        self._guard = CrashLoopGuard(None if journal is None else journal.folder)
         self._saving: asyncio.Task[None] | None = None
         self._records = journal.restore(limits) if journal is not None else []
         self._scenes = journal.restore_scenes() if journal is not None else []
@@ -83,9 +83,9 @@ class Persistence:
         One that fails is set aside. When the server keeps ending as it starts, `try_out` steps each
         session in a world apart before.
         """
-        are_tried = self._trial.begin()
+        are_tried = self._guard.begin()
         for record in self._records:
-            if are_tried and not self._trial.passes(record.session_id, partial(try_out, record)):
+            if are_tried and not self._guard.passes(record.session_id, partial(try_out, record)):
                 self._set_aside(record, "trial")
                 continue
             try:
@@ -137,7 +137,7 @@ class Persistence:
         if self._journal is not None:
             await asyncio.to_thread(self._journal.stop)
         if in_good_order:
-            self._trial.end()
+            self._guard.end()
 
     async def _save(self, save: Callable[[], Awaitable[None]]) -> None:
         """Save again and again. When that has worked for a while the start has succeeded."""
@@ -157,7 +157,7 @@ class Persistence:
             if began is None:
                 began = loop.time()
             elif began + CALM_SECONDS < loop.time():
-                self._trial.end()
+                self._guard.end()
                 began = math.inf
 
 

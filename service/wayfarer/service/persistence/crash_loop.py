@@ -25,7 +25,7 @@ CALM_SECONDS: Final = 30.0
 """Seconds after the start from which the process does not end because of what it has restored."""
 
 
-class Trial:
+class CrashLoopGuard:
     """The count of a state folder; without one, nothing is counted."""
 
     def __init__(self, folder: Path | None) -> None:
