@@ -14,6 +14,7 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
+from wayfarer.processor import cores
 from wayfarer_lab.evaluation.report import meta as report_meta
 
 Row = dict[str, Any]
@@ -103,7 +104,7 @@ def meta(**about: Any) -> dict[str, Any]:
     made = report_meta(about)
     del made["metrics_version"]  # of quality, not of time
     made["machine"] |= {
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": cores(),
         "flags": _flags(),
         "ram_gb": round(psutil.virtual_memory().total / 1e9, 1),
         "load": round(os.getloadavg()[0], 2),  # of others, if it is high when a run begins

@@ -88,7 +88,9 @@ class Driven:
         self._world = World(
             engine or InstantEngine(), bodies, load_start_poses(START_POSES), settings
         )
-        self._publisher = Publisher(settings.limits, self._meter, self._world.get_agent)
+        self._publisher = Publisher(
+            settings.limits, self._meter, self._world.get_agent, self._world.faults
+        )
         self.subscriptions: list[Subscription] = []
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:

@@ -10,7 +10,6 @@ be there every 0.2 s (the paper counts with 0.25 s).
 """
 
 import argparse
-import os
 import time
 from math import ceil
 from pathlib import Path
@@ -21,6 +20,7 @@ from benchmarks.models import GENDER, add_engine, opened
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
 from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.processor import cores
 from wayfarer.spec import STEP_SECONDS
 
 PAPER_SECONDS = {64: 0.1, 128: 0.15, 256: 0.25, 512: 0.5, 1024: 0.85}
@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0, help="0: one for each core")
     parser.add_argument("--model", type=Path, default=DEFAULT_MODEL)
     asked: argparse.Namespace = parser.parse_args()
-    threads = asked.threads or len(os.sched_getaffinity(0))
+    threads = asked.threads or cores()
     rows = table(opened(asked.engine, threads, asked.model), 0.3 if asked.quick else 2.0)
     largest = next(row for row in rows if row["bodies"] == max(PAPER_SECONDS))
     whole = bench.ratio(largest["one_call_s"] / largest["best_calls_s"], "lower")

@@ -17,7 +17,6 @@ in the same time if all cores did nothing else.
 
 import argparse
 import asyncio
-import os
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -28,6 +27,7 @@ from benchmarks.models import add_engine, opened
 from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, add_rings, loaded, ring_rows, ringed, settings
 from wayfarer.engines.engine import Engine
+from wayfarer.processor import cores
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import find_knee, in_time
 from wayfarer_lab.load.plan import TRANSPORTS, LoadPlan
@@ -126,11 +126,11 @@ def main() -> None:
     asked: argparse.Namespace = parser.parse_args()
     seconds = asked.seconds or (15.0 if asked.quick else 300.0)
     command = (*SERVE, "--engine", asked.engine)
-    cores = len(os.sched_getaffinity(0))
+    count = cores()
 
     rows, of_rings, ratios = [], [], {}
     for candidates in asked.candidates:
-        engine = opened(asked.engine, cores)
+        engine = opened(asked.engine, count)
         could = alone(engine, candidates, 0.3 if asked.quick else 1.0)
         del engine
         short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0, **ringed(asked))

@@ -214,7 +214,7 @@ def simulated(agents: int, asked: argparse.Namespace) -> Row:
     )
     bodies = {gender: load_body(SHIPPED, gender, "low") for gender in GENDERS}
     world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
-    publisher = Publisher(limits, meter, world.get_agent)
+    publisher = Publisher(limits, meter, world.get_agent, world.faults)
     thread: Any = MotionThread(
         world=world,
         publisher=publisher,

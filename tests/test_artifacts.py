@@ -6,9 +6,11 @@ import pytest
 from tests.engines.graphs import IDENTITIES, save, step_model, write_folder
 from wayfarer import artifacts
 from wayfarer.artifacts import (
+    FORMAT,
     MANIFEST,
     contract_for,
     contract_to_json,
+    format_of,
     load_model_folder,
     names_sha256,
     sha256_of,
@@ -89,6 +91,30 @@ def test_a_contract_that_does_not_fit_is_refused(tmp_path, old, new, message):
     with pytest.raises(ArtifactError, match=message) as error:
         load(write_folder(tmp_path / "tiny", **{old: new}))
     assert "step_" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "made_with"),
+    [
+        ('"floor_origin": true, ', "", 1),
+        (', "clearance"', "", 2),
+    ],
+)
+def test_a_model_of_an_earlier_build_is_refused_with_its_cure(tmp_path, old, new, made_with):
+    with pytest.raises(ArtifactError) as error:
+        load(write_folder(tmp_path / "tiny", **{old: new}))
+    text = str(error.value)
+    assert "\n" not in text and "step_" in text
+    assert f"earlier build of Wayfarer (model format {made_with}; this build has 3)" in text
+    assert "`wayfarer export`" in text
+
+
+def test_a_model_of_this_build_has_its_format():
+    contract = contract_for("step_male.onnx", "tiny", IDENTITIES["male"])
+    assert format_of(json.loads(contract_to_json(contract))) == FORMAT
+    for name in artifacts.GRAPHS:
+        other = contract_for(name, "tiny", IDENTITIES["female"])
+        assert format_of(json.loads(contract_to_json(other))) == FORMAT
 
 
 def test_another_order_of_markers_is_refused(folder):

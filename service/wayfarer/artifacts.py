@@ -34,6 +34,11 @@ ASSETS: Final = Path(__file__).parent / "assets"
 """The shipped body, models and start poses."""
 
 SCHEMA: Final = 1
+FORMAT: Final = 3
+"""Of the models that this build makes and reads. Models do not state it: what they lack does, see
+`format_of`, which gets a line more whenever a contract or a graph's inputs change.
+"""
+
 METADATA_KEY: Final = "wayfarer"
 MANIFEST: Final = "manifest.json"
 WEIGHTS: Final = "weights.bin"
@@ -151,6 +156,16 @@ def contract_for(file: str, model: str, body: BodyIdentity, floor_origin: bool =
     )
 
 
+def format_of(contract: Mapping[str, Any]) -> int:
+    """The format of a model, by the contract of one of its graphs as it was read."""
+    if "floor_origin" not in contract:
+        return 1
+    terms = contract.get("terms")
+    if contract.get("kind") == "step" and isinstance(terms, list) and "clearance" not in terms:
+        return 2  # its graphs know no obstacles
+    return FORMAT
+
+
 def contract_to_json(contract: Contract) -> str:
     """The text that goes into `metadata_props["wayfarer"]`."""
     return json.dumps(asdict(contract))
@@ -159,6 +174,14 @@ def contract_to_json(contract: Contract) -> str:
 def contract_from_json(text: str, where: str) -> Contract:
     """Read a contract; `where` opens the error messages. Raises ArtifactError."""
     values = _json_object(text, f"{where}: metadata {METADATA_KEY!r}")
+    known = {f.name for f in fields(Contract)}
+    # a contract that lacks anything else is no earlier one but a damaged one
+    if known - set(values) <= {"floor_origin"} and (found := format_of(values)) < FORMAT:
+        raise ArtifactError(
+            f"{where}: is of an earlier build of Wayfarer (model format {found}; this build has "
+            f"{FORMAT}): export its training runs again with `wayfarer export`, or use the model "
+            "that is shipped"
+        )
     _same_keys(values, [f.name for f in fields(Contract)], f"{where}: metadata {METADATA_KEY!r}")
     if not isinstance(values["floor_origin"], bool):
         raise ArtifactError(

@@ -17,10 +17,11 @@ from wayfarer.config import Settings
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.models import LoadedModels
-from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
 from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
 from wayfarer.ownership import Ownership, SingleNode
+from wayfarer.processor import cores
+from wayfarer.service.faults import FaultLog
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.persistence.container import BETWEEN_SERVERS
@@ -104,8 +105,12 @@ def runtime(
     clock: Callable[[], float],
     meter: MetricsSink | None = None,
     ownership: Ownership = SingleNode(),
+    ended: Callable[[], None] = lambda: None,
 ) -> MotionService:
-    """The runtime over the models; not yet started. Raises ArtifactError."""
+    """The runtime over the models; not yet started. Raises ArtifactError.
+
+    `ended`: see `MotionService`.
+    """
     engine = open_engine(
         folder,
         settings.engine,
@@ -149,6 +154,7 @@ def runtime(
         settings=world_settings,
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
         bake_queue=BakeQueue(settings.limits),
+        report=FaultLog(meter or MetricsSink()),
     )
     return MotionService(
         worlds,
@@ -157,6 +163,7 @@ def runtime(
         meter,
         open_model=model_store(settings, folder.body).open,
         may_step=ownership.may_step,
+        ended=ended,
     )
 
 

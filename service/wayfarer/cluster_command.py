@@ -21,9 +21,9 @@ from wayfarer.cluster.directory_service import DirectoryClient, DirectoryLink
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.config import PeerTls, Settings
-from wayfarer.engines.row_partitioner import cores
 from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.logs import configure_logging
+from wayfarer.processor import cores
 from wayfarer.serve import SIGNALS, given_options, run, warn_if_open, with_options
 from wayfarer.transport.tls import peer_tls
 

@@ -167,7 +167,8 @@ class Settings(BaseSettings):
         default=0,
         ge=0,
         le=256,
-        description="threads of the engine; 0: all cores, shared among the nodes",
+        description="threads of the engine; 0: all cores that affinity and CPU quota "
+        "(cgroup) allow, shared among the nodes",
     )
     workers: int = Field(
         default=1,

@@ -27,8 +27,10 @@ from wayfarer.cluster.node_agent import joined, read_plan, tenancy_of
 from wayfarer.cluster.plans import check_state
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
+from wayfarer.errors import Unavailable
 from wayfarer.logs import configure_logging
 from wayfarer.ownership import Ownership, SingleNode
+from wayfarer.processor import cores
 from wayfarer.service.live import steady_clock
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
@@ -58,11 +60,12 @@ OPTIONS: Final = (
 async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
-    As a node of several (`plan`), or as the whole server.
+    As a node of several (`plan`), or as the whole server. Raises Unavailable when the motion loop
+    has failed for good, so that whatever watches the process starts it again.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
     share_heaps()
-    stop = asyncio.Event()
+    stop, failed = asyncio.Event(), asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
@@ -75,7 +78,12 @@ async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
     folder = model_folder(settings)
     tenancy = tenancy_of(plan, fingerprint(folder)) if plan else None
     ownership: Ownership = tenancy or SingleNode()
-    motion = runtime(settings, folder, clock, operation.metrics, ownership)
+
+    def ended() -> None:
+        for event in (failed, stop):
+            loop.call_soon_threadsafe(event.set)
+
+    motion = runtime(settings, folder, clock, operation.metrics, ownership, ended)
     gateway = Gateway(motion, BodyLibrary(folder.body), settings.limits, clock, stop.set, ownership)
     server = Server(gateway, settings.host, settings.http_port, settings.grpc_port, operation)
     motion.start()
@@ -99,6 +107,8 @@ async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
             await server.stop()
     finally:
         await motion.stop()
+    if failed.is_set():
+        raise Unavailable("the motion loop has failed, and the server ends; its log tells why")
     log.info("stopped")
 
 
@@ -116,7 +126,7 @@ def share_heaps() -> None:
     if "MALLOC_ARENA_MAX" in os.environ:
         return  # it was asked for otherwise
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
-        libc.mallopt(M_ARENA_MAX, os.cpu_count() or 1)
+        libc.mallopt(M_ARENA_MAX, cores())
 
 
 def settle() -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from tests.world.fakes import FakeEngine
 from wayfarer.engines.dummy import dummy_inputs
-from wayfarer.engines.row_partitioner import LEAST, NICENESS, RowPartitioner, cores, give_way
+from wayfarer.engines.row_partitioner import LEAST, NICENESS, RowPartitioner, give_way
+from wayfarer.processor import cores
 
 MOST = 64
 

@@ -60,6 +60,9 @@ class Notes:
     def sent(self, due):
         pass
 
+    def strayed(self, session_id, agent_id):
+        pass
+
     def stood(self, agents):
         self.calls.append(("stood", [agent.agent_id for agent in agents]))
 

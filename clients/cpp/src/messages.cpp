@@ -11,7 +11,8 @@ namespace {
 constexpr std::string_view STATES[]{"unknown", "standing", "walking", "stopping", "turning"};
 constexpr std::string_view EVENTS[]{
     "unknown",     "goal_reached", "path_done",  "gap",             "draining",  "model_changed",
-    "unreachable", "blocked",      "goal_moved", "behaviour_ended", "agent_left"};
+    "unreachable", "blocked",      "goal_moved", "behaviour_ended", "agent_left",
+    "fault"};
 constexpr std::string_view BASIS_NAMES[]{"gltf", "gltf", "unity", "unreal", "unreal_mannequin", "blender", "ros"};
 
 /// Names of numbers that a later server may have more of.

@@ -130,6 +130,9 @@ class FallWatch:
     ) -> None:
         """What is sent counts."""
 
+    def strayed(self, session_id: str, agent_id: str) -> None:
+        """Evaluations contain no faults."""
+
     def stood(self, agents: Sequence[Agent]) -> None:
         """What is sent counts."""
 

@@ -26,6 +26,7 @@ from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.processor import cores
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.evaluation.fitted import FittedStep
 from wayfarer_lab.training.pose_networks import PosePrior
@@ -137,8 +138,8 @@ def load_parts(models: Path, runs: Path | None = None, threads: int = 0) -> Part
 
     `threads` go to onnxruntime and to torch; 0: all cores. Raises ArtifactError.
     """
-    if threads:
-        torch.set_num_threads(threads)
+    threads = threads or min(torch.get_num_threads(), cores())
+    torch.set_num_threads(threads)
     parts = _from_models(models, threads)
     return parts if runs is None else _with_runs(parts, runs)
 

@@ -6,7 +6,6 @@ row is called "mocap" (`MOCAP`), made by the same code.
 
 import json
 import math
-import os
 import platform
 import shlex
 import subprocess
@@ -23,6 +22,7 @@ from rich.table import Table
 
 from wayfarer import __version__
 from wayfarer.errors import FailedPrecondition
+from wayfarer.processor import cores
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import VERSION
 
@@ -115,7 +115,7 @@ def meta(about: dict[str, Any]) -> dict[str, Any]:
         "command": shlex.join(["wayfarer", *sys.argv[1:]]),
         **about,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "machine": {"cpu": _cpu(), "cores": os.cpu_count(), "system": platform.platform()},
+        "machine": {"cpu": _cpu(), "cores": cores(), "system": platform.platform()},
         "commit": commit(),
         "metrics_version": VERSION,
         "versions": {

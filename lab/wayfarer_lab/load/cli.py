@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wayfarer import __version__
+from wayfarer.processor import cores
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
 from wayfarer_lab.load.plan import LoadPlan
@@ -125,7 +126,7 @@ async def _load(
     console = Console()
     meta: dict[str, Any] = {
         "wayfarer": __version__,
-        "machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores",
+        "machine": f"{platform.processor() or platform.machine()}, {cores()} cores",
         "plan": vars(plan),
         "serve": list(serve),
     }

@@ -13,6 +13,7 @@ from rich.progress import Progress
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
+from wayfarer.processor import cores
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.blend import blend_runs
@@ -125,8 +126,7 @@ def training(
             minutes: MinutesOption = float("inf"),
             threads: ThreadsOption = 0,
         ) -> None:
-            if threads:
-                torch.set_num_threads(threads)
+            torch.set_num_threads(threads or min(torch.get_num_threads(), cores()))
             done = train(read_config(kind, config, changes or ()), data, out, minutes)
             typer.echo(f"{out}: finished" if done else f"{out}: stopped; the same command resumes")
 

@@ -291,6 +291,8 @@ class NodeAgent:
                     await asyncio.sleep(RENEW_S)
                     continue
                 log.error("session not adopted", session_id=name, reason=str(error))
+            except Exception:  # the others are adopted all the same
+                log.exception("session not adopted", session_id=name)
             else:
                 adopted += 1
                 log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())

@@ -1,6 +1,5 @@
 """What each node of `wayfarer serve --workers N` is to be: its ports, cores and state folder."""
 
-import os
 import secrets
 import sys
 from itertools import pairwise
@@ -10,6 +9,7 @@ from typing import Final
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.config import Settings
 from wayfarer.errors import InvalidArgument
+from wayfarer.processor import core_numbers, cores
 
 JOURNAL: Final = "journal.sqlite3"
 FOLDER: Final = "worker-"
@@ -22,7 +22,7 @@ def node_plans(settings: Settings) -> list[NodePlan]:
             "setting workers: several need pipes and clocks that Windows has not; set 1", "workers"
         )
     check_state(settings)
-    shares, secret = shares_of(_cores(), settings.workers), secrets.token_hex(32)
+    shares, secret = shares_of(core_numbers(), settings.workers), secrets.token_hex(32)
     return [
         NodePlan(
             name=f"node{number}",
@@ -53,8 +53,10 @@ def shares_of(cores: list[int], nodes: int) -> list[tuple[int, ...]]:
 
 
 def threads_of(settings: Settings) -> int:
-    """Threads of each node's engine: the cores of the node that has the fewest."""
-    return settings.threads or len(shares_of(_cores(), settings.workers)[0])
+    """Threads of each node's engine: the cores of the node that has the fewest, by affinity and
+    quota.
+    """
+    return settings.threads or max(cores() // settings.workers, 1)
 
 
 def check_state(settings: Settings) -> None:
@@ -83,10 +85,3 @@ def _kept(folder: Path) -> int:
 def _port(public: int, number: int) -> int:
     """It follows the server's own, so that a firewall can name it; any, where that is any."""
     return public and public + 1 + number
-
-
-def _cores() -> list[int]:
-    """Those that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))

@@ -15,6 +15,7 @@ from typing import Final
 
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import join, part
+from wayfarer.processor import cores
 
 NICENESS: Final = 5
 """Above that of the process, for threads that compute."""
@@ -70,10 +71,3 @@ def give_way(more: int = NICENESS) -> None:
         thread = threading.get_native_id()
         niceness = os.getpriority(os.PRIO_PROCESS, thread) + more
         os.setpriority(os.PRIO_PROCESS, thread, min(niceness, 19))
-
-
-def cores() -> int:
-    """Cores that the process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -13,7 +13,9 @@ from itertools import groupby
 from operator import attrgetter
 from typing import Final, TypeVar
 
-from wayfarer.errors import NotFound, ResourceExhausted, WayfarerError
+import structlog
+
+from wayfarer.errors import FailedPrecondition, NotFound, ResourceExhausted, WayfarerError
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.persistence.capture import capture_planned
@@ -25,11 +27,14 @@ from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.service.thread import MotionThread
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Append, GoalCommand
 from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.world import World
+
+log = structlog.get_logger(__name__)
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -55,14 +60,21 @@ class LiveMotion:
         clock: Callable[[], float] | None = None,
         meter: MetricsSink | None = None,
         may_step: Callable[[], bool] = lambda: True,
+        keep_aside: Callable[[str], None] = lambda session_id: None,
+        ended: Callable[[], None] = lambda: None,
     ) -> None:
-        """`warm_up` is called on the motion thread before its first turn; `may_step`: see there."""
+        """`warm_up` is called on the motion thread before its first turn; `may_step` and `ended`:
+        see there. `keep_aside(session)` keeps what the disk has of a session that is taken out.
+        """
+        self._keep_aside = keep_aside
         self._world = world
         self._clock = clock or steady_clock()
         self._meter = meter or MetricsSink()
         self._inbox = Inbox(INBOX)
         self._workshop = ThreadPoolExecutor(1, "newcomers")
-        self._publisher = Publisher(world.settings.limits, self._meter, world.get_agent)
+        self._publisher = Publisher(
+            world.settings.limits, self._meter, world.get_agent, world.faults
+        )
         self._thread = MotionThread(
             world=world,
             publisher=self._publisher,
@@ -72,6 +84,8 @@ class LiveMotion:
             clock=self._clock,
             meter=self._meter,
             may_step=may_step,
+            set_aside=lambda session_id: self.set_aside(session_id, "turn"),
+            ended=ended,
         )
 
     # Life
@@ -89,6 +103,11 @@ class LiveMotion:
     def ready(self) -> bool:
         """See `MotionService`."""
         return self._thread.ready
+
+    @property
+    def failed(self) -> bool:
+        """The thread has ended without having been stopped."""
+        return self._thread.failed
 
     @property
     def alive(self) -> bool:
@@ -238,6 +257,23 @@ class LiveMotion:
         session = self._world.members.put_session(record, now, admit, examined)
         self._publisher.adopt(record)
         return session.info()
+
+    def set_aside(self, session_id: str, why: str) -> None:
+        """Take a session out that cannot go on; `why` is one of `SET_ASIDE`.
+
+        For callers who are on the motion thread.
+        """
+        log.error("a session is set aside: it cannot go on", session=session_id, why=why)
+        self._meter.set_aside(why)
+        self._keep_aside(session_id)
+        error = FailedPrecondition(
+            f"session {session_id!r} was set aside: an error in the server came again and again"
+        )
+        try:
+            self._delete_session(session_id, error)
+        except Exception as problem:  # at least it gets no more turns
+            self._world.faults.nobody(Stage.SCHEDULE, problem)
+            self._world.freeze_all(session_id)
 
     def _use_model(self, name: str) -> int:
         moved, now = self._world.use_model(name), self._clock()

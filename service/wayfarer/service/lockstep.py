@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from math import floor
 from typing import Final, TypeVar
 
@@ -31,6 +32,7 @@ from wayfarer.world.agents.agent import (
     SessionInfo,
     SessionSpec,
 )
+from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.events import Event
 from wayfarer.world.goals.commands import GoalCommand
@@ -60,7 +62,9 @@ class LockStep:
         self._offline = offline
         self._started_at = floor(started_at / STEP_SECONDS) * STEP_SECONDS  # as agents' steps are
         self._inbox = Inbox(INBOX)
-        self._goal_events = GoalEvents(world.get_agent)
+        self._goal_events = GoalEvents(
+            world.get_agent, partial(world.faults.agent, stage=Stage.EVENT)
+        )
         self._told: list[Event] = []  # since the last primitive
         self._steps = self._position = 0
         self._ended = False

@@ -1,6 +1,7 @@
 """Where the loop's figures go; the service counts them for Prometheus, tests and tools do not."""
 
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,11 @@ from wayfarer.world.rows import Int8
 
 Seconds = NDArray[np.float64]
 """One for each of several things."""
+
+
+SET_ASIDE: Final = ("unsound", "restore", "trial", "turn")
+"""Why sessions are set aside: their entries cannot be read; an error as they are restored; the
+process ended while they were tried; they fail turn after turn."""
 
 
 class ResumeResult(StrEnum):
@@ -55,6 +61,12 @@ class MetricsSink:
 
     def refusal(self, command: str) -> None:
         """A command, by its name in `MotionService`, ended with ResourceExhausted."""
+
+    def fault(self, stage: str) -> None:
+        """An error in a stage of a turn was contained; see `world/agents/faults.py`."""
+
+    def set_aside(self, what: str) -> None:
+        """A session or a scene was taken out for good, as it could not go on: `what` says why."""
 
     def journal(self, entries: int, failed: bool) -> None:
         """The journal wrote `entries` in one transaction, or failed to."""

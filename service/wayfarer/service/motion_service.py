@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from typing import Final
 
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.model_store import ModelLoader, no_model
@@ -37,6 +38,9 @@ from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.world import World
 
+TRIAL_SECONDS: Final = 1.0
+"""Seconds for which a session is stepped when it is tried."""
+
 
 class MotionService:
     """Sessions, agents, goals, streams; scenes have a part of their own."""
@@ -49,17 +53,19 @@ class MotionService:
         meter: MetricsSink | None = None,
         open_model: Callable[[str], Engine] = no_model,
         may_step: Callable[[], bool] = lambda: True,
+        ended: Callable[[], None] = lambda: None,
     ) -> None:
         """`warm_up` is called with the world in real time, on the motion thread before its first
         turn. `open_model(name)` opens one more model, in a thread of its own. `may_step`: of
-        `Ownership`.
+        `Ownership`. `ended()` is called, from another thread, when the motion loop has failed for
+        good: nothing works any more, and the process should end.
 
         What the journal holds is read here and goes on once the thread is warm. Raises
         ArtifactError when that is more than the limits allow.
         """
         self._worlds = worlds
         self._archive = Archive(worlds)
-        self._persistence = Persistence(worlds.journal, worlds.settings.limits)
+        self._persistence = Persistence(worlds.journal, worlds.settings.limits, meter)
         self._clock = clock or steady_clock()
         self._offline = Offline(worlds.settings.limits.offline_jobs)
         self._model_loader = ModelLoader(worlds.models, open_model)
@@ -67,7 +73,13 @@ class MotionService:
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
         self._live = LiveMotion(
-            self._world, lambda: self._wake(warm_up), self._clock, meter, may_step
+            self._world,
+            lambda: self._wake(warm_up),
+            self._clock,
+            meter,
+            may_step,
+            self._keep_aside,
+            ended,
         )
         self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self.scenes = SceneService(
@@ -100,7 +112,7 @@ class MotionService:
         self.scenes.stop()
         await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
         self._world.checkpoint()
-        await self._persistence.stop()
+        await self._persistence.stop(in_good_order=not self._live.failed)
 
     @property
     def ready(self) -> bool:
@@ -247,6 +259,15 @@ class MotionService:
         """Raises NotFound, FailedPrecondition while it is in use."""
         self._worlds.models.remove(name)
 
+    # Faults
+
+    async def set_aside(self, session_id: str) -> None:
+        """Take a session out that cannot go on, and keep what the disk has of it."""
+        if self._lock_steps.session(session_id):
+            await self.delete_session(session_id)
+            return
+        await self._live.ask(lambda *_: self._live.set_aside(session_id, "restore"))
+
     # Snapshots and logs
 
     async def export_session(self, session_id: str) -> bytes:
@@ -325,7 +346,21 @@ class MotionService:
         """Warm up, then restore the journal. Runs on the motion thread, before its first turn."""
         warm_up(self._world)
         self._persistence.restore_scenes(self._worlds.scenes)
-        self._persistence.restore(self._adopt)
+        self._persistence.restore(self._adopt, self._try_out)
+
+    def _try_out(self, record: SessionRecord) -> None:
+        """Step a session in a world apart."""
+        world, now = self._worlds.apart(), self._clock()
+        world.members.put_session(record, now, admit=False)
+        try:
+            for _ in world.advance(now + TRIAL_SECONDS):
+                pass
+        finally:
+            world.delete_session(record.session_id)
+
+    def _keep_aside(self, session_id: str) -> None:
+        session = self._world.registry.session(session_id)
+        self._persistence.set_aside(session_id, tuple(session.agents), session.spec.scene)
 
     def _adopt(self, record: SessionRecord) -> SessionInfo:
         if record.spec.lock_step:

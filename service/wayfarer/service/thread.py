@@ -5,15 +5,17 @@ followed by larger batches, not by later frames. But what can no longer be seen 
 (an overloaded or suspended machine): its agents go on later, by whole primitives, and all the time
 there is goes to those that can still be. `skipped_steps` in the statistics counts that.
 
-An error in a turn is logged and counted, `ready` is false until a turn succeeds again, and the turn
+An error that one agent or session causes is contained to it (`world/agents/faults.py`). Any other
+error in a turn is logged and counted, `ready` is false until a turn succeeds again, and the turn
 is tried again. After `FAILURES` in a row the thread ends, and with it every stream and command
-(Unavailable).
+(Unavailable); then the process ends, so that whatever watches it starts it again.
 """
 
 import asyncio
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import Enum, auto
 from functools import partial
 from typing import Final
@@ -27,10 +29,11 @@ from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats, ThreadFigures
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.spec import FPS
+from wayfarer.world.agents.faults import MAX_FAULTS, Stage
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.views import agents_by_sight, agents_by_state
 from wayfarer.world.events import Event, EventKind
-from wayfarer.world.stepping.due import sights_of
+from wayfarer.world.stepping.due import Due, sights_of
 from wayfarer.world.stepping.scheduler import PendingStep
 from wayfarer.world.world import World
 
@@ -52,6 +55,8 @@ HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
 PAUSED_SECONDS: Final = 0.02  # between looks whether it may step again
+VITAL: Final = frozenset((Stage.PUBLICATION, Stage.EVENT))
+"""Stages without which nobody sees a session."""
 
 
 class Phase(Enum):
@@ -77,9 +82,13 @@ class MotionThread:
         clock: Callable[[], float],
         meter: MetricsSink,
         may_step: Callable[[], bool] = lambda: True,
+        set_aside: Callable[[str], None] = lambda session_id: None,
+        ended: Callable[[], None] = lambda: None,
     ) -> None:
         """`warm_up` is called on the thread before the first turn. While `may_step()` is false
-        (`Ownership`), nothing is stepped or sent; commands are still served.
+        (`Ownership`), nothing is stepped or sent; commands are still served. `set_aside(session)`
+        takes out a session that fails turn after turn. `ended()` is called when the thread ends
+        without having been stopped.
         """
         self._world = world
         self._publisher = publisher
@@ -87,8 +96,10 @@ class MotionThread:
         self._warm_up = warm_up
         self._clock = clock
         self._may_step = may_step
+        self._set_aside = set_aside
+        self._on_end = ended
         self._phase = Phase.NEW
-        self._stopping = False
+        self._stopping = self._failed = False
         self._pipeline = pipeline
         self._thread = threading.Thread(target=self.run, name="motion-loop", daemon=True)
         self._started_at = self._beat = clock()
@@ -113,6 +124,11 @@ class MotionThread:
     def ready(self) -> bool:
         """Warm, running, and the last turn succeeded."""
         return self._phase is Phase.RUNNING and self._failures_in_a_row == 0
+
+    @property
+    def failed(self) -> bool:
+        """It has ended by an error."""
+        return self._failed
 
     @property
     def alive(self) -> bool:
@@ -160,15 +176,18 @@ class MotionThread:
             applied += 1
         self._schedule(now, refill=applied > 0)
         self._publish()
+        for session_id in self._world.faults.take_condemned():
+            self._set_aside(session_id)
         return applied
 
     # The parts of a turn
 
     def _forget(self, left: list[Agent], now: float) -> None:
         for agent in left:
-            self._publisher.forget_agent(agent.session_id, agent.agent_id)
             event = Event(EventKind.AGENT_LEFT, now, agent.agent_id, agent.alias)
-            self._publisher.tell(agent.session_id, [event])
+            with self._contained(agent.session_id, Stage.EVENT):
+                self._publisher.forget_agent(agent.session_id, agent.agent_id)
+                self._publisher.tell(agent.session_id, [event])
 
     def _apply(self, step: PendingStep, seconds: float) -> None:
         agents, now = self._world.apply(step), self._clock()
@@ -195,13 +214,38 @@ class MotionThread:
             least, most = BETWEEN_SECONDS
             self._publish_at = began + min(max(BETWEEN_SHARE * late, least), most)
         sights = sights_of(due, self._world.slots)  # by which they came first, or later
-        for session_id, chunks, slots in due:
-            self._publisher.publish(session_id, chunks)
-            self._world.see(session_id, slots, self._publisher.sights(session_id, chunks))
+        for one in due:
+            self._publish_one(one)
         self._figures.published(now, due, sights)
         for session_id, event in self._world.take_events():
-            self._publisher.tell(session_id, [event])
+            with self._contained(session_id, Stage.EVENT):
+                self._publisher.tell(session_id, [event])
         self._publisher.flush()
+
+    def _publish_one(self, due: Due) -> None:
+        session_id, chunks, slots = due
+        try:
+            self._publisher.publish(session_id, chunks)
+            self._world.faults.succeeded(session_id, Stage.PUBLICATION)
+        except Exception as error:
+            self._fault(session_id, Stage.PUBLICATION, error)
+        try:
+            self._world.see(session_id, slots, self._publisher.sights(session_id, chunks))
+        except Exception as error:
+            self._fault(session_id, Stage.SIGHT, error)
+
+    def _fault(self, session_id: str, stage: Stage, error: Exception) -> None:
+        """A fault of the session; one that cannot be shown turn after turn is taken out."""
+        faults = self._world.faults
+        if faults.session(session_id, stage, error) >= MAX_FAULTS and stage in VITAL:
+            faults.condemn(session_id)
+
+    @contextmanager
+    def _contained(self, session_id: str, stage: Stage) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            self._fault(session_id, stage, error)
 
     def _is_due(self, now: float) -> bool:
         event = self._world.next_event()
@@ -228,10 +272,13 @@ class MotionThread:
         except Exception as error:
             reason = f"the motion loop has failed: {error}"
             log.exception("motion loop ended")
+            self._failed = True
         self._pipeline.close()
         self._phase = Phase.ENDED
         self._inbox.close(reason)
         self._publisher.end_all(None if self._stopping else Unavailable(reason))
+        if self._failed:
+            self._on_end()
 
     def _measured_turn(self) -> None:
         self._beat = self._clock()
@@ -262,7 +309,8 @@ class MotionThread:
         waiting = self._publisher.waiting_sessions(now)
         self._figures.held = len(waiting)
         for session_id in waiting:
-            self._world.hold(session_id, now + HOLD_SECONDS)
+            with self._contained(session_id, Stage.SCHEDULE):
+                self._world.hold(session_id, now + HOLD_SECONDS)
         by_sight = self._world.skip(now)
         if skipped := int(by_sight.sum()):
             self._figures.skipped += by_sight

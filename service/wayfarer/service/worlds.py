@@ -19,6 +19,7 @@ from wayfarer.service.persistence.capture import JournalObserver
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.record import Recordings
 from wayfarer.service.persistence.snapshot import BodyStamp
+from wayfarer.world.agents.faults import Report
 from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
@@ -40,6 +41,7 @@ class Worlds:
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
     bake_queue: BakeQueue | None = None  # None: the caller's thread bakes
+    report: Report | None = None  # gets the faults of sessions' worlds; None: they are raised
 
     @cached_property
     def scenes(self) -> SceneRegistry:
@@ -74,6 +76,13 @@ class Worlds:
             replace(self._patient(), limits=self.settings.limits.model_copy(update={"sessions": 1}))
         )
 
+    def apart(self) -> World:
+        """For one session that is tried; nothing of it is kept."""
+        settings = self._patient()
+        return World(
+            self.models.copy(), self.bodies, self.start_poses, settings, self.scenes, self.report
+        )
+
     def solo(self) -> World:
         """For one agent who walks again, or for a clip; nothing of it is kept."""
         farther = self.settings.limits.goal_distance_m + SLACK
@@ -96,7 +105,9 @@ class Worlds:
         )
 
     def _kept(self, settings: WorldSettings) -> World:
-        world = World(self.models, self.bodies, self.start_poses, settings, self.scenes)
+        world = World(
+            self.models, self.bodies, self.start_poses, settings, self.scenes, self.report
+        )
         world.observe(self.recordings)
         if self.journal is not None:
             world.observe(JournalObserver(self.journal, world))

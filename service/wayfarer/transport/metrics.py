@@ -22,11 +22,12 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from wayfarer import __version__
-from wayfarer.service.metrics_sink import MetricsSink, ResumeResult, Seconds
+from wayfarer.service.metrics_sink import SET_ASIDE, MetricsSink, ResumeResult, Seconds
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, Sight
+from wayfarer.world.agents.faults import Stage
 from wayfarer.world.rows import Int8
 
 MISSED_S: Final = 1 / FPS
@@ -79,6 +80,13 @@ class Metrics(MetricsSink):
             registry, "admission_rejections", "Commands refused for want of room", "reason"
         )
 
+        self._faults = _count(
+            registry, "faults", "Errors that were contained to an agent or session", "stage"
+        )
+        self._set_aside = _count(
+            registry, "set_aside", "Sessions and scenes taken out because they fail", "why"
+        )
+
         # streams
         self._queues = _times(
             registry, "stream_queue", "A publication waited for its reader", QUEUE_BUCKETS
@@ -118,6 +126,10 @@ class Metrics(MetricsSink):
             self._resumes.labels(result)
         for sight in SIGHTS:
             self._misses.labels(sight)
+        for stage in Stage:
+            self._faults.labels(stage)
+        for why in SET_ASIDE:
+            self._set_aside.labels(why)
         for command in ("create_session", "create_agents"):
             self._rejections.labels(command)
 
@@ -163,6 +175,14 @@ class Metrics(MetricsSink):
     def refusal(self, command: str) -> None:
         """See `MetricsSink`."""
         self._rejections.labels(command).inc()
+
+    def fault(self, stage: str) -> None:
+        """See `MetricsSink`."""
+        self._faults.labels(stage).inc()
+
+    def set_aside(self, what: str) -> None:
+        """See `MetricsSink`."""
+        self._set_aside.labels(what).inc()
 
     def journal(self, entries: int, failed: bool) -> None:
         """See `MetricsSink`."""

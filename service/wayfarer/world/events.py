@@ -19,6 +19,7 @@ class EventKind(StrEnum):
     BLOCKED = "blocked"  # an obstacle closes the way: the agent waits until it opens
     AGENT_LEFT = "agent_left"  # one of a crowd is no more, without a call
     BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
+    FAULT = "fault"  # an error in the server concerns the agent or, without one, the session
 
 
 @dataclass(frozen=True, slots=True)

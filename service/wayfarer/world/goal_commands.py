@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
 from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.faults import Faults
 from wayfarer.world.agents.goal import Goal, check_goal, check_path
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Registry
@@ -35,6 +36,7 @@ class GoalCommands:
         settings: WorldSettings,
         registry: Registry,
         around: Surroundings,
+        faults: Faults,
     ) -> None:
         self._slots = slots
         self._paths = paths
@@ -43,6 +45,7 @@ class GoalCommands:
         self._settings = settings
         self._registry = registry
         self._around = around
+        self._faults = faults
         self._agent_paths = AgentPaths(slots, paths)
         self._behaviours = BehaviourRunner(
             slots=slots,
@@ -51,6 +54,7 @@ class GoalCommands:
             registry=registry,
             around=around,
             slow_seconds=settings.steering.slow_seconds,
+            faults=faults,
         )
 
     def check_record(self, record: AgentRecord, where: str) -> None:
@@ -86,6 +90,7 @@ class GoalCommands:
 
     def give(self, agent: Agent, command: GoalCommand, now: float) -> None:
         """Carry out a command that has been checked."""
+        self._faults.pardon(agent.slot)
         # A goal that a behaviour moves is not one to be reached before others.
         has_goals = agent.path and self._slots.feeding[agent.slot] != Feeding.EACH_STEP
         if isinstance(command, Append) and has_goals:

@@ -8,6 +8,7 @@ import numpy as np
 from wayfarer.errors import AlreadyExists, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.faults import Faults
 from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.records import AgentRecord, LiveRows, SessionRecord
 from wayfarer.world.agents.registry import Agent, Registry, Session
@@ -35,6 +36,7 @@ class Membership:
         load: Load,
         limits: Limits,
         observers: Iterable[WorldObserver],
+        faults: Faults,
     ) -> None:
         self._registry = registry
         self._slots = slots
@@ -44,6 +46,7 @@ class Membership:
         self._load = load
         self._limits = limits
         self._observers = observers
+        self._faults = faults
 
     def open(self, spec: SessionSpec, created_at: float) -> Session:
         """A session without agents.
@@ -60,6 +63,7 @@ class Membership:
         for agent in tuple(session.agents.values()):
             self.remove(agent)
         self._remove(session)
+        self._faults.forget_session(session.session_id)
         for observer in self._observers:
             observer.closed(session)
 
@@ -68,11 +72,15 @@ class Membership:
         session: Session,
         agents: Sequence[Agent],
         starts: Sequence[Start],
-        in_mid_part: bool = False,
     ) -> None:
         """Let agents that are in their slots follow their paths, and report them."""
-        for agent in agents:
-            self._goals.restore(agent, in_mid_part)
+        try:
+            for agent in agents:
+                self._goals.restore(agent)
+        except Exception:
+            for agent in agents:
+                self._population.remove(agent)
+            raise
         for observer in self._observers:
             observer.created(session, agents, starts)
 
@@ -81,6 +89,7 @@ class Membership:
         for observer in self._observers:
             observer.deleted(agent, int(self._slots.sent_chunks[agent.slot]))
         self._population.remove(agent)
+        self._faults.forget(agent.slot)
 
     # Records
 
@@ -114,16 +123,20 @@ class Membership:
             genders = [agent.spec.gender for agent in record.agents]
             wanted = Reservation.of(record.session_id, genders)
             self._load.check_room(wanted, now, self._load.held(), admit)
-        except WayfarerError:
+            agents = self._population.put(session, record.agents, now)
+            session.last_alias = record.last_alias
+            if live is not None:
+                self._go_on(session, agents, live, now)
+            for entered in agents:
+                self._goals.restore(entered, in_mid_part=live is not None)
+        except Exception:
+            for entered in tuple(session.agents.values()):
+                self._population.remove(entered)
             self._remove(session)
             raise
         for observer in self._observers:
             observer.opened(session)
-        agents = self._population.put(session, record.agents, now)
-        session.last_alias = record.last_alias
-        if live is not None:
-            self._go_on(session, agents, live, now)
-        self.settle(session, agents, record.agents, in_mid_part=live is not None)
+            observer.created(session, agents, record.agents)
         return session
 
     # Moves to another server

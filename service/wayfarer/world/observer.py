@@ -1,6 +1,7 @@
 """What a world reports to those that keep its history: the journal and the recordings."""
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, AgentState
+from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.goals.commands import GoalCommand
@@ -83,3 +85,92 @@ class WorldObserver(Protocol):
     def stood(self, agents: Sequence[Agent]) -> None:
         """These agents may have moved since they were last reported; see `World.checkpoint`."""
         ...
+
+    def strayed(self, session_id: str, agent_id: str) -> None:
+        """After a fault the agent's motion does not follow from what is reported; without an id,
+        that of all agents of the session.
+        """
+        ...
+
+
+class GuardedObserver:
+    """A `WorldObserver` whose errors are faults of the session or agent that they concern."""
+
+    def __init__(self, observer: WorldObserver, faults: Faults) -> None:
+        self._observer = observer
+        self._faults = faults
+
+    def opened(self, session: Session) -> None:
+        """See `WorldObserver`, as for all below."""
+        self._call([session.session_id], lambda: self._observer.opened(session))
+
+    def closed(self, session: Session) -> None:
+        """See `WorldObserver`."""
+        self._call([session.session_id], lambda: self._observer.closed(session))
+
+    def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
+        """See `WorldObserver`."""
+        self._call([session.session_id], lambda: self._observer.created(session, agents, starts))
+
+    def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
+        """See `WorldObserver`."""
+        self._call([agent.session_id], lambda: self._observer.commanded(agent, command, seq))
+
+    def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
+        """See `WorldObserver`."""
+        self._call([agent.session_id], lambda: self._observer.changed(agent, change, seq))
+
+    def deleted(self, agent: Agent, seq: int) -> None:
+        """See `WorldObserver`."""
+        self._call([agent.session_id], lambda: self._observer.deleted(agent, seq))
+
+    def planned(
+        self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
+    ) -> None:
+        """See `WorldObserver`."""
+        try:
+            self._observer.planned(agent_ids, seqs, candidates, models)
+        except Exception as error:
+            self._fail(self._faults.sessions_of(agent_ids), error)
+
+    def fell(self, falls: Sequence[Fall]) -> None:
+        """See `WorldObserver`."""
+        try:
+            self._observer.fell(falls)
+        except Exception as error:
+            self._fail(self._faults.sessions_of(fall.agent_id for fall in falls), error)
+
+    def sent(self, due: Due) -> None:
+        """See `WorldObserver`."""
+        self._call([due.session_id], lambda: self._observer.sent(due))
+
+    def stood(self, agents: Sequence[Agent]) -> None:
+        """See `WorldObserver`."""
+        rows = np.array([agent.slot for agent in agents], np.int64)
+        if self._faults.any:
+            kept = np.flatnonzero(~self._faults.out(rows, Stage.RECORD))
+            agents, rows = [agents[row] for row in kept.tolist()], rows[kept]
+        self._faults.stage = Stage.RECORD
+        try:
+            self._observer.stood(agents)
+        except Exception as error:
+            self._faults.split(
+                rows,
+                lambda some: self._observer.stood([agents[row] for row in some.tolist()]),
+                error,
+            )
+
+    def strayed(self, session_id: str, agent_id: str) -> None:
+        """See `WorldObserver`."""
+        with contextlib.suppress(Exception):  # it is called for a fault that is known
+            self._observer.strayed(session_id, agent_id)
+
+    def _call(self, session_ids: Iterable[str], call: Callable[[], None]) -> None:
+        try:
+            call()
+        except Exception as error:
+            self._fail(session_ids, error)
+
+    def _fail(self, session_ids: Iterable[str], error: Exception) -> None:
+        for session_id in session_ids:
+            self._faults.session(session_id, Stage.RECORD, error)

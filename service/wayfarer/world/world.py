@@ -27,6 +27,7 @@ from wayfarer.world.agents.agent import (
     Sight,
 )
 from wayfarer.world.agents.checks import check_change, check_session, check_specs
+from wayfarer.world.agents.faults import Fault, Faults, Report, Stage
 from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.records import LiveRows
 from wayfarer.world.agents.registry import Agent, Registry
@@ -39,19 +40,18 @@ from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership
-from wayfarer.world.observer import Fall, WorldObserver
+from wayfarer.world.observer import Fall, GuardedObserver, WorldObserver
 from wayfarer.world.rows import Float, Index, Int8
 from wayfarer.world.scenes.context import SceneContext
-from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.populate import Crowds
 from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.sending import Sending
 from wayfarer.world.stepping.budget import DegradationLevel
-from wayfarer.world.stepping.cleanup import clean_feet
-from wayfarer.world.stepping.due import Due, due_by_session
+from wayfarer.world.stepping.due import Due
 from wayfarer.world.stepping.load import Load
 from wayfarer.world.stepping.mirror import has_mirror_image
-from wayfarer.world.stepping.playback import Playback, Sent
+from wayfarer.world.stepping.playback import Playback
 from wayfarer.world.stepping.scheduler import Launch, PendingStep, Scheduler, at_once
 from wayfarer.world.stepping.settings import WorldSettings
 
@@ -71,11 +71,12 @@ class World:
         start_poses: NDArray[np.float32],
         settings: WorldSettings | None = None,
         scenes: SceneRegistry | None = None,
+        report: Report | None = None,
     ) -> None:
         """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`.
 
         Worlds may share `LoadedModels` and `scenes`, those that sessions may be in. A world of one
-        engine needs no `LoadedModels`.
+        engine needs no `LoadedModels`. `report`: see `Faults`; without, every error is raised.
         """
         self.settings = settings = settings or WorldSettings()
         self.models = engine if isinstance(engine, LoadedModels) else LoadedModels(engine)
@@ -85,6 +86,7 @@ class World:
         self.registry = Registry(settings.limits, settings.new_slot)
         table = SlotTable(settings.limits.agents)
         self.slots = table.rows
+        self.faults = Faults(self.slots, self.registry, report and self._noted(report))
         self._playback = Playback(self.slots, settings.lead)
         # What is planned may be a goal ahead of what is sent for each chunk of it; an agent that
         # wanders has one more.
@@ -95,6 +97,7 @@ class World:
             paths=paths,
             timeline=self._timeline,
             settings=settings,
+            faults=self.faults,
         )
         self._goals = GoalCommands(
             slots=self.slots,
@@ -104,6 +107,7 @@ class World:
             settings=settings,
             registry=self.registry,
             around=self._scene_context,
+            faults=self.faults,
         )
         self._population = Population(
             bodies=bodies,
@@ -127,6 +131,7 @@ class World:
             guide=self._scene_context.guide,
             soles=next(iter(bodies.values())).sole_markers.reshape(2, -1),
             mirrors=has_mirror_image(bodies.values()),
+            faults=self.faults,
         )
         self.load = Load(
             settings=settings,
@@ -143,12 +148,22 @@ class World:
             load=self.load,
             limits=settings.limits,
             observers=self._observers,
+            faults=self.faults,
         )
-        self.crowds = Crowds(self, self.registry, self.slots, self._scene_context.scenery)
+        scenery = self._scene_context.scenery
+        self.crowds = Crowds(self, self.registry, self.slots, scenery, self.faults)
+        self._sending = Sending(
+            slots=self.slots,
+            registry=self.registry,
+            timeline=self._timeline,
+            scenery=scenery,
+            observers=self._observers,
+            faults=self.faults,
+        )
 
     def observe(self, observer: WorldObserver) -> None:
         """Report every change to `observer` from now on."""
-        self._observers.append(observer)
+        self._observers.append(GuardedObserver(observer, self.faults))
 
     # Sessions
 
@@ -170,6 +185,11 @@ class World:
     def delete_session(self, session_id: str) -> None:
         """End a session and its agents. Raises NotFound."""
         self.members.close(self.registry.session(session_id))
+
+    def freeze_all(self, session_id: str) -> None:
+        """Plan nothing more for the agents of a session, whatever is left of it."""
+        slots = [slot for slot, a in self.registry.by_slot.items() if a.session_id == session_id]
+        self.slots.frozen[slots] = True
 
     def hold(self, session_id: str, until: float) -> None:
         """Let a session's agents wait: their next frames are shown at `until` or later.
@@ -317,7 +337,7 @@ class World:
         says so, those whom nobody sees but as a root coast before, and agents that are due and have
         nothing to do are held. None: nobody else is due.
         """
-        frame = self._timeline.frame(now)
+        frame, self.faults.now = self._timeline.frame(now), now
         self._scene_context.refresh()
         self._goals.walk_on(frame + self.settings.batch_lookahead_s * FPS)
         if level is None:
@@ -329,7 +349,10 @@ class World:
             self.scheduler.coast(frame)
         if level.hold_idle:
             self.scheduler.hold(frame)
-        return self.scheduler.begin(frame, level, launch)
+        step = self.scheduler.begin(frame, level, launch)
+        if self.faults.any:
+            self.scheduler.stand_aside(frame)
+        return step
 
     def apply(self, step: PendingStep) -> int:
         """Plan the chunks that a scheduled step has made; returns how many agents it stepped."""
@@ -345,7 +368,7 @@ class World:
 
         A session comes again for an agent's next chunk.
         """
-        return self._leave(self._playback.send(self._timeline.frame(until)))
+        return self._sending.leave(self._playback.send(self._timeline.frame(until)))
 
     def see(self, session_id: str, slots: Index, sights: Sequence[Sight] | Sight) -> None:
         """From now on these agents of a session are seen so well: who is seen better goes first
@@ -364,7 +387,7 @@ class World:
         agents = self.registry.session(session_id).agents.values()
         rows = np.array([agent.slot for agent in agents], np.int64)
         self.slots.engine_call[rows] = 0
-        return self._leave(self._playback.send(np.inf, rows))
+        return self._sending.leave(self._playback.send(np.inf, rows))
 
     def live_rows(self, session_id: str) -> LiveRows:
         """What the agents of a frozen session go on with elsewhere. Raises NotFound."""
@@ -373,17 +396,6 @@ class World:
     def _shown_at(self, rows: Index) -> NDArray[np.float64]:
         slots = self.slots
         return self._timeline.times(slots.start_frame[rows] + NEW_FRAMES * slots.sent_chunks[rows])
-
-    def _leave(self, leaving: list[Sent]) -> list[Due]:
-        found = list[Due]()
-        for sent in leaving:
-            clean_feet(self.slots, sent)
-            ground(self.slots, self._scene_context.scenery, sent)
-            found += due_by_session(sent, self.slots, self.registry.by_slot, self._timeline)
-        for observer in self._observers:
-            for due in found:
-                observer.sent(due)
-        return found
 
     def collect(self, until: float) -> list[MotionChunk]:
         """The same chunks in one list; each session's in order of their times."""
@@ -423,7 +435,12 @@ class World:
         """What agents have met with on their ways since the last time, by session."""
         agents = self.registry.agents
         events = self._scene_context.take_events()
-        return [(agents[e.agent_id].session_id, e) for e in events if e.agent_id in agents]
+        found = [(agents[e.agent_id].session_id, e) for e in events if e.agent_id in agents]
+        return found + [
+            (session_id, event)
+            for session_id, event in self.faults.take_events()
+            if session_id in self.registry.sessions
+        ]
 
     def checkpoint(self, parts: int = 1) -> None:
         """Report to observers where agents stand: one agent in `parts`, in turn."""
@@ -434,6 +451,15 @@ class World:
                 observer.stood(agents)
 
     # Within
+
+    def _noted(self, report: Report) -> Report:
+        def noted(fault: Fault) -> None:
+            report(fault)
+            if fault.agent_id or fault.stage is Stage.RECORD:
+                for observer in self._observers:
+                    observer.strayed(fault.session_id, fault.agent_id)
+
+        return noted
 
     def _planned(self, rows: Index, seqs: Index, candidates: int) -> None:
         if not self._observers:

@@ -3,6 +3,7 @@
 import asyncio
 
 from tests.service.chunks import KeepingMeter, chunk, info, together
+from tests.world.fakes import make_world
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import SlowReader, StreamOptions
 from wayfarer.service.streams.publisher import Publisher
@@ -21,7 +22,9 @@ class Stage:
         self.meter = KeepingMeter()
         self.info = info()
         self.now = 0.0
-        self.publisher = Publisher(self.settings, self.meter, lambda agent_id: self.info)
+        self.publisher = Publisher(
+            self.settings, self.meter, lambda agent_id: self.info, make_world().faults
+        )
         self.seq = 0
 
     async def subscribe(self, *agent_ids, session="s", resume=None, **options):

@@ -20,7 +20,7 @@ inline constexpr std::uint32_t FIRST = 1, REPLANNED = 2, ARRIVED = 4, GAP = 8, R
 enum class AgentState : std::uint32_t { unknown, standing, walking, stopping, turning };
 enum class EventKind : std::uint32_t {
   unknown, goal_reached, path_done, gap, draining, model_changed, unreachable, blocked, goal_moved,
-  behaviour_ended, agent_left
+  behaviour_ended, agent_left, fault
 };
 enum class MessageKind { none, header, batch, heartbeat, event };
 

@@ -122,7 +122,7 @@ namespace Wayfarer
                 {
                     case 1:
                         ulong kind = reader.Varint();
-                        found.Kind = kind <= (ulong)EventKind.AgentLeft ? (EventKind)kind : EventKind.Unknown;
+                        found.Kind = kind <= (ulong)EventKind.Fault ? (EventKind)kind : EventKind.Unknown;
                         break;
                     case 2: found.AgentId = reader.String(); break;
                     case 3: found.Alias = reader.Small(); break;

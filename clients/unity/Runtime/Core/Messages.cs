@@ -50,6 +50,7 @@ namespace Wayfarer
         GoalMoved,
         BehaviourEnded,
         AgentLeft,
+        Fault,
     }
 
     /// <summary>A bone of the header's skeleton; <c>Parent</c>: its number, -1: none.</summary>

@@ -9,7 +9,7 @@ const GENDERS = ["female", "female", "male"];
 const BASIS_NAMES = ["gltf", "gltf", "unity", "unreal", "unreal_mannequin", "blender", "ros"];
 const EVENTS = [
   "unknown", "goal_reached", "path_done", "gap", "draining", "model_changed", "unreachable", "blocked", "goal_moved",
-  "behaviour_ended", "agent_left",
+  "behaviour_ended", "agent_left", "fault",
 ];
 
 /** Notes on a chunk; `flags` is a sum of them. */

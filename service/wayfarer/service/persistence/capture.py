@@ -101,6 +101,9 @@ class JournalObserver:
     def sent(self, due: Due) -> None:
         """Places are kept by `stood`, less often than chunks are sent."""
 
+    def strayed(self, session_id: str, agent_id: str) -> None:
+        """Where agents stand is kept as before."""
+
     def stood(self, agents: Sequence[Agent]) -> None:
         """Keep where agents stand."""
         self._journal.refresh(capture_agents(self._world, agents))

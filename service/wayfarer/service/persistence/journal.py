@@ -7,9 +7,11 @@ memory; while it takes nothing, the service goes on and `failing` says so.
 """
 
 import asyncio
+import re
 import sqlite3
 import threading
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -42,6 +44,9 @@ from wayfarer.world.scenes.scene_registry import SceneEntry
 
 log = structlog.get_logger(__name__)
 
+ASIDE: Final = "set-aside"
+"""Folder beside the journal, with a folder for each session that was set aside."""
+
 RETRY_SECONDS: Final = 1.0
 """Pause between attempts to write to a disk that fails."""
 
@@ -65,6 +70,7 @@ class Journal:
         self._members: dict[Key, Member] = {}  # as they stand in the file
         self._left: dict[str, list[str]] = {}  # agents in the file that are not here, by session
         self._pending: dict[Key, Value] = {(EntryKind.BODY, ""): body}
+        self._aside: list[_Aside] = []  # sessions to be set aside
         self._noted = self._written = 0  # puts, and how many of them have been written
         self._waiting: list[_Waiter] = []
         self._changed = threading.Condition()
@@ -75,9 +81,19 @@ class Journal:
 
     # Life
 
+    @property
+    def folder(self) -> Path:
+        """Where the file is."""
+        return self._file.path.parent
+
     def restore(self, limits: Limits) -> list[SessionRecord]:
-        """The sessions that the file held at the start, oldest first; damaged ones are logged."""
-        records, self._left = decode(self._entries, limits)
+        """The sessions that the file held at the start, oldest first; damaged ones are set aside,
+        with their agents, once the writer has been started.
+        """
+        records, lost = decode(self._entries, limits)
+        for name, agents in lost.items():
+            self._meter.set_aside("unsound")
+            self.set_aside(name, agents)
         return records
 
     def restore_scenes(self) -> list[SceneRecord]:
@@ -150,6 +166,19 @@ class Journal:
         """Agents are gone."""
         self._put(_gone(agent_ids))
 
+    def set_aside(self, session_id: str, agent_ids: Iterable[str], scene_id: str = "") -> None:
+        """Move what the file holds of a session into a journal of its own, in a folder of
+        `ASIDE` that a server can be started on; its scene is copied.
+        """
+        kinds = (EntryKind.AGENT, EntryKind.MOTION)
+        keys = [(kind, name) for name in agent_ids for kind in kinds]
+        copied = [(EntryKind.BODY, "")]
+        if scene_id:
+            copied += [(EntryKind.SCENE, scene_id), (EntryKind.OBSTACLES, scene_id)]
+        with self._changed:
+            self._aside.append(_Aside(session_id, ((EntryKind.SESSION, session_id), *keys), copied))
+            self._changed.notify()
+
     def drop_session(self, session_id: str, agent_ids: Iterable[str]) -> None:
         """A session and its agents are gone."""
         self._put({**_gone(agent_ids), (EntryKind.SESSION, session_id): None})
@@ -163,10 +192,13 @@ class Journal:
     # The writer
 
     def _run(self) -> None:
-        while not self._stopping or self._pending:
+        while not self._stopping or self._pending or self._aside:
             with self._changed:
-                self._changed.wait_for(lambda: self._pending or self._stopping)
+                self._changed.wait_for(lambda: self._pending or self._aside or self._stopping)
                 taken, self._pending, noted = self._pending, {}, self._noted
+                aside, self._aside = self._aside, []
+            for one in aside:
+                self._move(one)
             self._try_write(taken)
             with self._changed:
                 self._written = noted
@@ -175,6 +207,24 @@ class Journal:
                     if self._stopping:
                         return
                     self._changed.wait_for(lambda: self._stopping, RETRY_SECONDS)
+
+    def _move(self, one: "_Aside") -> None:
+        moment = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+        name = re.sub(r"[^\w-]", "_", one.session_id)[:64]
+        folder = self._file.path.parent / ASIDE / f"{name}-{moment}"
+        try:
+            self._file.move(one.keys, one.copied, folder)
+        except (sqlite3.Error, ArtifactError, OSError) as error:
+            log.error(
+                "a session could not be set aside; it stays in the journal",
+                session=one.session_id,
+                error=repr(error),
+            )
+            return
+        for key in one.keys:
+            self._stored.discard(key)
+            self._members.pop(key, None)
+        log.error("a session was set aside", session=one.session_id, folder=str(folder))
 
     def _try_write(self, taken: dict[Key, Value]) -> None:
         try:
@@ -231,6 +281,15 @@ class Journal:
 def _gone(agent_ids: Iterable[str]) -> dict[Key, Value]:
     kinds = (EntryKind.AGENT, EntryKind.MOTION)
     return {(kind, name): None for name in agent_ids for kind in kinds}
+
+
+@dataclass(frozen=True, slots=True)
+class _Aside:
+    """A session to be set aside: entries that are moved, and those that are copied."""
+
+    session_id: str
+    keys: Sequence[Key]
+    copied: Sequence[Key]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

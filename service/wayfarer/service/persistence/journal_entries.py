@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import structlog
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.limits import Limits
@@ -77,7 +77,7 @@ def encode(values: Mapping[Key, Value]) -> dict[Key, bytes | None]:
     for key, value in values.items():
         try:
             found[key] = _bytes(value)
-        except ValueError as error:
+        except Exception as error:
             log.error("an entry cannot be written to the journal", key=key, error=repr(error))
     return found
 
@@ -115,8 +115,8 @@ def check_origin(entries: Entries, body: BodyStamp, path: Path) -> None:
 
 
 def decode(entries: Entries, limits: Limits) -> tuple[list[SessionRecord], dict[str, list[str]]]:
-    """All sound sessions, oldest first; damaged ones are logged and lost. And by session the ids of
-    the agents that have lost it.
+    """All sound sessions, oldest first; damaged ones are logged and left out. And by session the
+    ids of the agents that have lost it.
     """
     agents = _agents(entries, limits)
     records, left = list[SessionRecord](), dict[str, list[str]]()
@@ -124,7 +124,7 @@ def decode(entries: Entries, limits: Limits) -> tuple[list[SessionRecord], dict[
         own = tuple(sorted(agents.pop(name, ()), key=lambda agent: agent.alias))
         try:
             records.append(join_session(_SESSION.validate_json(text), own, limits))
-        except (ValidationError, InvalidArgument) as error:
+        except Exception as error:
             _lost("session", name, error)
             left[name] = [agent.agent_id for agent in own]
     for name, others in agents.items():
@@ -147,7 +147,7 @@ def _agents(entries: Entries, limits: Limits) -> dict[str, list[AgentRecord]]:
             record = join_agent(member.part, row)
             check_agent_record(record, limits, name)
             check_body(record, name)
-        except (ValidationError, InvalidArgument) as error:
+        except Exception as error:
             _lost("agent", name, error)
         else:
             found.setdefault(member.session_id, []).append(record)

@@ -9,7 +9,7 @@ transactions, never the file).
 import sqlite3
 import time
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -91,6 +91,26 @@ class JournalFile:
                 "ON CONFLICT (kind, id) DO UPDATE SET body = excluded.body, crc = excluded.crc",
                 kept,
             )
+
+    def move(self, keys: Iterable[Key], copied: Iterable[Key], folder: Path) -> None:
+        """Move entries into a journal of their own in `folder`, with copies of others.
+
+        Raises sqlite3.Error, ArtifactError.
+        """
+        moved = list(keys)
+        found = {key: body for key in (*moved, *copied) if (body := self._body(key)) is not None}
+        other = JournalFile(folder)
+        try:
+            other.write(found)
+        finally:
+            other.close()
+        self.write(dict.fromkeys(moved))
+
+    def _body(self, key: Key) -> bytes | None:
+        row = self._connection.execute(
+            "SELECT body FROM entries WHERE kind = ? AND id = ?", key
+        ).fetchone()
+        return None if row is None else bytes(row[0])
 
     def close(self) -> None:
         """Give the folder back."""

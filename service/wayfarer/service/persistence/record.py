@@ -314,6 +314,13 @@ class Recordings:
     def stood(self, agents: Sequence[Agent]) -> None:
         """A log holds no places."""
 
+    def strayed(self, session_id: str, agent_id: str) -> None:
+        """Their tracks end here: what follows could not be played again."""
+        log = self._logs.get(session_id)
+        if log is not None:
+            for name in (agent_id,) if agent_id else tuple(log.tracks):
+                self._tracks.pop(name, None)
+
     def sent(self, due: Due) -> None:
         """Note when chunks are shown."""
         if due.session_id not in self._logs:

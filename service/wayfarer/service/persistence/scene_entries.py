@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import structlog
-from pydantic import Base64Bytes, ConfigDict, TypeAdapter, ValidationError
+from pydantic import Base64Bytes, ConfigDict, TypeAdapter
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import (
@@ -164,7 +164,7 @@ def decode_scenes(entries: Entries) -> list[SceneRecord]:
     for name, text in entries.of(EntryKind.SCENE).items():
         try:
             found.append(_record(name, text, obstacles.get(name)))
-        except (ValidationError, ValueError) as error:
+        except Exception as error:
             log.error("a scene is lost: its entry is unsound", name=name, why=str(error))
     return sorted(found, key=lambda record: record.created_at)
 

@@ -16,9 +16,17 @@ Place = tuple[int, int]  # revision, and number of a goal in that path
 class GoalEvents:
     """Goal events of one session's agents."""
 
-    def __init__(self, info: Callable[[str], AgentInfo]) -> None:
-        """`info(agent_id)` tells the agent's path as it is now."""
+    def __init__(
+        self,
+        info: Callable[[str], AgentInfo],
+        failed: Callable[[str, Exception], None],
+    ) -> None:
+        """`info(agent_id)` tells the agent's path as it is now.
+
+        `failed(agent_id, error)`: the events of one agent are lost.
+        """
         self._info = info
+        self._failed = failed
         # Agents who have reached the last goal of their path and do not stand there yet.
         self.stopping: dict[str, Place] = {}
 
@@ -28,7 +36,13 @@ class GoalEvents:
         concerned = set(np.flatnonzero(arrived).tolist()) if arrived.any() else set()
         if self.stopping:
             concerned |= {row for row, name in enumerate(chunks.agent_id) if name in self.stopping}
-        return tuple(event for row in sorted(concerned) for event in self._of(chunks[row]))
+        found = list[Event]()
+        for row in sorted(concerned):
+            try:
+                found += self._of(chunks[row])
+            except Exception as error:
+                self._failed(chunks.agent_id[row], error)
+        return tuple(found)
 
     def adopt(self, record: AgentRecord) -> None:
         """An agent comes from elsewhere; it may have reached its goal and not stand there yet."""

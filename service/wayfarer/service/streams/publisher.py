@@ -10,19 +10,21 @@ import weakref
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
-from wayfarer.errors import InvalidArgument, WayfarerError
+from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.inbox import post
 from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
-from wayfarer.service.streams.root_tracks import RootTracks
+from wayfarer.service.streams.root_tracks import Roots, RootTracks
 from wayfarer.service.streams.sights import best_of
 from wayfarer.service.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks, Sight
+from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.events import Event, EventKind
 
@@ -36,9 +38,10 @@ class Publisher:
     """The logs of all sessions. A session's log begins when it is first needed."""
 
     def __init__(
-        self, limits: Limits, meter: MetricsSink, info: Callable[[str], AgentInfo]
+        self, limits: Limits, meter: MetricsSink, info: Callable[[str], AgentInfo], faults: Faults
     ) -> None:
         """`info(agent_id)` tells where an agent belongs and its path."""
+        self._faults = faults
         self._limits = limits
         self._meter = meter
         self._info = info
@@ -50,7 +53,7 @@ class Publisher:
         """Tell what of a session fell due now; goal events go with it."""
         log = self._log(session_id)
         log.answer(chunks, self._meter)
-        self._deliver(log, chunks, log.goal_events.events(chunks))
+        self._deliver(session_id, log, chunks, log.goal_events.events(chunks))
 
     def sights(self, session_id: str, chunks: MotionChunks) -> list[Sight] | Sight:
         """How well the readers of a session see the agents [A] that these chunks are of."""
@@ -59,13 +62,13 @@ class Publisher:
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
         """Tell a session's subscribers, now and those that resume, of events of other origin."""
         log = self._log(session_id)
-        self._deliver(log, NO_CHUNKS, tuple(events))
+        self._deliver(session_id, log, NO_CHUNKS, tuple(events))
 
     def flush(self) -> None:
         """Deliver the events that were noted since the last call."""
         deliveries, self._deliveries = self._deliveries, defaultdict(list)
         for loop, batch in deliveries.items():
-            post(loop, _put, batch)
+            post(loop, self._put, batch)
 
     def subscribe(self, subscription: Subscription, now: float) -> None:
         """Start a subscription at the position that it asks for. Raises InvalidArgument."""
@@ -117,9 +120,17 @@ class Publisher:
 
     def waiting_sessions(self, now: float) -> list[str]:
         """Sessions whose agents shall wait now: all their readers ask to HOLD and have stalled."""
-        holders = [name for name in self._holders if self._logs[name].has_holders()]
-        self._holders = set(holders)
-        return [name for name in holders if self._logs[name].waits(now, self._limits.queue_s)]
+        found = list[str]()
+        for name in list(self._holders):
+            try:
+                if not self._logs[name].has_holders():
+                    self._holders.discard(name)
+                elif self._logs[name].waits(now, self._limits.queue_s):
+                    found.append(name)
+            except Exception as error:  # its agents do not wait
+                self._holders.discard(name)
+                self._faults.session(name, Stage.SCHEDULE, error)
+        return found
 
     def open(self) -> Iterator[Subscription]:
         """The open subscriptions of all sessions."""
@@ -130,14 +141,38 @@ class Publisher:
 
     def _log(self, session_id: str) -> "_Log":
         if session_id not in self._logs:
-            self._logs[session_id] = _Log(self._limits.resume_s, GoalEvents(self._info))
+            failed = partial(self._faults.agent, stage=Stage.EVENT)
+            self._logs[session_id] = _Log(self._limits.resume_s, GoalEvents(self._info, failed))
         return self._logs[session_id]
 
-    def _deliver(self, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]) -> None:
+    def _deliver(
+        self, session_id: str, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]
+    ) -> None:
         readers = [(reader, log.spares(reader, self._limits.queue_s)) for reader in log.open()]
-        entry = log.add(chunks, events)
+        entry = log.add(chunks, events, self._roots(session_id, log, chunks))
         for reader, spare in readers:
             self._deliveries[reader.loop].append((reader, entry, spare))
+
+    def _roots(self, session_id: str, log: "_Log", chunks: MotionChunks) -> Roots | None:
+        """None: no reader asks for them, or makes them itself."""
+        if log.roots is None or not chunks:
+            return None
+        try:
+            return log.roots.follow(chunks)
+        except Exception as error:
+            log.roots = RootTracks()  # what it remembers may be what it fails for
+            self._faults.session(session_id, Stage.ROOTS, error)
+            return None
+
+    def _put(self, deliveries: Iterable[Delivery]) -> None:
+        """On the event loop of the subscriptions. One that fails is ended; it may resume."""
+        for subscription, entry, spare in deliveries:
+            try:
+                subscription.put(entry, spare)
+            except Exception as error:
+                subscription.closed = True
+                subscription.end(Unavailable("an error in the server ended this stream; resume it"))
+                self._faults.elsewhere(subscription.session_id, Stage.DELIVERY, error)
 
     def _start(self, log: "_Log", resume: Resume | None, now: float) -> SubscriptionStart:
         if resume is None:
@@ -188,10 +223,11 @@ class _Log:
         self._subscribers: list[weakref.ref[Subscription]] = []
         self._waiting_since: float | None = None
 
-    def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> QueuedPublication:
+    def add(
+        self, chunks: MotionChunks, events: tuple[Event, ...], roots: Roots | None
+    ) -> QueuedPublication:
         """Enter a publication into the ring."""
         self.position += 1
-        roots = self.roots.follow(chunks) if self.roots is not None and chunks else None
         publication = Publication(self.position, chunks, events, roots=roots)
         self.motion += self._step(publication)
         self._ring.append(QueuedPublication(publication, self.motion))
@@ -306,8 +342,3 @@ class _Log:
 
 def _gap(now: float, reason: str) -> Event:
     return Event(EventKind.GAP, now, detail=f"begins at the present: {reason}")
-
-
-def _put(deliveries: Iterable[Delivery]) -> None:
-    for subscription, entry, spare in deliveries:
-        subscription.put(entry, spare)

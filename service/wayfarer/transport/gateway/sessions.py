@@ -91,6 +91,9 @@ class SessionApi:
                 continue
             except (NotFound, Misdirected):  # its client, or a move, was quicker
                 pass
+            except Exception:  # the leases of the others end all the same
+                log.exception("session not ended; tried again", session_id=session.session_id)
+                continue
             log.info("lease ended", session_id=session.session_id, lease_s=session.lease_s)
             ended.append(session.session_id)
         return ended
@@ -106,6 +109,9 @@ class SessionApi:
             except (InvalidArgument, Misdirected) as error:
                 log.error("session not taken over", session_id=info.session_id, reason=str(error))
                 await self._context.service.delete_session(info.session_id)
+            except Exception:
+                log.exception("session not taken over", session_id=info.session_id)
+                await self._context.service.set_aside(info.session_id)
         self._context.taken_over = True
         return len(infos)
 

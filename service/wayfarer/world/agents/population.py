@@ -1,6 +1,7 @@
 """Agents enter slots and leave them: new, as records of themselves, or to stand again."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from math import ceil
@@ -79,20 +80,18 @@ class Population:
                 self._models.named(spec.model)
         models = [spec.model for spec in specs]
         slots = self._enter(specs, Motion.join(seeds), [0] * count, models, now)
-        self._table.rows.footing.put(np.array(slots), standing([spec.floor for spec in specs]))
         agents = []
-        for spec, slot in zip(specs, slots, strict=True):
-            agent = self._registry.add_agent(session, spec, slot, now)
-            agent.path_start = spec.position
-            agents.append(self._settle(agent, session))
+        with self._all_or_none(slots):
+            self._table.rows.footing.put(np.array(slots), standing([s.floor for s in specs]))
+            for spec, slot in zip(specs, slots, strict=True):
+                agent = self._registry.add_agent(session, spec, slot, now)
+                agent.path_start = spec.position
+                agents.append(self._settle(agent, session))
         return agents
 
     def remove(self, agent: Agent) -> None:
         """Its planned frames are thrown away."""
-        slots = self._table.rows
-        self.phases.leave(int(slots.start_frame[agent.slot]), int(slots.gender[agent.slot]))
-        self._models.leave(self._roster, int(slots.model[agent.slot]))
-        self._table.release(agent.slot)
+        self._leave(agent.slot)
         self._registry.remove_agent(agent)
 
     def change(self, agent: Agent, change: AgentChange) -> None:
@@ -132,6 +131,14 @@ class Population:
             [record.model for record in records],
             now,
         )
+        with self._all_or_none(entered):
+            self._restore(entered, records)
+            return [
+                self._go_on(session, record, slot)
+                for record, slot in zip(records, entered, strict=True)
+            ]
+
+    def _restore(self, entered: Sequence[int], records: Sequence[AgentRecord]) -> None:
         slots = self._table.rows
         begun = {s: r.feet for s, r in zip(entered, records, strict=True) if r.feet is not None}
         if begun:
@@ -143,10 +150,6 @@ class Population:
         slots.posture.put(rows, PostureState.join([record.posture for record in records]))
         slots.goal_revision[entered] = [record.goal_revision for record in records]
         slots.revised_chunk[entered] = [record.seq - 1 for record in records]
-        return [
-            self._go_on(session, record, slot)
-            for record, slot in zip(records, entered, strict=True)
-        ]
 
     def keep_schedule(self, slots: Sequence[int], shown_at: Double, now: float) -> None:
         """Let the next chunk of each slot be shown at `shown_at` [N], Unix seconds.
@@ -163,6 +166,24 @@ class Population:
         for old, new, gender in zip(before, after, genders, strict=True):
             self.phases.leave(old, gender)
             self.phases.enter_at(new, gender)
+
+    @contextmanager
+    def _all_or_none(self, slots: Sequence[int]) -> Iterator[None]:
+        """Gives back slots that have been entered, with or without agents, on an error."""
+        try:
+            yield
+        except Exception:
+            for slot in slots:
+                if agent := self._registry.by_slot.get(slot):
+                    self._registry.remove_agent(agent)
+                self._leave(slot)
+            raise
+
+    def _leave(self, slot: int) -> None:
+        slots = self._table.rows
+        self.phases.leave(int(slots.start_frame[slot]), int(slots.gender[slot]))
+        self._models.leave(self._roster, int(slots.model[slot]))
+        self._table.release(slot)
 
     def _go_on(self, session: Session, record: AgentRecord, slot: int) -> Agent:
         agent = Agent(
@@ -204,6 +225,7 @@ class Population:
 
         `models`: stamps or names of those that shall move them; empty: the one in use.
         """
+        legs = Legs.join([self._legs(spec.gender, spec.betas) for spec in specs])
         entered = self._table.acquire(len(specs))
         slots, rows = self._table.rows, np.array(entered)
         genders = [GENDERS.index(spec.gender) for spec in specs]
@@ -212,7 +234,7 @@ class Population:
         slots.noise_seed[rows] = np.array([spec.noise_seed for spec in specs], np.uint64)
         slots.betas[rows] = [spec.betas for spec in specs]
         slots.foot_lock[rows] = [spec.foot_lock for spec in specs]
-        slots.legs.put(rows, Legs.join([self._legs(spec.gender, spec.betas) for spec in specs]))
+        slots.legs.put(rows, legs)
         slots.committed.put(rows, motions)
         slots.planned.put(rows, motions)
         slots.sent_chunks[rows] = slots.planned_chunks[rows] = seqs

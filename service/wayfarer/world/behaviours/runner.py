@@ -14,6 +14,7 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.behaviour import Aim, Behaviour, BodyState, Others, Vector
+from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Feeding, Slots
@@ -58,6 +59,7 @@ class BehaviourRunner:
         registry: Registry,
         around: Surroundings,
         slow_seconds: float,
+        faults: Faults,
     ) -> None:
         """`slow_seconds`: as steering; an agent that has been slow for this long stands."""
         self.slots = slots
@@ -65,6 +67,7 @@ class BehaviourRunner:
         self.registry = registry
         self.around = around
         self.slow_seconds = slow_seconds
+        self._faults = faults
         self.goals = MovingGoals(slots, paths)
         self._paths = paths
         self._kind_state: dict[object, object] = {}  # state of kinds
@@ -106,6 +109,15 @@ class BehaviourRunner:
 
     def feed(self, due: Index) -> None:
         """Before the step of slots that are due: update the behaviours of their agents."""
+        if self._faults.any:
+            due = due[~self._faults.out(due, Stage.BEHAVIOUR)]
+        self._faults.stage = Stage.BEHAVIOUR
+        try:
+            self._feed(due)
+        except Exception as error:
+            self._faults.split(due, lambda some: self._feed(due[some]), error)
+
+    def _feed(self, due: Index) -> None:
         slots = self.slots
         rows = due[slots.feeding[due] != Feeding.NONE]
         if not len(rows):

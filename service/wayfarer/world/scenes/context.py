@@ -8,6 +8,7 @@ from wayfarer.errors import Metres, Place, Text
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import NEW_FRAMES
+from wayfarer.world.agents.faults import Faults
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.agents.timeline import Timeline
@@ -44,20 +45,28 @@ class SceneContext:
         paths: PathColumns,
         timeline: Timeline,
         settings: WorldSettings,
+        faults: Faults,
     ) -> None:
+        self._faults = faults
         self.scenery = WorldScenes(book, slots)
         self._slots = slots
         self._timeline = timeline
         self._events: list[Event] = []
         routes = Routes(slots)
         planner = Planner(
-            slots, routes, self.scenery, paths.move, self.tell, settings.path_queries_per_step
+            slots,
+            routes,
+            self.scenery,
+            paths.move,
+            self.tell,
+            settings.path_queries_per_step,
+            faults,
         )
         self.guide = SceneGuide(slots, routes, self.scenery, planner)
 
     def refresh(self) -> None:
         """Take up what has changed in scenes; ways are looked at again as agents come to step."""
-        self._slots.route.doubt[self.scenery.refresh()] = True
+        self._slots.route.doubt[self.scenery.refresh(self._faults.scene)] = True
 
     def scene_of(self, slot: int) -> Scene | None:
         """The scene that a slot is in, as the present step sees it."""

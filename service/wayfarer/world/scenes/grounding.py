@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
+from wayfarer.world.agents.faults import check_finite
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.output.ground import set_on_ground
+from wayfarer.world.output.ground import Grounded, set_on_ground
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.playback import Sent
@@ -16,18 +17,24 @@ Array = NDArray[np.floating[Any]]
 
 
 def ground(slots: Slots, scenery: WorldScenes, sent: Sent) -> None:
-    """Raise the chunks of `sent` to the floors of their agents' scenes."""
+    """Raise the chunks of `sent` to the floors of their agents' scenes; all, or none on errors."""
     scenes = slots.scene[sent.slots]
     if not scenes.any():
         return
+    translation, uneven = sent.chunks.translation, list[tuple[Index, Grounded]]()
+    raised = np.zeros(len(scenes), np.float32)
     for number in np.unique(scenes[scenes != NOWHERE]).tolist():
         rows = np.flatnonzero(scenes == number)
         scene = scenery.scene(number)
         if is_level(scene):
-            height = scene.ground.layers[0].heights.level
-            sent.chunks.translation[rows, :, 2] += np.float32(height)
+            raised[rows] = scene.ground.layers[0].heights.level
         else:
-            _ground(slots, scene, sent, rows)
+            uneven.append((rows, _grounded(slots, scene, sent, rows)))
+    check_finite("floors", raised)
+    translation[..., 2] += raised[:, None]
+    for rows, found in uneven:
+        translation[rows], sent.chunks.rotations[rows] = found.translation, found.rotations
+        slots.footing.put(sent.slots[rows], found.footing)
 
 
 def is_level(scene: Scene) -> bool:
@@ -36,7 +43,7 @@ def is_level(scene: Scene) -> bool:
     return all(h.values is None and h.level == heights[0].level for h in heights)
 
 
-def _ground(slots: Slots, scene: Scene, sent: Sent, rows: Index) -> None:
+def _grounded(slots: Slots, scene: Scene, sent: Sent, rows: Index) -> Grounded:
     chunks, agents = sent.chunks, sent.slots[rows]
     before = slots.footing.take(agents)
 
@@ -48,5 +55,5 @@ def _ground(slots: Slots, scene: Scene, sent: Sent, rows: Index) -> None:
     found = set_on_ground(
         before, slots.legs.take(agents), chunks.translation[rows], chunks.rotations[rows], floor
     )
-    chunks.translation[rows], chunks.rotations[rows] = found.translation, found.rotations
-    slots.footing.put(agents, found.footing)
+    check_finite("frames on the ground", found.translation, found.rotations)
+    return found

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import Metres, Text, Unreachable, spot
 from wayfarer.navigation.scene_spec import Point3
+from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Slots
@@ -56,6 +57,7 @@ class Planner:
         move: Callable[[int, int, Array], None],
         tell: Tell,
         at_once: int,
+        faults: Faults,
     ) -> None:
         """`move(slot, waypoint, place)` puts a goal of a path elsewhere. In one `update` `at_once`
         ways are looked for, each of which takes about a millisecond; other agents wait a step.
@@ -66,6 +68,7 @@ class Planner:
         self._move = move
         self._tell = tell
         self._at_once = at_once
+        self._faults = faults
 
     def update(
         self, rows: Index, places: Array, gait: Gait, goals: GoalColumns, wanted: Flags
@@ -85,9 +88,14 @@ class Planner:
         due = wanted & (~known | lost)
         due |= wanted & known & (route.passage[rows] == Passage.CLOSED) & self._may_open(rows)
         due |= wanted & opened & self._closed(rows, opened)
+        if self._faults.any:
+            due &= ~self._faults.out(rows, Stage.WAY)
         for row in np.flatnonzero(due)[: self._at_once].tolist():
             slot, waypoint = int(rows[row]), int(gait.waypoint[row])
-            self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
+            try:
+                self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
+            except Exception as error:  # it waits where it is, as if no way led to its goal
+                self._faults.agents([slot], Stage.WAY, error, holds=False)
 
     def _lost(self, rows: Index, places: Array, goals: Array) -> Flags:
         """Rows on open ways that are far off their way, and rows whose goal has moved."""

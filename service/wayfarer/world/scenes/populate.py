@@ -23,6 +23,7 @@ from wayfarer.errors import (
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
+from wayfarer.world.agents.faults import MAX_FAULTS, Faults, Stage
 from wayfarer.world.agents.goal import MAX_DWELL, SPEED
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Mode, Slots
@@ -53,6 +54,9 @@ LATER: Final = 0.5
 
 NO_ROOM: Final = 2.0
 """… and somebody whom the server has refused for want of room."""
+
+FAULT_PAUSE: Final = 0.5
+"""Seconds for which a crowd is left alone after an error; twice as many after each further one."""
 
 LEAVES_WITHIN: Final = 60.0
 """Seconds after which a person leaves even if it has not stood since."""
@@ -116,8 +120,14 @@ class Crowds:
     """The crowds of a world, by session. Time is an argument; not thread-safe."""
 
     def __init__(
-        self, world: CrowdWorld, registry: Registry, slots: Slots, scenery: WorldScenes
+        self,
+        world: CrowdWorld,
+        registry: Registry,
+        slots: Slots,
+        scenery: WorldScenes,
+        faults: Faults,
     ) -> None:
+        self._faults = faults
         self._world = world
         self._registry = registry
         self._slots = slots
@@ -165,17 +175,33 @@ class Crowds:
     def tend(self, now: float) -> list[Agent]:
         """Let people come and go; returns those that have gone."""
         gone: list[Agent] = []
+        self._faults.now = now
         for session_id in list(self._crowds):
-            scene = self._scene(session_id)
-            people = self._crowds[session_id]
-            if scene is None or not (people.crowd.count or people.leaves_at):
-                del self._crowds[session_id]
-                continue
-            if now >= people.looks_at and not self._registry.sessions[session_id].frozen:
-                people.looks_at = now + LOOKS_EVERY
-                gone += self._leave(session_id, people, now)
-                self._let_in(session_id, people, scene, now)
+            try:
+                self._tend(session_id, gone, now)
+            except Exception as error:
+                self._fail(session_id, now, error)
         return gone
+
+    def _tend(self, session_id: str, gone: list[Agent], now: float) -> None:
+        scene = self._scene(session_id)
+        people = self._crowds[session_id]
+        if scene is None or not (people.crowd.count or people.leaves_at):
+            del self._crowds[session_id]
+        elif now >= people.looks_at and not self._registry.sessions[session_id].frozen:
+            people.looks_at = now + LOOKS_EVERY
+            self._leave(session_id, people, gone, now)
+            self._let_in(session_id, people, scene, now)
+            self._faults.succeeded(session_id, Stage.CROWD)
+
+    def _fail(self, session_id: str, now: float, error: Exception) -> None:
+        """Nobody comes or leaves for a while; after many faults until the crowd is set anew."""
+        times, people = self._faults.session(session_id, Stage.CROWD, error), self._crowds
+        if session_id in people:
+            people[session_id].looks_at = (
+                now + FAULT_PAUSE * 2**times if times < MAX_FAULTS else np.inf
+            )
+            people[session_id].waits = "an error in the server keeps people from coming"
 
     def _scene(self, session_id: str) -> Scene | None:
         """A session's scene as the present step sees it; None: it is in none, or has ended."""
@@ -190,19 +216,19 @@ class Crowds:
         stands = sent.gait.mode[rows] == Mode.STANDING
         return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
 
-    def _leave(self, session_id: str, people: CrowdPeople, now: float) -> list[Agent]:
+    def _leave(self, session_id: str, people: CrowdPeople, gone: list[Agent], now: float) -> None:
         here = self._whereabouts(session_id)
         stands = dict(zip(here.agent_ids, here.stands.tolist(), strict=True))
         people.leaves_at = {a: at for a, at in people.leaves_at.items() if a in stands}
-        gone = [
+        leaving = [
             self._registry.agent(agent_id)
             for agent_id, at in people.leaves_at.items()
             if now >= at and (stands[agent_id] or now >= at + LEAVES_WITHIN)
         ]
-        for agent in gone:
+        for agent in leaving:
             self._world.delete_agent(agent.agent_id)
             del people.leaves_at[agent.agent_id]
-        return gone
+            gone.append(agent)
 
     def _let_in(self, session_id: str, people: CrowdPeople, scene: Scene, now: float) -> None:
         places = [(x, y) for x, y in self._whereabouts(session_id).places.tolist()]
@@ -238,7 +264,7 @@ class Crowds:
             people.next_at = now + NO_ROOM
             people.waits = str(error)
             return None
-        people.come += 1
+        people.come += 1  # so that another one comes even if this one cannot be sent off
         people.waits = ""
         people.leaves_at[made.agent_id] = now + person.stay
         self._world.give(made.agent_id, person.wander, now)

@@ -1,6 +1,6 @@
 """The scenes that a world's sessions are in, as its present step sees them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -57,19 +57,27 @@ class WorldScenes:
         """The version that the present step sees."""
         return self._scenes[number]
 
-    def refresh(self) -> Index:
-        """Take up new versions; slots that are in scenes which have one."""
-        changed = [
-            self._numbers[name]
-            for name, scene in self.book.current(self._numbers).items()
-            if scene is not self._scenes[self._numbers[name]]
-        ]
+    def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
+        """Take up new versions; slots that are in scenes which have one.
+
+        `failed(number, error)`: agents go on in that scene as it was.
+        """
+        changed = []
+        for name, scene in self.book.current(self._numbers).items():
+            number = self._numbers[name]
+            if scene is not self._scenes[number]:
+                try:
+                    self._take_up(number, scene)
+                except Exception as error:
+                    failed(number, error)
+                else:
+                    changed.append(number)
         if not changed:
             return np.empty(0, np.int64)
-        for name, number in self._numbers.items():
-            if number in changed:
-                self._scenes[number] = self.book.scene(name)
         return np.flatnonzero(self._slots.active & np.isin(self._slots.scene, changed))
+
+    def _take_up(self, number: int, scene: Scene) -> None:
+        self._scenes[number] = scene
 
     # What callers name, as the scene has it. Thread-safe: scenes never change.
 

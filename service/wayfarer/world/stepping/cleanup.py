@@ -4,17 +4,18 @@ It works on chunks as they leave. What has been sent is never replaced, so one s
 enough: replanning throws away only frames that have not come here.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from wayfarer.world.agents.agent import ChunkFlag, Sight
+from wayfarer.world.agents.faults import check_finite
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.evenness import shorten_steps
-from wayfarer.world.output.footlock import begin, lock_feet
-from wayfarer.world.output.posture import DRAWN, calmed, habits, hold, settled
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.output.footlock import LockState, begin, lock_feet
+from wayfarer.world.output.posture import DRAWN, PostureState, calmed, habits, hold, settled
+from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.playback import Sent
 
 HALTED: Final = 0.25
@@ -33,14 +34,36 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     """
     seen = slots.sight[sent.slots] < Sight.ROOT
     foot_locked = slots.foot_lock[sent.slots] & seen
-    slots.feet_begun[sent.slots] &= foot_locked
-    slots.feet.shortened[sent.slots[~seen]] = sent.chunks.end.gait.shortened[~seen]
-    _shorten(slots, sent, np.flatnonzero(seen & ~foot_locked))
+    shortened = _shortened(slots, sent, np.flatnonzero(seen & ~foot_locked))
     # A slice, where it will do, spares copies.
     wanted = slice(None) if foot_locked.all() else np.flatnonzero(foot_locked)
+    locked = _locked(slots, sent, wanted) if foot_locked.any() else None
+    # Nothing is written before all of it has been made, so a failure changes nothing.
+    chunks, agents = sent.chunks, sent.slots
+    slots.feet_begun[agents] = foot_locked
+    slots.feet.shortened[agents[~foot_locked]] = chunks.end.gait.shortened[~foot_locked]
+    if shortened is not None:
+        rows, rotations = shortened
+        chunks.rotations[rows] = rotations
+    if locked is not None:
+        slots.feet.put(agents[wanted], locked.feet)
+        slots.posture.put(agents[wanted], locked.posture)
+        chunks.translation[wanted], chunks.rotations[wanted] = locked.translation, locked.rotations
+        chunks.contacts[wanted] = locked.contacts
+
+
+class _Locked(NamedTuple):
+    """Chunks with their feet locked, and the states after them."""
+
+    translation: Float
+    rotations: Float
+    contacts: Flags
+    feet: LockState
+    posture: PostureState
+
+
+def _locked(slots: Slots, sent: Sent, wanted: slice | Index) -> _Locked:
     chunks, rows = sent.chunks, sent.slots[wanted]
-    if not len(rows):
-        return
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
     legs, feet, posture = slots.legs.take(rows), slots.feet.take(rows), slots.posture.take(rows)
     gait = chunks.end.gait
@@ -61,30 +84,29 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     waits = gait.mode[wanted] == Mode.STANDING
     shortened = gait.shortened[wanted]
     locked = lock_feet(feet, legs, translation, rotations, steps, waits, shortened, straight)
-    slots.feet.put(rows, locked.state)
-    slots.feet_begun[rows] = True
     own = habits(draws(slots.noise_seed[rows], DRAWN))
     held, posture = hold(posture, locked.rotations, own, rest)
-    slots.posture.put(rows, posture)
-    chunks.translation[wanted], chunks.rotations[wanted] = locked.translation, held
-    chunks.contacts[wanted] = locked.contacts
+    check_finite("frames with locked feet", locked.translation, held)
+    return _Locked(locked.translation, held, locked.contacts, locked.state, posture)
 
 
-def _shorten(slots: Slots, sent: Sent, unlocked: Index) -> None:
+def _shortened(slots: Slots, sent: Sent, unlocked: Index) -> tuple[Index, Float] | None:
+    """Rows of `sent`, and their rotations with shorter steps; None: all are as they should be."""
     agents, chunks = sent.slots[unlocked], sent.chunks
     before, after = slots.feet.shortened[agents], chunks.end.gait.shortened[unlocked]
-    slots.feet.shortened[agents] = after
     some = np.flatnonzero((before != 0) | (after != 0))
     if not len(some):
-        return
+        return None
     rows = unlocked[some]
-    chunks.rotations[rows] = shorten_steps(
+    rotations = shorten_steps(
         slots.legs.take(agents[some]),
         chunks.translation[rows],
         chunks.rotations[rows],
         before[some],
         after[some],
     )
+    check_finite("frames with shorter steps", rotations)
+    return rows, rotations
 
 
 def _stands(gait: Gait) -> Flags:

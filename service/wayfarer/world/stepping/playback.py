@@ -46,6 +46,10 @@ class Sent:
     frame: Index  # world frame of the first frame
     chunks: Chunks
 
+    def take(self, which: Index) -> "Sent":
+        """A copy of some of its rows."""
+        return Sent(self.slots[which], self.seq[which], self.frame[which], self.chunks.take(which))
+
 
 class Playback:
     """The rings of all slots of a table."""

@@ -14,6 +14,7 @@ from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag, Sight
+from wayfarer.world.agents.faults import ENGINE_CALLS, Faults, NotFiniteError, Stage, check_finite
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off, stride
@@ -89,6 +90,9 @@ class PendingStep:
 
 
 Outputs = Callable[[], StepOutputs]
+Ready = tuple[Batch, StepInputs, Outputs]
+"""A batch, what the engine gets for it, and the call."""
+
 Launch = Callable[[Outputs], Outputs]
 """Sets a call going, and gives another one that waits for its result."""
 
@@ -115,6 +119,7 @@ class Scheduler:
         guide: Guide,
         soles: Index,
         mirrors: bool,
+        faults: Faults,
     ) -> None:
         """`reset(slot)` gives the standing motion from which an agent goes on that has fallen.
 
@@ -135,6 +140,7 @@ class Scheduler:
         self._guide = guide
         self._soles = soles
         self._mirrors = mirrors
+        self._faults = faults
         self._single_threaded = settings.single_threaded
         self._company = settings.batch_lookahead_s * FPS  # frames
         self._full = settings.batch_multiple
@@ -168,18 +174,16 @@ class Scheduler:
         due. Until `finish`, agents under way are not due; what is planned for an agent that is
         replanned or leaves is lost.
         """
-        batch = self.schedule(frame, level)
-        if batch is None:
+        ready = self.schedule(frame, level)
+        if ready is None:
             return None
-        inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
-        engine = self._models.numbered(batch.model).engine
-        step = (engine.single_threaded if self._single_threaded else engine).step
+        batch, inputs, call = ready
+        outputs = launch(call)
         self._engine_calls += 1
         self.under_way += 1
         self._table.rows.engine_call[batch.rows] = self._engine_calls
-        call = Call(len(inputs.goal), batch.candidates)
-        outputs = launch(partial(step, batch.gender, inputs))
-        return PendingStep(self._engine_calls, batch, call, outputs)
+        size = Call(len(inputs.goal), batch.candidates)
+        return PendingStep(self._engine_calls, batch, size, outputs)
 
     def finish(self, step: PendingStep) -> int:
         """Plan the next chunk of the agents that are under way. Returns how many there were."""
@@ -187,22 +191,26 @@ class Scheduler:
         still = slots.engine_call[rows] == step.number
         slots.engine_call[rows[still]] = 0
         self.under_way -= 1
-        outputs = mirror_outputs(cut(step.outputs(), len(rows)), step.batch.mirrored)
         kept = np.flatnonzero(still)
+        try:
+            outputs = mirror_outputs(cut(step.outputs(), len(rows)), step.batch.mirrored)
+        except Exception as error:
+            self._step_apart(step.batch.take(kept), error)
+            return len(rows)
         if len(kept) == len(rows):
-            self.apply(step.batch, outputs)
+            self._apply(step.batch, outputs)
         elif len(kept):
-            self.apply(step.batch.take(kept), pick(outputs, kept))
+            self._apply(step.batch.take(kept), pick(outputs, kept))
         return len(rows)
 
-    def schedule(self, frame: float, level: DegradationLevel | None = None) -> Batch | None:
+    def schedule(self, frame: float, level: DegradationLevel | None = None) -> Ready | None:
         """A batch with the first agent that is due: of those that fit into it, the ones whose next
         chunks are to be shown first. So a replanned agent, which has less time, goes before others.
 
         While nothing is under way a full batch of those who are due soon need not wait for it.
         """
         slots = self._table.rows
-        rows = self._playback.due(frame + self._company)
+        rows = self._due(frame + self._company)
         if level is not None and level.coasts:
             rows = rows[slots.sight[rows] < Sight.ROOT]  # who coasts, and is not due yet
         is_due = self._playback.is_due(rows, frame)
@@ -216,6 +224,18 @@ class Scheduler:
         rows = rows[: whole(due, len(rows), self._sizes, self._full)]
         if not len(rows):
             return None
+        try:
+            return self._ready(self._batch(rows, level))
+        except Exception as error:
+            sound = self._faults.sound(
+                rows, lambda some: self._ready(self._batch(rows[some], level)), error
+            )
+            return self._ready(self._batch(rows[sound], level)) if len(sound) else None
+
+    def _batch(self, rows: Index, level: DegradationLevel | None) -> Batch:
+        """Of the slots [A] that are tried with as many candidates as the first."""
+        slots = self._table.rows
+        self._faults.stage = Stage.STEERING
         seed, gait, course = self._next(rows)
         asked = self._steering.candidates(gait.mode)
         tried = asked if level is None else np.minimum(asked, level.candidates)
@@ -224,6 +244,7 @@ class Scheduler:
             rows, asked = rows[together], asked[together]
             seed, gait = seed.take(together), gait.take(together)
             course = NextTarget(course.ahead.take(together), course.judged.take(together))
+        self._faults.stage = Stage.INPUTS
         obstacles = self._guide.obstacles(rows, seed)
         return Batch(
             rows=rows,
@@ -245,10 +266,13 @@ class Scheduler:
         They stand as they stood: the last frame again and again. The motion seed stays as it is,
         so they go on from it as if no time had passed. Returns how many were held.
         """
-        rows = self._playback.due(frame)
+        rows = self._due(frame)
         rows = rows[self._table.rows.planned.gait.mode[rows] == Mode.STANDING]
-        if not len(rows):
-            return 0
+        if self._faults.any:
+            rows = rows[~self._faults.out(rows, Stage.RESTING)]
+        return self._each(Stage.RESTING, rows, self._rest)
+
+    def _rest(self, rows: Index) -> int:
         seed, gait, (_, goals) = self._next(rows)
         idle = np.flatnonzero((gait.mode == Mode.STANDING) & ~goals.more)
         rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
@@ -265,11 +289,12 @@ class Scheduler:
         """Plan the next chunk of all agents due by world frame `frame` whom nobody sees but as a
         root: without the engine, see coasting.py. Returns how many coasted.
         """
+        rows = self._due(frame)
+        rows = rows[self._table.rows.sight[rows] >= Sight.ROOT]
+        return self._each(Stage.COASTING, rows, self._coast)
+
+    def _coast(self, rows: Index) -> int:
         slots = self._table.rows
-        rows = self._playback.due(frame)
-        rows = rows[slots.sight[rows] >= Sight.ROOT]
-        if not len(rows):
-            return 0
         seed, before, (ahead, judged) = self._next(rows)
         targets = self._steering.targets(before, seed, ahead)
         carried = self._steering.carried(before, seed, ahead)
@@ -285,6 +310,32 @@ class Scheduler:
         slots.coasted[rows] = True
         self.coasted_steps += len(rows)
         return len(rows)
+
+    def stand_aside(self, frame: float) -> None:
+        """Plan the next chunk of all agents due by world frame `frame` that a fault holds: they
+        come to a stand and stay there.
+        """
+        rows = self._playback.due(frame)
+        for slot in rows[self._faults.held(rows)].tolist():
+            try:
+                self._stand(np.array([slot]))
+            except Exception as error:
+                self._faults.stop(slot, Stage.STANDING, error)
+
+    def _stand(self, rows: Index) -> None:
+        slots = self._table.rows
+        planned = slots.planned.take(rows)
+        seed, gait = planned.seed, planned.gait
+        if (gait.mode == Mode.STANDING).all():
+            translation = np.repeat(seed.translation[:, -1:], NEW_FRAMES, axis=1)
+            rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
+            stand = Motion(seed, gait)
+        else:
+            stand = Motion.join([self._reset(int(row)) for row in rows])
+            translation, rotations = got_up(seed, stand)
+            stand.gait.waypoint[:] = gait.waypoint
+        contacts = np.ones((len(rows), NEW_FRAMES, 2), np.bool_)
+        self._append_unstepped(rows, translation, rotations, contacts, stand, ChunkFlag.HELD)
 
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
         """Put the new frames into playback; their end is where the next step starts."""
@@ -333,6 +384,61 @@ class Scheduler:
             chunks = self._mend(rows, chunks, batch.seed, which)
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
+        if self._faults.contained and is_broken.any():
+            what = NotFiniteError("a step is not finite, or moves the body too far")
+            self._faults.agents(rows[is_broken], Stage.ENGINE, what)
+
+    def _due(self, frame: float) -> Index:
+        """As `Playback.due`, without those that a fault holds."""
+        rows = self._playback.due(frame)
+        return rows[~self._faults.held(rows)] if self._faults.any else rows
+
+    def _each(self, stage: Stage, rows: Index, run: Callable[[Index], int]) -> int:
+        """The sum of what `run` gives for slots [A], all of them together or in parts."""
+        if not len(rows):
+            return 0
+        self._faults.stage = stage
+        try:
+            return run(rows)
+        except Exception as error:
+            parts = self._faults.split(rows, lambda some: run(rows[some]), error)
+            return sum(count for _, count in parts)
+
+    def _ready(self, batch: Batch) -> Ready:
+        """With what the engine gets, padding included, and the call."""
+        inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
+        engine = self._models.numbered(batch.model).engine
+        step = (engine.single_threaded if self._single_threaded else engine).step
+        return batch, inputs, partial(step, batch.gender, inputs)
+
+    def _step_apart(self, batch: Batch, error: Exception) -> None:
+        """The engine has failed for a batch: try again, then find the agents that it fails for."""
+        if not len(batch.rows) or not self._faults.contained:
+            self._faults.nobody(Stage.ENGINE, error)
+            return
+
+        def step(some: Index) -> StepOutputs:
+            part, _, call = self._ready(batch.take(some))
+            return mirror_outputs(cut(call(), len(some)), part.mirrored)
+
+        self._faults.stage = Stage.ENGINE
+        try:
+            parts = [(everyone := np.arange(len(batch.rows)), step(everyone))]
+            self._faults.nobody(Stage.ENGINE, error)  # it has failed once
+        except Exception as again:
+            parts = self._faults.split(batch.rows, step, again, ENGINE_CALLS)
+        for some, outputs in parts:
+            self._apply(batch.take(some), outputs)
+
+    def _apply(self, batch: Batch, outputs: StepOutputs) -> None:
+        """`apply`, with faults contained."""
+        self._faults.stage = Stage.RULES
+        try:
+            self.apply(batch, outputs)
+        except Exception as error:
+            self._faults.split(
+                batch.rows, lambda some: self.apply(batch.take(some), pick(outputs, some)), error
+            )
 
     def _alike(self, rows: Index, one: int = 0) -> Flags:
         """Who may be in one batch with one of them."""
@@ -362,17 +468,21 @@ class Scheduler:
 
     def _next(self, rows: Index) -> tuple[Seeds, Gait, NextTarget]:
         """Where the next step of some slots starts, their gait during it, and where it leads."""
-        planned = self._table.rows.planned
+        planned, faults = self._table.rows.planned, self._faults
+        outer, faults.stage = faults.stage, Stage.STEERING
         seed, gait = planned.seed.take(rows), planned.gait.take(rows)
         gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
         goals = self._paths.at(rows, gait.waypoint)
+        faults.stage = Stage.WAY
         course = self._guide.course(rows, seed, gait, goals)
+        faults.stage = Stage.STEERING
         slots = self._table.rows
         chunk = slots.planned_chunks[rows]
         ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
         gait = self._steering.decide(gait, seed, course.ahead, ready)
         habit = stride(slots.noise_seed[rows], course.ahead.speed)
         gait = shortened_gait(gait, course.ahead, habit)
+        faults.stage = outer
         return seed, gait, course
 
     def _append_unstepped(
@@ -400,6 +510,9 @@ class Scheduler:
 
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows
+        seed = chunks.end.seed
+        check_finite("new frames", chunks.translation, chunks.rotations)
+        check_finite("the last frames", seed.translation, seed.rotations, seed.markers)
         self._planned(rows, slots.planned_chunks[rows], candidates)
         self._playback.append(rows, chunks)
         slots.replanned[rows] = False

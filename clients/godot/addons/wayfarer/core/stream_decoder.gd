@@ -9,7 +9,7 @@ enum Flag { FIRST = 1, REPLANNED = 2, ARRIVED = 4, GAP = 8, REDUCED = 16, HELD =
 const STATES: Array[String] = ["unknown", "standing", "walking", "stopping", "turning"]
 const EVENTS: Array[String] = [
 	"unknown", "goal_reached", "path_done", "gap", "draining", "model_changed", "unreachable",
-	"blocked", "goal_moved", "behaviour_ended", "agent_left",
+	"blocked", "goal_moved", "behaviour_ended", "agent_left", "fault",
 ]
 const BASES: Array[String] = [
 	"gltf", "gltf", "unity", "unreal", "unreal_mannequin", "blender", "ros"

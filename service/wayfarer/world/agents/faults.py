@@ -1,0 +1,387 @@
+"""Faults: errors while one agent or session is stepped, kept away from all the others.
+
+A stage of a turn works on many agents at once. When it fails, it is done again for halves of them,
+then quarters, until the agents are found that it fails for. These sit the stage out, each for
+longer than the time before, and after `MAX_FAULTS` faults until they are given another goal.
+
+Faults are contained only where somebody hears of them (`report`). Without, as in tests, clips and
+evaluations, every error is raised: nothing is hidden there.
+"""
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, TypeVar
+
+import numpy as np
+
+from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.registry import Registry
+from wayfarer.world.agents.route import Passage
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.avoidance.people import Memory
+from wayfarer.world.events import Event, EventKind
+from wayfarer.world.rows import Flags, Float, Index
+
+T = TypeVar("T")
+
+MAX_FAULTS: Final = 6
+"""Faults after which an agent is not tried again by itself, and a session is set aside."""
+
+PAUSE: Final = 5
+"""Steps that an agent sits out after its first fault; twice as many after each further one."""
+
+CALM: Final = 300
+"""Steps without a fault after which an agent's earlier faults are forgotten."""
+
+ENGINE_CALLS: Final = 48
+"""Engine calls that are spent on finding the agents that a call fails for. When they do not
+suffice it is the engine that fails."""
+
+NEVER: Final = 2**62
+
+
+class Stage(StrEnum):
+    """A part of a turn."""
+
+    SCENE = "scene"
+    CROWD = "crowd"
+    BEHAVIOUR = "behaviour"
+    WAY = "way"
+    STEERING = "steering"
+    INPUTS = "inputs"
+    ENGINE = "engine"
+    RULES = "rules"
+    COASTING = "coasting"
+    RESTING = "resting"
+    STANDING = "standing"
+    FEET = "feet"
+    GROUND = "ground"
+    SENDING = "sending"
+    RECORD = "record"
+    SCHEDULE = "schedule"
+    PUBLICATION = "publication"
+    SIGHT = "sight"
+    ROOTS = "roots"
+    EVENT = "event"
+    DELIVERY = "delivery"
+    RESTORE = "restore"
+
+
+DOING: Final = {
+    Stage.SCENE: "while a change of the scene was taken up",
+    Stage.CROWD: "while people of the crowd came or left",
+    Stage.BEHAVIOUR: "in its behaviour",
+    Stage.WAY: "while its way was looked for",
+    Stage.STEERING: "while it was steered",
+    Stage.INPUTS: "while its next step was prepared",
+    Stage.ENGINE: "in the motion model",
+    Stage.RULES: "while its new frames were checked",
+    Stage.COASTING: "while it was moved without the motion model",
+    Stage.RESTING: "while it was held in place",
+    Stage.STANDING: "while it was held in place",
+    Stage.FEET: "while its feet were locked",
+    Stage.GROUND: "while it was set on the ground",
+    Stage.SENDING: "while its frames were sent",
+    Stage.RECORD: "while its state was kept",
+    Stage.SCHEDULE: "while the session's schedule was kept",
+    Stage.PUBLICATION: "while the session's frames were published",
+    Stage.SIGHT: "while it was found out who is seen how well",
+    Stage.ROOTS: "while roots were smoothed for distant readers",
+    Stage.EVENT: "while an event was reported",
+    Stage.DELIVERY: "while frames were handed to a stream",
+    Stage.RESTORE: "while the session was restored",
+}
+"""For people who read an event."""
+
+HOLDING: Final = frozenset(
+    (Stage.WAY, Stage.STEERING, Stage.INPUTS, Stage.ENGINE, Stage.RULES, Stage.COASTING)
+)
+"""Stages without which an agent is held where it stands."""
+
+
+class NotFiniteError(ArithmeticError):
+    """Numbers came out as NaN or infinite, or a body was moved too far."""
+
+
+def check_finite(what: str, *arrays: Float) -> None:
+    """Raises NotFiniteError when a number of `arrays` is NaN or infinite."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        # A sum is not finite unless all its terms are: one pass, and no array of flags.
+        if not all(np.isfinite(values.sum()) for values in arrays):
+            raise NotFiniteError(f"{what} are not finite")
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One error, and whose it is."""
+
+    stage: Stage
+    error: Exception
+    session_id: str = ""
+    agent_id: str = ""
+    times: int = 1  # faults of this agent or session in this stage so far, this one included
+    given_up: bool = False  # it is not tried again by itself
+
+
+Report = Callable[[Fault], None]
+
+
+@dataclass(slots=True)
+class _Trouble:
+    """The faults of an agent in a stage; chunks count as `planned_chunks`."""
+
+    times: int
+    until: int  # the first chunk for which it is tried again
+    holds: bool  # the agent is held meanwhile
+
+
+class Faults:
+    """The faults of a world. Belongs to the world's thread."""
+
+    def __init__(self, slots: Slots, registry: Registry, report: Report | None = None) -> None:
+        """`report` gets every fault that is contained; None: errors are raised."""
+        self._slots = slots
+        self._registry = registry
+        self._report = report
+        self._troubles: dict[tuple[int, Stage], _Trouble] = {}
+        self._sessions: dict[tuple[str, Stage], int] = {}
+        self._events: list[tuple[str, Event]] = []
+        self.now = 0.0
+        """The world's time; set by whoever lets time pass."""
+        self.stage = Stage.STEERING
+        """The stage that is being done, for stages that are done in one go."""
+        self.condemned: list[str] = []
+        """Sessions that fail again and again, to be set aside by whoever owns the world."""
+
+    @property
+    def contained(self) -> bool:
+        """Errors are kept away from others; otherwise they are raised."""
+        return self._report is not None
+
+    @property
+    def any(self) -> bool:
+        """Some agent may have to sit a stage out."""
+        return bool(self._troubles)
+
+    def take_events(self) -> list[tuple[str, Event]]:
+        """What agents and sessions are to be told since the last call, by session."""
+        events, self._events = self._events, []
+        return events
+
+    # Finding out whose fault it is
+
+    def split(
+        self, rows: Index, run: Callable[[Index], T], error: Exception, most: int = NEVER
+    ) -> list[tuple[Index, T]]:
+        """After `run` has failed for all `rows` together: do it for parts of them.
+
+        `run` takes positions in `rows`. Returns the parts that succeeded, with their results. The
+        rows of the others have a fault. Raises `error` where faults are not contained, and when
+        `most` calls do not suffice.
+        """
+        if self._report is None:
+            raise error
+        found: list[tuple[Index, T]] = []
+        waiting = [(np.arange(len(rows)), error, self.stage)]
+        guilty, calls = False, 0
+        while waiting:
+            which, problem, stage = waiting.pop(0)
+            if len(which) == 1:
+                guilty = True
+                self.agents(rows[which], stage, problem)
+                continue
+            for half in np.array_split(which, 2):
+                calls += 1
+                if calls > most:
+                    raise error
+                try:
+                    found.append((half, run(half)))
+                except Exception as again:
+                    waiting.append((half, again, self.stage))
+        if not guilty:  # it has failed once, or only together
+            self._report(Fault(self.stage, error))
+        return found
+
+    def sound(self, rows: Index, run: Callable[[Index], object], error: Exception) -> Index:
+        """After `run` has failed for all `rows`: the positions for which it does not fail.
+
+        Raises `error` where faults are not contained.
+        """
+        parts = [which for which, _ in self.split(rows, run, error)]
+        return np.sort(np.concatenate(parts)) if parts else np.empty(0, np.int64)
+
+    # Noting it
+
+    def agents(
+        self, slots: Collection[int] | Index, stage: Stage, error: Exception, holds: bool = True
+    ) -> None:
+        """The agents of these slots have a fault. Not `holds`: they need not be held for it.
+
+        Raises `error` where faults are not contained.
+        """
+        if self._report is None:
+            raise error
+        for slot in map(int, slots):
+            trouble = self._more(slot, stage, holds and stage in HOLDING)
+            self._forget_state(slot, stage)
+            agent = self._registry.by_slot.get(slot)
+            if agent is None:  # nobody is there: nothing more shall be made of it
+                self._slots.frozen[slot] = True
+                self._report(Fault(stage, error))
+                continue
+            given_up = trouble.until == NEVER
+            self._report(
+                Fault(stage, error, agent.session_id, agent.agent_id, trouble.times, given_up)
+            )
+            columns = self._slots
+            frame = int(columns.start_frame[slot] + NEW_FRAMES * columns.planned_chunks[slot])
+            event = Event(
+                EventKind.FAULT,
+                frame / FPS,
+                agent.agent_id,
+                agent.alias,
+                int(columns.goal_revision[slot]),
+                int(columns.planned.gait.waypoint[slot]),
+                _told(stage, trouble, int(columns.planned_chunks[slot])),
+            )
+            self._events.append((agent.session_id, event))
+
+    def agent(self, agent_id: str, error: Exception, stage: Stage) -> None:
+        """An agent has a fault for which it need not be held, unless it is gone.
+
+        Raises `error` where faults are not contained.
+        """
+        if (agent := self._registry.agents.get(agent_id)) is not None or self._report is None:
+            self.agents([] if agent is None else [agent.slot], stage, error, holds=False)
+
+    def session(self, session_id: str, stage: Stage, error: Exception) -> int:
+        """A session has a fault that is no single agent's; returns how many so far in the stage.
+
+        Raises `error` where faults are not contained.
+        """
+        if self._report is None:
+            raise error
+        times = self._sessions[session_id, stage] = self._sessions.get((session_id, stage), 0) + 1
+        self._report(Fault(stage, error, session_id, times=times, given_up=times == MAX_FAULTS))
+        if times == 1:
+            text = f"an error in the server {DOING[stage]}; the session goes on"
+            self._events.append((session_id, Event(EventKind.FAULT, self.now, detail=text)))
+        return times
+
+    def scene(self, number: int, error: Exception) -> None:
+        """A scene has a fault: the sessions in it are told.
+
+        Raises `error` where faults are not contained.
+        """
+        for session in list(self._registry.sessions.values()):
+            if session.scene == number:
+                self.session(session.session_id, Stage.SCENE, error)
+
+    def sessions_of(self, agent_ids: Iterable[str]) -> set[str]:
+        """The sessions of those agents that are here."""
+        agents = self._registry.agents
+        return {agents[name].session_id for name in agent_ids if name in agents}
+
+    def condemn(self, session_id: str) -> None:
+        """Have a session set aside that cannot go on."""
+        if session_id not in self.condemned:
+            self.condemned.append(session_id)
+
+    def elsewhere(self, session_id: str, stage: Stage, error: Exception) -> None:
+        """As `session`, from another thread, and without an event.
+
+        Raises `error` where faults are not contained.
+        """
+        if self._report is None:
+            raise error
+        self._report(Fault(stage, error, session_id))
+
+    def take_condemned(self) -> list[str]:
+        """Sessions to be set aside by whoever owns the world, since the last call."""
+        condemned, self.condemned = self.condemned, []
+        return condemned
+
+    def nobody(self, stage: Stage, error: Exception) -> None:
+        """A fault of nobody that is known. Raises `error` where faults are not contained."""
+        if self._report is None:
+            raise error
+        self._report(Fault(stage, error))
+
+    def stop(self, slot: int, stage: Stage, error: Exception) -> None:
+        """An agent cannot even be held: nothing more is made of it."""
+        self.agents([slot], stage, error)
+        self._slots.frozen[slot] = True
+
+    # Sitting out
+
+    def out(self, rows: Index, *stages: Stage) -> Flags:
+        """Which slots [A] sit one of these stages out now."""
+        return self._which(rows, lambda stage, _: stage in stages)
+
+    def held(self, rows: Index) -> Flags:
+        """Which slots [A] are held where they stand."""
+        return self._which(rows, lambda _, trouble: trouble.holds)
+
+    def pardon(self, slot: int) -> None:
+        """The agent has been given something else to do: it is tried again at once."""
+        if not self._troubles:
+            return
+        for (other, _), trouble in self._troubles.items():
+            if other == slot:
+                trouble.until = 0
+
+    def forget(self, slot: int) -> None:
+        """The agent of a slot is gone."""
+        if self._troubles:
+            self._troubles = {key: t for key, t in self._troubles.items() if key[0] != slot}
+
+    def forget_session(self, session_id: str) -> None:
+        """A session is gone."""
+        if self._sessions:
+            self._sessions = {k: n for k, n in self._sessions.items() if k[0] != session_id}
+
+    def succeeded(self, session_id: str, stage: Stage) -> None:
+        """A stage that has failed for a session has not now."""
+        if self._sessions:
+            self._sessions.pop((session_id, stage), None)
+
+    # Within
+
+    def _more(self, slot: int, stage: Stage, holds: bool) -> _Trouble:
+        planned = int(self._slots.planned_chunks[slot])
+        before = self._troubles.get((slot, stage))
+        times = 1 if before is None else before.times + 1
+        until = NEVER if times >= MAX_FAULTS else planned + PAUSE * 2 ** (times - 1)
+        found = self._troubles[slot, stage] = _Trouble(min(times, MAX_FAULTS), until, holds)
+        return found
+
+    def _which(self, rows: Index, concerns: Callable[[Stage, _Trouble], bool]) -> Flags:
+        if not self._troubles:
+            return np.zeros(len(rows), np.bool_)
+        planned, over, out = self._slots.planned_chunks, list[tuple[int, Stage]](), list[int]()
+        for (slot, stage), trouble in self._troubles.items():
+            if trouble.until != NEVER and planned[slot] > trouble.until + CALM:
+                over.append((slot, stage))
+            elif planned[slot] < trouble.until and concerns(stage, trouble):
+                out.append(slot)
+        for key in over:
+            del self._troubles[key]
+        return np.isin(rows, out)
+
+    def _forget_state(self, slot: int, stage: Stage) -> None:
+        """What rules remember of the agent may be what they fail for."""
+        slots = self._slots
+        if stage in HOLDING:
+            slots.memory.put(np.array([slot]), Memory.empty(1))
+            slots.route.passage[slot] = Passage.UNKNOWN
+        if stage is Stage.FEET:
+            slots.feet_begun[slot] = False
+
+
+def _told(stage: Stage, trouble: _Trouble, planned: int) -> str:
+    stands = "it stands where it is" if stage in HOLDING else "it goes on without"
+    again = " until it is given another goal"
+    if trouble.until != NEVER:
+        again = f" and is tried again in {(trouble.until - planned) * STEP_SECONDS:g} s"
+    return f"an error in the server {DOING[stage]}: {stands}{again}"

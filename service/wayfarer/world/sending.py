@@ -1,0 +1,103 @@
+"""What is done to chunks as they leave: feet locked, bodies on the ground, parted by session.
+
+What fails for an agent here is left out for it: its chunk leaves as it was planned.
+"""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from wayfarer.world.agents.faults import Faults, Stage
+from wayfarer.world.agents.registry import Registry
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.agents.timeline import Timeline
+from wayfarer.world.observer import WorldObserver
+from wayfarer.world.rows import Index
+from wayfarer.world.scenes.grounding import ground
+from wayfarer.world.scenes.world_scenes import WorldScenes
+from wayfarer.world.stepping.cleanup import clean_feet
+from wayfarer.world.stepping.due import Due, due_by_session
+from wayfarer.world.stepping.playback import Sent
+
+
+class Sending:
+    """Refines the chunks of a world that leave, and reports them."""
+
+    def __init__(
+        self,
+        *,
+        slots: Slots,
+        registry: Registry,
+        timeline: Timeline,
+        scenery: WorldScenes,
+        observers: Iterable[WorldObserver],
+        faults: Faults,
+    ) -> None:
+        self._slots = slots
+        self._registry = registry
+        self._timeline = timeline
+        self._scenery = scenery
+        self._observers = observers
+        self._faults = faults
+
+    def leave(self, leaving: list[Sent]) -> list[Due]:
+        """The same chunks by session, as they are to be shown."""
+        found = list[Due]()
+        for sent in leaving:
+            self._refine(Stage.FEET, sent, lambda some: clean_feet(self._slots, some))
+            if self._slots.scene[sent.slots].any():
+                self._refine(
+                    Stage.GROUND, sent, lambda some: ground(self._slots, self._scenery, some)
+                )
+            found += self._by_session(sent)
+        for observer in self._observers:
+            for due in found:
+                observer.sent(due)
+        return found
+
+    def _refine(self, stage: Stage, sent: Sent, refine: Callable[[Sent], None]) -> None:
+        """Let `refine` change the chunks in place, but those of agents for which it fails.
+
+        It changes nothing when it fails.
+        """
+        faults = self._faults
+        which = np.arange(len(sent.slots))
+        if faults.any:
+            which = which[~faults.out(sent.slots, stage)]
+        faults.stage = stage
+
+        def part(some: Index) -> None:
+            found = sent.take(which[some])
+            refine(found)
+            sent.chunks.put(which[some], found.chunks)
+            refined[which[some]] = True
+
+        refined = np.zeros(len(sent.slots), np.bool_)
+        try:
+            if len(which) == len(sent.slots):
+                refine(sent)
+                return
+            part(np.arange(len(which)))
+        except Exception as error:
+            faults.split(sent.slots[which], part, error)
+        if stage is Stage.GROUND:  # as high as they were
+            rows = np.flatnonzero(~refined)
+            floors = self._slots.footing.hips[sent.slots[rows]]
+            sent.chunks.translation[rows, :, 2] += floors[:, None]
+
+    def _by_session(self, sent: Sent) -> list[Due]:
+        """What cannot be told whose it is is lost, and nothing more is made of it."""
+        slots, agents = self._slots, self._registry.by_slot
+        self._faults.stage = Stage.SENDING
+        try:
+            return due_by_session(sent, slots, agents, self._timeline)
+        except Exception as error:
+            parts = self._faults.split(
+                sent.slots,
+                lambda some: due_by_session(sent.take(some), slots, agents, self._timeline),
+                error,
+            )
+            told = np.concatenate([np.empty(0, np.int64), *(some for some, _ in parts)])
+            lost = np.setdiff1d(np.arange(len(sent.slots)), told)
+            slots.frozen[sent.slots[lost]] = True
+            return [due for _, found in parts for due in found]
