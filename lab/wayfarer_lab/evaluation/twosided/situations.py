@@ -1,0 +1,57 @@
+"""What people are asked to do, which figures are taken, and how recorded stretches are found."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.twosided import figures, stretches
+from wayfarer_lab.evaluation.twosided.figures import Values
+
+UPPER: Final = frozenset(
+    {
+        "elbow_deg", "arm_out_deg", "arm_out_p95_deg", "wrist_cm", "trunk_deg", "arm_leg",
+        "twist_deg", "head_yaw_deg", "head_pitch_deg", "power_6_10", "head_bob_cm",
+        "head_lead_deg", "head_in_deg", "arm_up", "hands_cm_s", "head_cm_s", "still_share",
+        "lean_share",
+    }
+)  # fmt: skip
+"""Figures of arms, head and trunk: acted styles say nothing of them."""
+
+ALIKE: Final = frozenset({"still_share", "arm_up", "footfalls", "shifts_min"})
+"""Shares and counts that are nought for many people: no spread is asked for."""
+
+REPORTED: Final = frozenset({"slide_cm_s", "speed_mps"})
+"""Figures that are shown and do not count: a statue slides nowhere, and speed is what was asked."""
+
+Find = Callable[[Take, stretches.Uses], Iterator[Take]]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """One thing that people do. `find` cuts recorded stretches; `measure` gives their figures."""
+
+    name: str
+    measure: Callable[[Take], Values]
+    find: Find
+    given: dict[str, tuple[float, float]] = field(default_factory=dict)
+    # ranges that recordings do not give, from the literature or a person's word
+    acted: bool = False  # legs of acted styles count: too few walk so without
+
+
+SITUATIONS: Final[dict[str, Situation]] = {
+    situation.name: situation
+    for situation in (
+        Situation("stand", figures.standing, stretches.stands, {"shifts_min": (0.5, 20.0)}),
+        Situation("walk 0.9", figures.walking, stretches.walks(0.75, 1.05)),
+        Situation("walk 1.2", figures.walking, stretches.walks(1.05, 1.35)),
+        Situation("walk 1.5", figures.walking, stretches.walks(1.35, 1.65)),
+        Situation("start", figures.starting, stretches.starts),
+        Situation("stop", figures.stopping, stretches.stops),
+        Situation("side", figures.strafing, stretches.sideways, acted=True),
+        Situation("back", figures.strafing, stretches.backward, acted=True),
+        Situation("turn", figures.turning, stretches.turns),
+        Situation("curve", figures.curving, stretches.curves),
+        Situation("turn back", figures.turning_back, stretches.turns_back, {"arm_up": (0.0, 0.01)}),
+    )
+}
