@@ -17,38 +17,39 @@ ENOUGH: Final = 1.5
 
 def inward(ankles: Array, head: Array, hips: Array, turn: float) -> float:
     """Mean degrees that a body leans into a curve: the head [T, 3] over the middle of both ankles
-    [T, 2, 3], across the way of the hips [T, 3]. `turn`: 1 to the left, -1 to the right.
+    [T, 2, 3], across the way of the hips [T, 3], means over a second. `turn`: 1 to the left, -1 to
+    the right. NaN for less than a second.
     """
-    along = np.gradient(hips[:, :2], axis=0)
-    along = _smooth(along)
-    along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
+    velocity = _means(np.gradient(hips[:, :2], axis=0))
+    along = velocity / np.maximum(np.linalg.norm(velocity, axis=-1, keepdims=True), 1e-9)
     left = np.stack([-along[:, 1], along[:, 0]], -1)
-    line = head - ankles.mean(1)
-    aside = _smooth((line[:, :2] * left).sum(-1)) * turn
-    return float(np.degrees(np.arctan2(aside, line[:, 2])).mean())
+    line = _means(head - ankles.mean(1))
+    aside = turn * (line[:, :2] * left).sum(-1)
+    return float(np.degrees(np.arctan2(aside, line[:, 2])).mean()) if len(line) else nan
 
 
 def asked(hips: Array) -> float:
-    """Mean degrees that physics asks for, atan(v ω / g), of the smoothed way of hips [T, 3]."""
-    velocity = _smooth(np.gradient(hips[:, :2], axis=0) * FPS)
+    """Degrees that physics asks for, atan(v ω / g), of the way of hips [T, 3], means over a second;
+    positive to the left. NaN for less than a second and two frames.
+    """
+    velocity = _means(np.gradient(hips[:, :2], axis=0) * FPS)
+    if len(velocity) < 2:
+        return nan
     way = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    speed, turning = np.linalg.norm(velocity, axis=-1), _smooth(np.gradient(way) * FPS)
-    return float(np.degrees(np.arctan(speed * turning / GRAVITY)).mean())
+    turning = float(way[-1] - way[0]) * FPS / (len(way) - 1)
+    speed = float(np.linalg.norm(velocity, axis=-1).mean())
+    return float(np.degrees(np.arctan(speed * turning / GRAVITY)))
 
 
 def share_of_asked(ankles: Array, head: Array, hips: Array) -> float:
     """Inward lean over what physics asks for; NaN where that is less than 1.5°."""
     wanted = asked(hips)
-    if abs(wanted) < ENOUGH:
+    if not abs(wanted) >= ENOUGH:
         return nan
     return inward(ankles, head, hips, float(np.sign(wanted))) / abs(wanted)
 
 
-def _smooth(values: Array) -> Array:
-    """Moving mean over a second of values [T, ...]; shorter at the ends."""
-    frames = min(FPS, len(values))
-    kernel = np.ones(frames)
-    count = np.convolve(np.ones(len(values)), kernel, "same")
-    flat = values.reshape(len(values), -1)
-    means = np.stack([np.convolve(column, kernel, "same") / count for column in flat.T], -1)
-    return means.reshape(values.shape)
+def _means(values: Array) -> Array:
+    """Means of values [T, D] over every second, [T - 39, D]: whole strides, no ends."""
+    total = np.concatenate([np.zeros((1, values.shape[1])), values.cumsum(0)])
+    return (total[FPS:] - total[:-FPS]) / FPS

@@ -5,6 +5,7 @@ people of a gender once; it may search, sample a policy, or look up recordings.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -15,14 +16,14 @@ from torch import Tensor
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
 from wayfarer.model_bundle import START_POSES, load_bodies
-from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
+from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
 from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.takes import Take
 from wayfarer_lab.evaluation.twosided.verdicts import Person
-from wayfarer_lab.evaluation.twosided.wishes import AHEAD, ORDERS, SECONDS, Wish
+from wayfarer_lab.evaluation.twosided.wishes import AHEAD, ORDERS, SECONDS, Order, Wish
 
 Array = NDArray[np.floating[Any]]
 
@@ -50,34 +51,58 @@ class Step(Protocol):
         """
 
 
-def play(
-    steps: Mapping[str, Step], people: int = 8, seed: int = 0, orders: Mapping[str, Any] = ORDERS
-) -> list[Person]:
-    """Figures of `people` for each of `orders`, of both genders in turn; `steps` by gender.
+@dataclass(frozen=True)
+class Track:
+    """One person over 12 s, and what it was asked for."""
+
+    order: str  # of `wishes.ORDERS`
+    wish: Wish
+    take: Take
+
+    def people(self) -> list[Person]:
+        """Its figures in each situation that its order is a case of."""
+        return [
+            Person(situation, self.take.name, values)
+            for situation, values in self.wish.measured(self.take).items()
+        ]
+
+
+def roll(
+    steps: Mapping[str, Step],
+    people: int = 8,
+    seed: int = 0,
+    orders: Mapping[str, Order] = ORDERS,
+) -> list[Track]:
+    """Tracks of `people` for each of `orders`, of the genders in turn that `steps` has.
 
     The same seed gives the same people, poses and wishes.
     """
     random = np.random.default_rng(seed)
     names = [name for name in orders for _ in range(people)]
-    specs = random_specs(len(names), random)
+    specs = [
+        replace(spec, gender=list(steps)[k % len(steps)])
+        for k, spec in enumerate(random_specs(len(names), random))
+    ]
     time = np.arange(round(SECONDS * FPS) + MARGIN) / FPS
     wishes = [orders[name](time, random) for name in names]
-    found: list[Person] = []
-    for gender in GENDERS:
-        mine = [k for k, spec in enumerate(specs) if spec.gender == gender and gender in steps]
-        if not mine:
-            continue
-        takes = _takes(steps[gender], [specs[k] for k in mine], [wishes[k] for k in mine])
-        for k, take in zip(mine, takes, strict=True):
-            found += [
-                Person(situation, f"{names[k]} {k}", values)
-                for situation, values in wishes[k].measured(take).items()
-            ]
-    return found
+    found: dict[int, Track] = {}
+    for gender, step in steps.items():
+        mine = [k for k, spec in enumerate(specs) if spec.gender == gender]
+        clips = _clips(step, [specs[k] for k in mine], [wishes[k] for k in mine]) if mine else []
+        body = load_body(BODY, gender, "low")
+        for k, clip in zip(mine, clips, strict=True):
+            take = Take.of(clip, body, f"{names[k]} {k % people}")
+            found[k] = Track(names[k], wishes[k], take)
+    return [found[k] for k in sorted(found)]
+
+
+def play(steps: Mapping[str, Step], people: int = 8, seed: int = 0) -> list[Person]:
+    """Figures of the tracks of `roll`."""
+    return [person for track in roll(steps, people, seed) for person in track.people()]
 
 
 @torch.no_grad()
-def _takes(step: Step, specs: list[AgentSpec], wishes: list[Wish]) -> list[Take]:
+def _clips(step: Step, specs: list[AgentSpec], wishes: list[Wish]) -> list[Clip]:
     """Who begins at rest at heading 0 over the origin, and is stepped for all of `SECONDS`."""
     spawner = Spawner(load_bodies(BODY), load_start_poses(START_POSES))
     starts = [spawner.stand(_at_origin(spec)).seed for spec in specs]
@@ -94,10 +119,7 @@ def _takes(step: Step, specs: list[AgentSpec], wishes: list[Wish]) -> list[Take]
         places.append(new)
         turns.append(turned)
     hips, every = torch.cat(places, 1).numpy(), torch.cat(turns, 1).numpy()
-    body = load_body(BODY, specs[0].gender, "low")
-    return [
-        Take.of(_clip(hips[k], every[k], spec), body, f"person {k}") for k, spec in enumerate(specs)
-    ]
+    return [_clip(hips[k], every[k], spec) for k, spec in enumerate(specs)]
 
 
 def _at_origin(spec: AgentSpec) -> AgentSpec:

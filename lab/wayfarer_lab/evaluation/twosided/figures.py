@@ -81,18 +81,26 @@ def standing(take: Take) -> Values:
 
 
 def walking(take: Take) -> Values:
-    """Of a steady, straight walk."""
+    """Of a steady, straight walk. Who takes no steps has speed, arms and trunk alone."""
+    metres = float(np.linalg.norm(take.hips[-1, :2] - take.hips[0, :2]))
+    return (
+        {"speed_mps": metres * FPS / (len(take) - 1)}
+        | _gait(take)
+        | upper_body(take)
+        | fine(take)
+        | slide(take)
+    )
+
+
+def _gait(take: Take) -> Values:
     walked = stride.steps(take.ankles, take.hips)
     if walked is None:
         return {}
-    around = walked.stride_frames
+    around, places = walked.stride_frames, take.joints
     peaks = [stride.extremes(take.knees[:, foot], walked.of(foot))[1] for foot in (0, 1)]
-    places = take.joints
     ahead = [arms.ahead_of(places[:, part], take.hips, take.facing) for part in (WRISTS, ANKLES)]
     twist = liveliness.yaw_against(take.turns[:, CHEST], take.turns[:, 0])
-    metres = float(np.linalg.norm(take.hips[-1, :2] - take.hips[0, :2]))
     return {
-        "speed_mps": metres * FPS / (len(take) - 1),
         "step_cm": 100 * float(walked.length.mean()),
         "cadence": walked.cadence,
         "width_cm": 100 * float(walked.width.mean()),
@@ -106,7 +114,7 @@ def walking(take: Take) -> Values:
         "twist_deg": _range(twist),
         "head_yaw_deg": liveliness.range_in_window(yaw_of_head(take, CHEST)),
         "head_pitch_deg": float(joints.head_pitch(take.turns[:, HEAD]).mean()),
-    } | upper_body(take) | fine(take) | slide(take)  # fmt: skip
+    }
 
 
 def strafing(take: Take) -> Values:

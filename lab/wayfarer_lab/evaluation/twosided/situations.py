@@ -21,8 +21,14 @@ UPPER: Final = frozenset(
 ALIKE: Final = frozenset({"still_share", "arm_up", "footfalls", "shifts_min"})
 """Shares and counts that are nought for many people: no spread is asked for."""
 
-REPORTED: Final = frozenset({"slide_cm_s", "speed_mps"})
-"""Figures that are shown and do not count: a statue slides nowhere, and speed is what was asked."""
+REPORTED: Final = frozenset({"slide_cm_s"})
+"""Figures that are shown and do not count: a statue slides nowhere."""
+
+REACHED: Final = (0.9, 1.1)
+"""Shares of a speed that is asked for, between which the speed of people has to lie."""
+
+SIDE, BACK, CURVE = 1.0, 0.9, 1.2
+"""Metres per second that are asked for."""
 
 Find = Callable[[Take, stretches.Uses], Iterator[Take]]
 
@@ -39,19 +45,23 @@ class Situation:
     acted: bool = False  # legs of acted styles count: too few walk so without
 
 
+def _asked(speed: float) -> dict[str, tuple[float, float]]:
+    return {"speed_mps": (REACHED[0] * speed, REACHED[1] * speed)}
+
+
 SITUATIONS: Final[dict[str, Situation]] = {
     situation.name: situation
     for situation in (
         Situation("stand", figures.standing, stretches.stands, {"shifts_min": (0.5, 20.0)}),
-        Situation("walk 0.9", figures.walking, stretches.walks(0.75, 1.05)),
-        Situation("walk 1.2", figures.walking, stretches.walks(1.05, 1.35)),
-        Situation("walk 1.5", figures.walking, stretches.walks(1.35, 1.65)),
+        Situation("walk 0.9", figures.walking, stretches.walks(0.75, 1.05), _asked(0.9)),
+        Situation("walk 1.2", figures.walking, stretches.walks(1.05, 1.35), _asked(1.2)),
+        Situation("walk 1.5", figures.walking, stretches.walks(1.35, 1.65), _asked(1.5)),
         Situation("start", figures.starting, stretches.starts),
         Situation("stop", figures.stopping, stretches.stops),
-        Situation("side", figures.strafing, stretches.sideways, acted=True),
-        Situation("back", figures.strafing, stretches.backward, acted=True),
+        Situation("side", figures.strafing, stretches.sideways, _asked(SIDE), acted=True),
+        Situation("back", figures.strafing, stretches.backward, _asked(BACK), acted=True),
         Situation("turn", figures.turning, stretches.turns),
-        Situation("curve", figures.curving, stretches.curves),
+        Situation("curve", figures.curving, stretches.curves, _asked(CURVE)),
         Situation("turn back", figures.turning_back, stretches.turns_back, {"arm_up": (0.0, 0.01)}),
     )
 }

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.takes import Take
-from wayfarer_lab.evaluation.twosided.situations import SITUATIONS
+from wayfarer_lab.evaluation.twosided.situations import BACK, CURVE, SIDE, SITUATIONS
 
 Array = NDArray[np.floating[Any]]
 
@@ -26,6 +26,9 @@ BEGIN: Final = 1.0
 
 PULL: Final = (0.1, 0.25, 0.5)
 """Share of the way back to the place of somebody who is to stay there, at each of `AHEAD`."""
+
+RADIUS: Final = 2.0
+"""Metres, of the curve."""
 
 MOST_PULL: Final = 0.15
 """Metres of the way back that are asked for at most."""
@@ -134,9 +137,9 @@ def turns_back(time: Array, random: np.random.Generator) -> Wish:
 
 
 def curve(time: Array, random: np.random.Generator) -> Wish:
-    """Walks at 1.2 m/s on a circle of 2 m."""
-    speed = 1.2 * _smooth_step(time, BEGIN, 1.0)
-    heading = float(random.choice([-1, 1])) * (speed / 2.0).cumsum() / FPS
+    """Walks at 1.2 m/s on a circle of 2 m of radius."""
+    speed = CURVE * _smooth_step(time, BEGIN, 1.0)
+    heading = float(random.choice([-1, 1])) * (speed / RADIUS).cumsum() / FPS
     facing = np.stack([-np.sin(heading), np.cos(heading)], -1)
     return Wish(heading, speed[:, None] * facing, False, {"curve": [_part(4.0, SECONDS)]})
 
@@ -154,9 +157,9 @@ ORDERS: Final[dict[str, Order]] = {
     "walk 0.9": straight("walk 0.9", 0.9),
     "walk 1.2": straight("walk 1.2", 1.2, starts=True),
     "walk 1.5": straight("walk 1.5", 1.5),
-    "left": straight("side", 1.0, 90.0),
-    "right": straight("side", 1.0, -90.0),
-    "back": straight("back", 0.9, 180.0),
+    "left": straight("side", SIDE, 90.0),
+    "right": straight("side", SIDE, -90.0),
+    "back": straight("back", BACK, 180.0),
     "turn 90": turns(90.0),
     "turn 180": turns(180.0),
     "turn back": turns_back,
