@@ -52,6 +52,7 @@ from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.load import Load
 from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer.world.stepping.playback import Playback, Sent
+from wayfarer.world.stepping.rules import PLANNED
 from wayfarer.world.stepping.scheduler import Launch, PendingStep, Scheduler, at_once
 from wayfarer.world.stepping.settings import WorldSettings
 
@@ -377,8 +378,12 @@ class World:
     def _leave(self, leaving: list[Sent]) -> list[Due]:
         found = list[Due]()
         for sent in leaving:
-            clean_feet(self.slots, sent)
-            ground(self.slots, self._scene_context.scenery, sent)
+            rules, chunks = self.settings.rules, sent.chunks
+            rules.tell(PLANNED, sent.slots, chunks.translation, chunks.rotations)
+            clean_feet(self.slots, sent, rules)
+            if rules.acts("ground"):
+                ground(self.slots, self._scene_context.scenery, sent)
+                rules.tell("ground", sent.slots, chunks.translation, chunks.rotations)
             found += due_by_session(sent, self.slots, self.registry.by_slot, self._timeline)
         for observer in self._observers:
             for due in found:

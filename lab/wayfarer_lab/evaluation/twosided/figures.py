@@ -6,6 +6,7 @@ import numpy as np
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.figures import smooth_speed
+from wayfarer_lab.evaluation.maneuvers.stairs import placements, steps_per_riser
 from wayfarer_lab.evaluation.maneuvers.stop import rest
 from wayfarer_lab.evaluation.metrics import (
     arms,
@@ -197,6 +198,21 @@ def stopping(take: Take) -> Values:
         "to_rest_s": (begun - start) / FPS,
         "footfalls": footwork.footfalls(take.height[start : begun + 1]),
         "apart_cm": 100 * float(apart),
+    }
+
+
+def climbing(take: Take) -> Values:
+    """On stairs, up or down: mean flexion of both knees, the mean least of a leg's step, p95."""
+    strikes = [
+        np.array([frame for frame, _ in placements(ankles)])
+        for ankles in np.moveaxis(take.ankles, 1, 0)
+    ]
+    least = [stride.extremes(take.knees[:, foot], strikes[foot])[0] for foot in (0, 1)]
+    return {
+        "knee_deg": float(take.knees.mean()),
+        "knee_least_deg": float(np.mean(least)),
+        "knee_p95_deg": float(np.quantile(take.knees, 0.95)),
+        "steps_per_riser": steps_per_riser(take, slice(0, len(take))),
     }
 
 

@@ -27,6 +27,15 @@ REPORTED: Final = frozenset({"slide_cm_s"})
 REACHED: Final = (0.9, 1.1)
 """Shares of a speed that is asked for, between which the speed of people has to lie."""
 
+STAIRS: Final = {
+    "knee_deg": (30.0, 55.0),
+    "knee_least_deg": (0.0, 25.0),
+    "knee_p95_deg": (75.0, 102.0),
+    "steps_per_riser": (0.95, 1.05),
+}
+"""On stairs, of which there are no recordings: ranges of the literature (motion review 3), and a
+step for each riser."""
+
 SIDE, BACK, CURVE = 1.0, 0.9, 1.2
 """Metres per second that are asked for."""
 
@@ -63,5 +72,7 @@ SITUATIONS: Final[dict[str, Situation]] = {
         Situation("turn", figures.turning, stretches.turns),
         Situation("curve", figures.curving, stretches.curves, _asked(CURVE)),
         Situation("turn back", figures.turning_back, stretches.turns_back, {"arm_up": (0.0, 0.01)}),
+        Situation("stairs up", figures.climbing, stretches.nowhere, STAIRS),
+        Situation("stairs down", figures.climbing, stretches.nowhere, STAIRS),
     )
 }

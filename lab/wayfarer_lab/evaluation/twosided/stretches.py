@@ -74,6 +74,11 @@ def walks(low: float, high: float) -> Callable[[Take, Uses], Stretches]:
     return found
 
 
+def nowhere(take: Take, use: Uses) -> Stretches:
+    """What no recording has."""
+    yield from ()
+
+
 def sideways(take: Take, use: Uses) -> Stretches:
     """Steps to either side."""
     yield from (part for case, part in recorded.strafes(take, use) if case != "back")

@@ -61,6 +61,13 @@ class Verdict:
         return self.inside and self.differs
 
     @property
+    def about(self) -> tuple[str, str]:
+        """The range, and how many stretches and performers made it, for a table."""
+        r = self.range
+        made = f"{r.stretches}, {r.performers}" if r.stretches else "given"
+        return f"{r.low:.3g} … {r.high:.3g}", made
+
+    @property
     def text(self) -> str:
         """For the table."""
         if self.people * 2 < self.asked:
@@ -133,14 +140,12 @@ def show(title: str, verdicts: Sequence[Verdict]) -> None:
         table.add_column(column, no_wrap=True)
     last = ""
     for verdict in verdicts:
-        r = verdict.range
         if verdict.situation != last:
             table.add_section()
         table.add_row(
             verdict.situation if verdict.situation != last else "",
             verdict.figure,
-            f"{r.low:.3g} … {r.high:.3g}",
-            f"{r.stretches}, {r.performers}" if r.stretches else "given",
+            *verdict.about,
             f"{verdict.middle:.3g}",
             f"{verdict.spread:.2f}",
             verdict.text if verdict.counts else f"({verdict.text})",
@@ -154,12 +159,10 @@ def show(title: str, verdicts: Sequence[Verdict]) -> None:
     report.console.print(f"{title}: {count(verdicts)}")
 
 
-def write(
-    path: Path, verdicts: Sequence[Verdict], people: Sequence[Person], about: dict[str, Any]
-) -> None:
-    """`{"verdicts": …, "people": …, "holds": …, "of": …, "meta": …}`; whole or not at all."""
+def rows_of(verdicts: Sequence[Verdict], people: Sequence[Person]) -> dict[str, Any]:
+    """For JSON: `holds`, `inside`, `of`, `verdicts`, and `people` with their figures."""
     counted = count(verdicts)
-    whole = {
+    return {
         "holds": counted.holds,
         "inside": counted.inside,
         "of": counted.total,
@@ -169,8 +172,14 @@ def write(
             | {figure: _known(value) for figure, value in p.values.items()}
             for p in people
         ],
-        "meta": report.meta(about),
     }
+
+
+def write(
+    path: Path, verdicts: Sequence[Verdict], people: Sequence[Person], about: dict[str, Any]
+) -> None:
+    """`{"verdicts": …, "people": …, "holds": …, "of": …, "meta": …}`; whole or not at all."""
+    whole = rows_of(verdicts, people) | {"meta": report.meta(about)}
     text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     atomically(path, lambda unfinished: unfinished.write_text(text))

@@ -3,7 +3,7 @@
 World space, metres, radians, Z up; heading 0 faces +Y; 40 fps.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Any, Final
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.twosided.figures import Values
 from wayfarer_lab.evaluation.twosided.situations import BACK, CURVE, SIDE, SITUATIONS
 
 Array = NDArray[np.floating[Any]]
@@ -60,14 +61,10 @@ class Wish:
 
     def measured(self, take: Take) -> dict[str, dict[str, float]]:
         """Figures by situation: of several parts the median, NaN left out."""
-        found: dict[str, dict[str, float]] = {}
-        for name, parts in self.parts.items():
-            rows = [SITUATIONS[name].measure(take[part]) for part in parts]
-            figures = dict.fromkeys(figure for row in rows for figure in row)
-            found[name] = {
-                figure: _median([row.get(figure, np.nan) for row in rows]) for figure in figures
-            }
-        return found
+        return {
+            name: median_values([SITUATIONS[name].measure(take[part]) for part in parts])
+            for name, parts in self.parts.items()
+        }
 
 
 Order = Callable[[Array, np.random.Generator], Wish]
@@ -169,6 +166,10 @@ ORDERS: Final[dict[str, Order]] = {
 """By name; each is given to as many people."""
 
 
-def _median(values: list[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.median(known)) if known else float("nan")
+def median_values(rows: Sequence[Values]) -> Values:
+    """Each figure's median over rows that have it; NaN left out."""
+    found: Values = {}
+    for figure in dict.fromkeys(name for row in rows for name in row):
+        known = [row[figure] for row in rows if np.isfinite(row.get(figure, np.nan))]
+        found[figure] = float(np.median(known)) if known else float("nan")
+    return found

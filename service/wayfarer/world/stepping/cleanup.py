@@ -16,6 +16,7 @@ from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.output.posture import DRAWN, calmed, habits, hold, settled
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.stepping.playback import Sent
+from wayfarer.world.stepping.rules import Rules
 
 HALTED: Final = 0.25
 """m/s: a person who is stopping and slower than this has nothing left of the walk."""
@@ -24,7 +25,7 @@ EVEN: Final = 0.01
 """Metres between the feet's floors up to which somebody who stands straightens both knees."""
 
 
-def clean_feet(slots: Slots, sent: Sent) -> None:
+def clean_feet(slots: Slots, sent: Sent, rules: Rules) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
     A pose that begins or jumps restarts its lock, and so does a lock that is switched on. Steps of
@@ -32,10 +33,11 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     they are: an agent that is seen as a root at most costs half as much beside the engine.
     """
     seen = slots.sight[sent.slots] < Sight.ROOT
-    foot_locked = slots.foot_lock[sent.slots] & seen
+    foot_locked = slots.foot_lock[sent.slots] & seen & rules.acts("foot lock")
     slots.feet_begun[sent.slots] &= foot_locked
     slots.feet.shortened[sent.slots[~seen]] = sent.chunks.end.gait.shortened[~seen]
-    _shorten(slots, sent, np.flatnonzero(seen & ~foot_locked))
+    if rules.acts("evenness"):
+        _shorten(slots, sent, np.flatnonzero(seen & ~foot_locked))
     # A slice, where it will do, spares copies.
     wanted = slice(None) if foot_locked.all() else np.flatnonzero(foot_locked)
     chunks, rows = sent.chunks, sent.slots[wanted]
@@ -63,9 +65,13 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     locked = lock_feet(feet, legs, translation, rotations, steps, waits, shortened, straight)
     slots.feet.put(rows, locked.state)
     slots.feet_begun[rows] = True
-    own = habits(draws(slots.noise_seed[rows], DRAWN))
-    held, posture = hold(posture, locked.rotations, own, rest)
-    slots.posture.put(rows, posture)
+    rules.tell("foot lock", rows, locked.translation, locked.rotations)
+    held = locked.rotations
+    if rules.acts("posture"):
+        own = habits(draws(slots.noise_seed[rows], DRAWN))
+        held, posture = hold(posture, locked.rotations, own, rest)
+        slots.posture.put(rows, posture)
+        rules.tell("posture", rows, locked.translation, held)
     chunks.translation[wanted], chunks.rotations[wanted] = locked.translation, held
     chunks.contacts[wanted] = locked.contacts
 
