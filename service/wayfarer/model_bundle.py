@@ -26,6 +26,7 @@ from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.stepping.rules import Rules
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.world.world import World
 
@@ -85,10 +86,17 @@ class ModelBundle:
         """Whether latents can come from a policy; else they come from N(0, I) in any case."""
         return "policy.onnx" in self.models.contracts
 
-    def world(self, agents: int, steering: Steering, scenes: SceneRegistry | None = None) -> World:
+    def world(
+        self,
+        agents: int,
+        steering: Steering,
+        scenes: SceneRegistry | None = None,
+        rules: Rules | None = None,
+    ) -> World:
         """A world for `agents` agents that are all stepped at the same moments, in one batch.
 
-        `scenes` are those that its sessions may be in. Raises ArtifactError when the start poses
+        `scenes` are those that its sessions may be in; `rules` act after the model, by default all
+        that there are. Raises ArtifactError when the start poses
         are missing or unfit.
         """
         settings = WorldSettings(
@@ -96,6 +104,7 @@ class ModelBundle:
             steering=steering,
             phases=1,
             batch_sizes=ANY_SIZE,
+            rules=rules or Rules(),
         )
         start_poses = load_start_poses(START_POSES)
         return World(self.engine, self.bodies, start_poses, settings, scenes=scenes)

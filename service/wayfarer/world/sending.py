@@ -18,6 +18,7 @@ from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.cleanup import clean_feet
 from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.playback import Sent
+from wayfarer.world.stepping.rules import PLANNED, Rules
 
 
 class Sending:
@@ -32,6 +33,7 @@ class Sending:
         scenery: WorldScenes,
         observers: Iterable[WorldObserver],
         faults: Faults,
+        rules: Rules,
     ) -> None:
         self._slots = slots
         self._registry = registry
@@ -39,16 +41,20 @@ class Sending:
         self._scenery = scenery
         self._observers = observers
         self._faults = faults
+        self._rules = rules
 
     def leave(self, leaving: list[Sent]) -> list[Due]:
         """The same chunks by session, as they are to be shown."""
-        found = list[Due]()
+        found, rules = list[Due](), self._rules
         for sent in leaving:
-            self._refine(Stage.FEET, sent, lambda some: clean_feet(self._slots, some))
-            if self._slots.scene[sent.slots].any():
+            chunks = sent.chunks
+            rules.tell(PLANNED, sent.slots, chunks.translation, chunks.rotations)
+            self._refine(Stage.FEET, sent, lambda some: clean_feet(self._slots, some, rules))
+            if rules.acts("ground") and self._slots.scene[sent.slots].any():
                 self._refine(
                     Stage.GROUND, sent, lambda some: ground(self._slots, self._scenery, some)
                 )
+                rules.tell("ground", sent.slots, chunks.translation, chunks.rotations)
             found += self._by_session(sent)
         for observer in self._observers:
             for due in found:

@@ -159,6 +159,7 @@ class World:
             scenery=scenery,
             observers=self._observers,
             faults=self.faults,
+            rules=self.settings.rules,
         )
 
     def observe(self, observer: WorldObserver) -> None:

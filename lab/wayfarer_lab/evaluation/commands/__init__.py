@@ -13,6 +13,7 @@ from wayfarer_lab.evaluation.commands import (
     recorded,
     rollouts,
     scenes,
+    twosided,
 )
 
 app = typer.Typer(
@@ -27,6 +28,7 @@ for part in (
     control,
     arrival,
     maneuvers,
+    twosided,
     long,
     scenes,
     paper,

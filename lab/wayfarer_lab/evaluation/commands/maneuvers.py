@@ -32,6 +32,10 @@ from wayfarer_lab.evaluation.maneuvers.strips import draw
 from wayfarer_lab.evaluation.maneuvers.table import Results, show, show_verdicts
 from wayfarer_lab.evaluation.maneuvers.turn import TURN
 from wayfarer_lab.evaluation.maneuvers.walk import WALK
+from wayfarer_lab.evaluation.twosided.compare import MANEUVER, compare
+from wayfarer_lab.evaluation.twosided.compare import show as show_sides
+from wayfarer_lab.evaluation.twosided.ranges import load as load_ranges
+from wayfarer_lab.evaluation.twosided.served import PEOPLE
 
 app = typer.Typer()
 
@@ -46,9 +50,13 @@ QUICK: Final = 0.15
 """Share of the agents with --quick."""
 
 
+PARTS: Final = (MANEUVER, *MANEUVERS)
+"""What `--only` chooses from."""
+
+
 def _check_only(names: str) -> str:
-    if unknown := set(names.split(",")) - set(MANEUVERS):
-        raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(MANEUVERS)}")
+    if unknown := set(names.split(",")) - set(PARTS):
+        raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
     return names
 
 
@@ -60,15 +68,18 @@ def _check_json(path: Path | None) -> Path | None:
     return path
 
 
-@app.command(short_help="Every manoeuvre, compared with people and with bars to meet.")
+@app.command(short_help="Every manoeuvre, beside recorded people and with bars to meet.")
 def maneuvers(
     models: ModelsOption = DEFAULT_MODEL,
     only: Annotated[
         str, typer.Option(help="Manoeuvres, separated by commas.", callback=_check_only)
-    ] = ",".join(MANEUVERS),
+    ] = ",".join(PARTS),
     quick: Annotated[
         bool, typer.Option("--quick", help="A seventh of the agents, for a trial.")
     ] = False,
+    seeds: Annotated[
+        int, typer.Option(help="Seeds of the two-sided figures, from --seed on.", min=1)
+    ] = 2,
     check: Annotated[
         bool, typer.Option("--check", help="Exit with 1 if any bar is missed or not judged.")
     ] = False,
@@ -95,9 +106,10 @@ def maneuvers(
 ) -> None:
     """Let agents perform every manoeuvre that goals can ask for, and measure the poses sent.
 
-    The table of a manoeuvre has the poses as sent, the same without foot lock ("raw"), and with
-    --data recorded people; then each bar, and whether it is met. A table of all bars ends the
-    output. For example:
+    The two-sided figures come first: medians of people as sent and of the model alone ("raw": no
+    rule after it) beside the range of recorded people, whether each holds, and how far rules move
+    joints. Then each manoeuvre: as sent, raw, and with --data recorded people; each bar, and
+    whether it is met. A table of all bars ends the output. For example:
 
     wayfarer eval maneuvers --quick
 
@@ -115,8 +127,16 @@ def maneuvers(
             | {"engine": engine, "candidates": candidates, "quick": quick}
         )
     )
+    names = only.split(",")
+    if MANEUVER in names:
+        people = max(2, round(PEOPLE * (QUICK if quick else 1.0)))
+        sides = compare(players, load_ranges(), people, seeds, progress)
+        show_sides(sides)
+        results.two_sided = [side.row() for side in sides]
+        if json:
+            results.write(json)
     recorded = RecordedClips(data) if data else no_recordings
-    chosen = [MANEUVERS[name] for name in only.split(",")]
+    chosen = [MANEUVERS[name] for name in names if name != MANEUVER]
     for played in play(players, chosen, QUICK if quick else 1.0, progress, recorded):
         before = len(results.verdicts)
         results.add(played.maneuver, played.rows, played.each)
@@ -127,6 +147,7 @@ def maneuvers(
         if strips:
             strips.mkdir(parents=True, exist_ok=True)
             draw(played, strips)
-    show_verdicts(results.verdicts)
+    if chosen:
+        show_verdicts(results.verdicts)
     if check and results.missed:
         raise typer.Exit(1)

@@ -23,7 +23,7 @@ Figures = dict[str, float]
 SENT: Final = "sent"
 RAW: Final = "raw"
 RECORDED: Final = "recorded"
-"""Sources of a row: as sent, the same without foot lock, recorded people."""
+"""Sources of a row: as sent, the model alone without any rule after it, recorded people."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ are in use (`training.mocap.selection`) count. Bodies are male: a clip is prepar
 counting it twice would make the sample look larger than it is.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +24,7 @@ from wayfarer_lab.evaluation.metrics import feet
 from wayfarer_lab.evaluation.takes import Take
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset
+from wayfarer_lab.training.mocap.upper import PLAIN as PLAIN_UPPER
 
 Array = NDArray[np.floating[Any]]
 Flags = NDArray[np.bool_]
@@ -30,6 +32,9 @@ Uses = NDArray[np.uint8]
 """`Use` of each frame [T]."""
 
 PLAIN_STYLES: Final = ("Neutral", "Rushed")
+STYLED: Final = re.compile(r"([A-Za-z]+)_(?:[FBS][WR]|ID|TR\d)(?![A-Za-z])")
+"""Names of takes of 100STYLE: the style, and what is done in it."""
+
 PLAIN: Final = ("walk", "crowd", "likeness", "random")
 """Manoeuvres with enough recordings without acted styles."""
 
@@ -81,15 +86,19 @@ STRETCH: Final = 2 * FPS
 class RecordedClips:
     """The recordings of a prepared data folder, as recorded, each clip once."""
 
-    def __init__(self, folder: Path) -> None:
-        """Raises DataError when it is not a prepared folder, InvalidArgument when it has no clips
-        as recorded.
+    def __init__(self, folder: Path, *, legs: bool = False) -> None:
+        """`legs`: also clips of acted styles that got a plain upper body (`mocap.upper`), of which
+        the legs are recorded.
+
+        Raises DataError when it is not a prepared folder, InvalidArgument when it has no clips as
+        recorded.
         """
+        wanted = ("", PLAIN_UPPER) if legs else ("",)
         self._data = Dataset.load(folder)
         self._clips = [
             clip
             for clip in self._data.clips
-            if clip.gender == GENDER and clip.shape == "own" and clip.augmentation == ""
+            if clip.gender == GENDER and clip.shape == "own" and clip.augmentation in wanted
         ]
         if not self._clips:
             raise InvalidArgument(f"{folder} has no {GENDER} clips as recorded", "data")
@@ -113,8 +122,14 @@ class RecordedClips:
 
     @cached_property
     def _takes(self) -> list[tuple[ClipRange, Take, Uses]]:
-        body, data, found = load_body("anny52", GENDER, "low"), self._data, []
+        return list(self.takes())
+
+    def takes(self, split: str = "") -> Iterator[tuple[ClipRange, Take, Uses]]:
+        """Every clip of a split, or of all, as a take, one after the other."""
+        body, data = load_body("anny52", GENDER, "low"), self._data
         for clip in self._clips:
+            if split not in ("", clip.split):
+                continue
             frames = slice(clip.start, clip.stop)
             whole = Clip(
                 data.translation[frames],
@@ -124,8 +139,7 @@ class RecordedClips:
                 clip.betas,
             )
             take = Take.of(whole, body, f"{clip.split}/{clip.name}", person_of(clip))
-            found.append((clip, take, data.use[frames]))
-        return found
+            yield clip, take, data.use[frames]
 
 
 def person_of(clip: ClipRange) -> str:
@@ -139,15 +153,16 @@ def is_acted(clip: ClipRange) -> bool:
 
 
 def _style(clip: ClipRange) -> str:
-    """Of a take of 100STYLE, `Style_Content`; CMU's names begin with a number."""
-    return clip.name.split("_")[0] if clip.name[:1].isalpha() and "_" in clip.name else ""
+    """Of a take of 100STYLE, `Style_Content`; "" of any other."""
+    found = STYLED.match(clip.name)
+    return found[1] if found else ""
 
 
 Cut = Iterator[tuple[str, Take]]
 """Case and part of a take."""
 
 
-def _smooth(values: Array, seconds: float) -> Array:
+def smooth(values: Array, seconds: float) -> Array:
     """Moving mean of values [T, ...], centred on each frame; shorter at the ends."""
     frames = max(round(seconds * FPS), 1)
     kernel = np.ones(frames)
@@ -157,19 +172,20 @@ def _smooth(values: Array, seconds: float) -> Array:
     return np.stack(means, -1).reshape(values.shape)
 
 
-def _velocity(take: Take, seconds: float) -> Array:
+def velocity_of(take: Take, seconds: float) -> Array:
     """Of the hips, horizontal, m/s. [T, 2]"""
-    return _smooth(np.gradient(take.hips[:, :2], axis=0) * FPS, seconds)
+    return smooth(np.gradient(take.hips[:, :2], axis=0) * FPS, seconds)
 
 
-def _off_way(take: Take, velocity: Array) -> Array:
+def off_way(take: Take, velocity: Array) -> Array:
     """Degrees between facing and way. [T]"""
     speed = np.linalg.norm(velocity, axis=-1)
     cosine = (velocity * take.facing).sum(-1) / np.maximum(speed, 1e-6)
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def _parts(take: Take, flags: Flags, shortest: int) -> Iterator[Take]:
+def parts(take: Take, flags: Flags, shortest: int) -> Iterator[Take]:
+    """Runs of flags [T] of `shortest` frames and more."""
     for run in feet.runs(flags):
         if run.stop - run.start >= shortest:
             yield take[run]
@@ -179,8 +195,8 @@ def strafes(take: Take, use: Uses) -> Cut:
     """Stretches sideways and backward."""
     if len(take) < SHORTEST:
         return
-    velocity = _velocity(take, 0.5)
-    off = _off_way(take, velocity)
+    velocity = velocity_of(take, 0.5)
+    off = off_way(take, velocity)
     goes = (np.linalg.norm(velocity, axis=-1) > STROLLING) & (use > 0)
     right = (velocity * np.stack([take.facing[:, 1], -take.facing[:, 0]], -1)).sum(-1) > 0
     beside = goes & (off > SIDEWAYS[0]) & (off < SIDEWAYS[1])
@@ -189,13 +205,13 @@ def strafes(take: Take, use: Uses) -> Cut:
         ("right", beside & right),
         ("back", goes & (off > BACKWARD)),
     ):
-        for part in _parts(take, flags, SHORTEST):
+        for part in parts(take, flags, SHORTEST):
             yield case, part
 
 
 def stands(take: Take, use: Uses) -> Cut:
     """Stretches of quiet standing."""
-    for part in _parts(take, use == Use.STANDING, STANDING):
+    for part in parts(take, use == Use.STANDING, STANDING):
         yield stand.STAND.cases[0].name, part
 
 
@@ -203,7 +219,7 @@ def turns(take: Take, use: Uses) -> Cut:
     """Turns on the spot, with half a second on either side."""
     if len(take) < SHORTEST:
         return
-    rate = _smooth(np.gradient(take.heading) * FPS, 0.5)
+    rate = smooth(np.gradient(take.heading) * FPS, 0.5)
     around = FPS // 2
     for sign in (1, -1):
         for run in feet.runs((sign * rate > TURNING) & (use > 0)):
@@ -219,18 +235,18 @@ def turns(take: Take, use: Uses) -> Cut:
 
 
 def stops(take: Take, use: Uses) -> Cut:
-    """Walks that end in a rest of a second, from a second before it on."""
+    """Walks that end in a rest of a second, from two seconds before it on."""
     if len(take) < 3 * FPS:
         return
-    begun = stop.rest(take)
-    if begun is None or begun < FPS:
-        return
-    speed = np.linalg.norm(_velocity(take, 0.5), axis=-1)
-    before = slice(max(begun - 3 * FPS, 0), begun)
-    end = min(begun + round((stop.AFTER + 0.1) * FPS), len(take))
-    part = slice(max(begun - 2 * FPS, 0), end)
-    if speed[before].max() > WALKED and (use[part] > 0).mean() > 0.9:
-        yield stop.STOP.cases[0].name, take[part]
+    speed = np.linalg.norm(velocity_of(take, 0.5), axis=-1)
+    for begun in stop.rests(take):
+        before = slice(max(begun - 3 * FPS, 0), begun)
+        end = min(begun + round((stop.AFTER + 0.1) * FPS), len(take))
+        part = slice(max(begun - 2 * FPS, 0), end)
+        if begun < FPS or speed[before].max() <= WALKED:
+            continue
+        if (use[part] > 0).mean() > 0.9:
+            yield stop.STOP.cases[0].name, take[part]
 
 
 def straight(take: Take, use: Uses) -> Iterator[tuple[float, Take]]:
@@ -246,10 +262,10 @@ def straight(take: Take, use: Uses) -> Iterator[tuple[float, Take]]:
         (np.abs(way[after] - way[before]) < STRAIGHT)
         & (np.abs(speed[after] - speed[before]) < EVEN)
         & (speed > 0.4)
-        & (_off_way(take, velocity) < AHEAD)
+        & (off_way(take, velocity) < AHEAD)
         & (use == Use.LOCOMOTION)
     )
-    for part in _parts(take, steady, STRETCH):
+    for part in parts(take, steady, STRETCH):
         metres = np.linalg.norm(part.hips[-1, :2] - part.hips[0, :2])
         yield float(metres) * FPS / (len(part) - 1), part
 
@@ -279,7 +295,7 @@ def crowds(take: Take, use: Uses) -> Cut:
 
 def everything(take: Take, use: Uses) -> Cut:
     """All locomotion, since no recordings follow such orders."""
-    for part in _parts(take, use == Use.LOCOMOTION, SHORTEST):
+    for part in parts(take, use == Use.LOCOMOTION, SHORTEST):
         yield robust.RANDOM.cases[0].name, part
 
 

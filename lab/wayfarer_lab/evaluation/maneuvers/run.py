@@ -21,7 +21,7 @@ Progress = Callable[[str], AbstractContextManager[Watch]]
 class CasePlayers(Protocol):
     """Who plays a case; see `sessions.CasePlayers`."""
 
-    def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
+    def play(self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch) -> list[Shot]:
         """Play a case with a number of agents."""
 
 
@@ -78,7 +78,7 @@ def play(
     progress: Progress,
     recorded: Recorded = no_recordings,
 ) -> Iterator[Played]:
-    """Each manoeuvre with `scale` of its agents, with and without foot lock, and the recorded
+    """Each manoeuvre with `scale` of its agents, as sent and by the model alone, and the recorded
     takes of it.
     """
     for maneuver in chosen:
@@ -87,7 +87,7 @@ def play(
             agents = max(maneuver.least, round(maneuver.agents * case.share * scale))
             for source in (SENT, RAW):
                 with progress(f"{maneuver.name} {case.name}, {source}") as watch:
-                    shots = players.play(maneuver.name, case, agents, source == SENT, watch)
+                    shots = players.play(maneuver.name, case, agents, source == RAW, watch)
                 played.judge(case.name, source, shots)
         for (name, source), takes in recorded(maneuver).items():
             played.judge(name, source, takes)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
@@ -13,12 +13,18 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
-from wayfarer_lab.evaluation.goals import Course, Watch, run_errands
+from wayfarer.world.stepping.rules import RULES, Rules
+from wayfarer_lab.evaluation.goals import Course, Errand, Watch, run_errands
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, Shot
 from wayfarer_lab.evaluation.scenes.solids import ground_height, standing
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.twosided.repair import Repair
 
 Array = NDArray[np.floating[Any]]
+
+
+ALONE: Final = Rules(off=frozenset(RULES) - {"ground"})
+"""No rule after the model, but that people in scenes are on the floor: the model knows but one."""
 
 
 @dataclass(frozen=True)
@@ -29,16 +35,30 @@ class Players:
     candidates: int
     seed: int
 
-    def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
+    def play(self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch) -> list[Shot]:
         """Play a case in a session of its own; the result does not depend on other cases.
 
-        `lock`: with the foot lock, the default of agents.
+        `raw`: the model alone, without any rule after it (`ALONE`).
         """
+        errands = self._errands(maneuver, case, agents)
+        return self._play(case, errands, ALONE if raw else Rules(), watch)
+
+    def play_watched(
+        self, maneuver: str, case: Case, agents: int, watch: Watch
+    ) -> tuple[list[Shot], Repair]:
+        """`play` as sent, and what the rules did."""
+        errands = self._errands(maneuver, case, agents)
+        specs = [errand.spec for errand in errands]
+        repair = Repair(specs, self.bundle.bodies, climbs=case.scene is not None)
+        return self._play(case, errands, Rules(watch=repair), watch), repair
+
+    def _errands(self, maneuver: str, case: Case, agents: int) -> list[Errand]:
         random = np.random.default_rng([self.seed, crc32(f"{maneuver} {case.name}".encode())])
-        errands = [
-            replace(errand, spec=replace(errand.spec, foot_lock=lock))
-            for errand in case.errands(agents, random)
-        ]
+        return case.errands(agents, random)
+
+    def _play(
+        self, case: Case, errands: Sequence[Errand], rules: Rules, watch: Watch
+    ) -> list[Shot]:
         scene, session, book = None, SessionSpec(), None
         if case.scene is not None:
             book = SceneRegistry()
@@ -46,7 +66,7 @@ class Players:
             scene = book.scene(info.scene_id)
             session = SessionSpec(scene=info.scene_id, avoid=False)
         steering = Steering().with_search(candidates=self.candidates)
-        world = self.bundle.world(agents, steering, book)
+        world = self.bundle.world(len(errands), steering, book, rules)
         courses = run_errands(world, errands, case.seconds, session=session, watch=watch)
         return shots_of(courses, self.bundle.bodies, scene)
 

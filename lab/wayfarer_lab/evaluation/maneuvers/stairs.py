@@ -94,10 +94,25 @@ def the_climb(shot: Shot) -> Take:
     return replace(climb, clip=replace(climb.clip, translation=places))
 
 
-def judge(shot: Shot) -> Figures:
-    """`steps_per_riser`: places where either foot comes to stand, over the risers between the
-    lowest and the highest of them.
+def steps_per_riser(take: Take, part: slice) -> float:
+    """Places where either foot comes to stand in a part of a take, over the risers between the
+    lowest and the highest of them; NaN for less than three risers.
     """
+    heights = np.array(
+        [
+            place[2]
+            for ankles in np.moveaxis(take.ankles, 1, 0)
+            for frame, place in placements(ankles)
+            if part.start <= frame < part.stop
+        ]
+    )
+    risers = np.ptp(heights) / RISER if len(heights) > 1 else 0.0
+    # between the lowest and the highest place there is a step less than there are places
+    return (len(heights) - 1) / risers if risers > 3 else nan
+
+
+def judge(shot: Shot) -> Figures:
+    """On the stairs."""
     take, part = shot.take, on_the_stairs(shot.take)
     end = nan if shot.goal is None else float(distances(take.hips[-1], shot.goal))
     row = {
@@ -106,17 +121,10 @@ def judge(shot: Shot) -> Figures:
     }
     if part is None:
         return row | dict.fromkeys(FIGURES, nan)
-    stood = [
-        [place for frame, place in placements(ankles) if part.start <= frame < part.stop]
-        for ankles in np.moveaxis(take.ankles, 1, 0)
-    ]
-    heights = np.array([place[2] for places in stood for place in places])
-    risers = np.ptp(heights) / RISER if len(heights) > 1 else 0.0
     on = take[part]
     way = np.linalg.norm(np.diff(on.hips[:, :2], axis=0), axis=-1).sum()
     return row | {
-        # between the lowest and the highest place there is a step less than there are places
-        "steps_per_riser": (len(heights) - 1) / risers if risers > 3 else nan,
+        "steps_per_riser": steps_per_riser(take, part),
         "speed_mps": float(way) * FPS / max(len(on) - 1, 1),
         "knee_max_deg": float(on.knees.max()),
         "tilt_max_deg": float(on.tilt.max()),

@@ -51,13 +51,17 @@ HEEL_UP: Final = 0.02
 
 def rest(take: Take) -> int | None:
     """The first frame from which hips and ankles rest for 1 s; None when they never do."""
+    return next(iter(rests(take)), None)
+
+
+def rests(take: Take) -> list[int]:
+    """Every frame from which hips and ankles rest for 1 s."""
     places = np.concatenate([take.hips[:, None, :2], take.ankles[..., :2]], 1)
     way = np.linalg.norm(places[2 * REACH :] - places[: -2 * REACH], axis=-1)
     slow = np.zeros(len(take), bool)
     slow[REACH:-REACH] = (way * FPS / (2 * REACH) < REST_SPEED).all(-1)
     needed = round(REST_SECONDS * FPS)
-    long = [run.start for run in feet.runs(slow) if run.stop - run.start >= needed]
-    return long[0] if long else None
+    return [run.start for run in feet.runs(slow) if run.stop - run.start >= needed]
 
 
 def _errands(agents: int, random: np.random.Generator) -> list[Errand]:

@@ -54,6 +54,7 @@ class Results:
     rows: list[dict[str, Any]] = field(default_factory=list)
     each: list[dict[str, Any]] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
+    two_sided: list[dict[str, Any]] = field(default_factory=list)  # by source and seed
 
     def add(
         self,
@@ -74,8 +75,9 @@ class Results:
         return [verdict for verdict in self.verdicts if verdict.met is not True]
 
     def write(self, path: Path) -> None:
-        """`{"rows": …, "bars": …, "each": …, "meta": …}`; appears whole or not at all."""
+        """Keys `two_sided`, `rows`, `bars`, `each`, `meta`; appears whole or not at all."""
         whole = {
+            "two_sided": self.two_sided,
             "rows": self.rows,
             "bars": [verdict.row() for verdict in self.verdicts],
             "each": self.each,

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
+from scipy.spatial.transform import Rotation
 
 from wayfarer.spec import FPS
 
@@ -25,9 +26,23 @@ def band_power(places: Array) -> Array:
 
     (Welch's method: the mean velocity of each window is taken off.)
     """
-    if len(places) <= WINDOW:
+    return velocity_power(np.diff(places, axis=0) * FPS)
+
+
+def angular_power(rotations: Array) -> Array:
+    """Mean square angular velocity in each of `BANDS`, rad²/s², of local rotations [T, J, 4]
+    (x, y, z, w): of all three axes and all J joints together. NaN for less than a window. [4]
+    """
+    turns = Rotation.from_quat(rotations.reshape(-1, 4))
+    count = rotations.shape[1]
+    steps = (turns[:-count].inv() * turns[count:]).as_rotvec().reshape(-1, count, 3)
+    return velocity_power(steps * FPS) * count
+
+
+def velocity_power(velocity: Array) -> Array:
+    """Mean square of velocities [T, J, 3] in each of `BANDS`, summed over axes, mean over J. [4]"""
+    if len(velocity) < WINDOW:
         return np.full(len(BANDS), np.nan)
-    velocity = np.diff(places, axis=0) * FPS
     frequency, density = welch(velocity, FPS, "hann", WINDOW, detrend="constant", axis=0)
     power = density.sum(-1).mean(-1) * (frequency[1] - frequency[0])
     return np.array([power[(frequency >= low) & (frequency < high)].sum() for low, high in BANDS])

@@ -17,6 +17,7 @@ from wayfarer.world.output.footlock import LockState, begin, lock_feet
 from wayfarer.world.output.posture import DRAWN, PostureState, calmed, habits, hold, settled
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.playback import Sent
+from wayfarer.world.stepping.rules import Rules
 
 HALTED: Final = 0.25
 """m/s: a person who is stopping and slower than this has nothing left of the walk."""
@@ -25,7 +26,7 @@ EVEN: Final = 0.01
 """Metres between the feet's floors up to which somebody who stands straightens both knees."""
 
 
-def clean_feet(slots: Slots, sent: Sent) -> None:
+def clean_feet(slots: Slots, sent: Sent, rules: Rules) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
     A pose that begins or jumps restarts its lock, and so does a lock that is switched on. Steps of
@@ -33,11 +34,13 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     they are: an agent that is seen as a root at most costs half as much beside the engine.
     """
     seen = slots.sight[sent.slots] < Sight.ROOT
-    foot_locked = slots.foot_lock[sent.slots] & seen
-    shortened = _shortened(slots, sent, np.flatnonzero(seen & ~foot_locked))
+    foot_locked = slots.foot_lock[sent.slots] & seen & rules.acts("foot lock")
+    shortened = None
+    if rules.acts("evenness"):
+        shortened = _shortened(slots, sent, np.flatnonzero(seen & ~foot_locked))
     # A slice, where it will do, spares copies.
     wanted = slice(None) if foot_locked.all() else np.flatnonzero(foot_locked)
-    locked = _locked(slots, sent, wanted) if foot_locked.any() else None
+    locked = _locked(slots, sent, wanted, rules) if foot_locked.any() else None
     # Nothing is written before all of it has been made, so a failure changes nothing.
     chunks, agents = sent.chunks, sent.slots
     slots.feet_begun[agents] = foot_locked
@@ -62,7 +65,7 @@ class _Locked(NamedTuple):
     posture: PostureState
 
 
-def _locked(slots: Slots, sent: Sent, wanted: slice | Index) -> _Locked:
+def _locked(slots: Slots, sent: Sent, wanted: slice | Index, rules: Rules) -> _Locked:
     chunks, rows = sent.chunks, sent.slots[wanted]
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
     legs, feet, posture = slots.legs.take(rows), slots.feet.take(rows), slots.posture.take(rows)
@@ -84,8 +87,12 @@ def _locked(slots: Slots, sent: Sent, wanted: slice | Index) -> _Locked:
     waits = gait.mode[wanted] == Mode.STANDING
     shortened = gait.shortened[wanted]
     locked = lock_feet(feet, legs, translation, rotations, steps, waits, shortened, straight)
-    own = habits(draws(slots.noise_seed[rows], DRAWN))
-    held, posture = hold(posture, locked.rotations, own, rest)
+    rules.tell("foot lock", rows, locked.translation, locked.rotations)
+    held = locked.rotations
+    if rules.acts("posture"):
+        own = habits(draws(slots.noise_seed[rows], DRAWN))
+        held, posture = hold(posture, locked.rotations, own, rest)
+        rules.tell("posture", rows, locked.translation, held)
     check_finite("frames with locked feet", locked.translation, held)
     return _Locked(locked.translation, held, locked.contacts, locked.state, posture)
 

@@ -97,7 +97,7 @@ def plant(
     velocity = np.where(stands[:, None], carried, 0).astype(np.float32)
     after = replace(gait, planted=stands, carried=velocity)
     if not len(rows):
-        return after, step, _end(step)
+        return after, step, end_of(step)
     known = gait.planted[rows][:, None, None, None]
     begin = _closed(seed.markers[rows, -1][:, soles, :2], facing_of(seed.rotations[rows, -1, 0]))
     places = np.where(known, gait.soles[rows], begin)
@@ -118,7 +118,7 @@ def _back(facing: Float, asked: Float) -> Float:
     return back
 
 
-def _end(step: Step) -> Seeds:
+def end_of(step: Step) -> Seeds:
     """Where the next step starts."""
     return Seeds(step.markers, step.translation[:, -SEED_FRAMES:], step.rotations[:, -SEED_FRAMES:])
 
@@ -169,7 +169,7 @@ def _corrected(
     moved = both.spread(1)
     translation[rows, :, :2] = moved.moved(hips, ease) + way
     rotations[rows, :, 0] = yawed(root, ease * both.turn[:, None])
-    seed = _end(Step(translation, rotations, markers, step.contacts))
+    seed = end_of(Step(translation, rotations, markers, step.contacts))
     last = slice(-SEED_FRAMES, None)
     seed = Seeds(markers, seed.translation.copy(), seed.rotations.copy())
     seed.translation[rows, :, :2] = moved.moved(hips[:, last], all_[:, last]) + way[:, -1:]

@@ -28,9 +28,10 @@ from wayfarer.world.stepping.coasting import coast
 from wayfarer.world.stepping.guards import bearing, fallen, got_up, smoothed
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
-from wayfarer.world.stepping.planting import Step, plant
+from wayfarer.world.stepping.planting import Step, end_of, plant
 from wayfarer.world.stepping.playback import Chunks, Playback
 from wayfarer.world.stepping.righting import righted
+from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.strides import shorten, shortened_gait
 
@@ -139,6 +140,7 @@ class Scheduler:
         self._fell = fell
         self._guide = guide
         self._soles = soles
+        self._rules = settings.rules
         self._mirrors = mirrors
         self._faults = faults
         self._single_threaded = settings.single_threaded
@@ -257,7 +259,8 @@ class Scheduler:
             candidates=count,
             reduced=asked > count,
             carried=self._steering.carried(gait, seed, course.ahead),
-            mirrored=is_mirrored(slots.noise_seed[rows]) & self._mirrors,
+            mirrored=is_mirrored(slots.noise_seed[rows])
+            & (self._mirrors and self._rules.acts("mirror")),
         )
 
     def hold(self, frame: float) -> int:
@@ -348,17 +351,8 @@ class Scheduler:
             translation = np.where(still, start[:, None], translation)
             rotations = np.where(still[..., None], batch.seed.rotations[:, -1:], rotations)
         legs = slots.legs.take(rows)
-        step = Step(
-            translation,
-            self._smoothed(batch.seed, translation, rotations, legs),
-            outputs.next_seed_markers,
-            outputs.contacts > 0.5,
-        )
-        if self._mirrors:  # the markers are ours, of which `righted` knows where they are
-            step = righted(batch.gait.mode, step)
-        gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
-        before = slots.planned.gait.shortened[rows]
-        step, seed = shorten(before, gait, start, step, seed)
+        step = Step(translation, rotations, outputs.next_seed_markers, outputs.contacts > 0.5)
+        gait, step, seed = self._ruled(batch, start, step, legs)
         gait = observe(gait, start, step.translation, batch.goals)
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
@@ -374,7 +368,9 @@ class Scheduler:
             candidates=np.full(len(rows), batch.candidates, np.int16),
             end=Motion(seed, gait),
         )
-        gets_up = is_broken | fallen(step.translation, step.rotations, legs)
+        gets_up = is_broken
+        if self._rules.acts("getting up"):
+            gets_up = is_broken | fallen(step.translation, step.rotations, legs)
         if gets_up.any():
             chunks.flags[is_broken] |= np.uint8(ChunkFlag.FIRST)  # it may jump
             which = np.flatnonzero(gets_up)
@@ -481,7 +477,8 @@ class Scheduler:
         ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
         gait = self._steering.decide(gait, seed, course.ahead, ready)
         habit = stride(slots.noise_seed[rows], course.ahead.speed)
-        gait = shortened_gait(gait, course.ahead, habit)
+        if self._rules.acts("strides"):
+            gait = shortened_gait(gait, course.ahead, habit)
         faults.stage = outer
         return seed, gait, course
 
@@ -518,6 +515,32 @@ class Scheduler:
         slots.replanned[rows] = False
         slots.coasted[rows] = False
         slots.held[rows] = not candidates
+
+    def _ruled(
+        self, batch: Batch, start: Float, step: Step, legs: Legs
+    ) -> tuple[Gait, Step, Seeds]:
+        """A step after the rules that the next one starts from; start [A, 3]: the hips before."""
+        rules, rows = self._rules, batch.rows
+        rules.tell(MODEL, rows, step.translation, step.rotations)
+        if rules.acts("guards"):
+            mended = self._smoothed(batch.seed, step.translation, step.rotations, legs)
+            step = step._replace(rotations=mended)
+            rules.tell("guards", rows, step.translation, step.rotations)
+        if self._mirrors and rules.acts("righting"):  # it knows where our markers are
+            step = righted(batch.gait.mode, step)
+            rules.tell("righting", rows, step.translation, step.rotations)
+        if rules.acts("planting"):
+            gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
+            rules.tell("planting", rows, step.translation, step.rotations)
+        else:
+            nobody = np.zeros(len(rows), np.bool_)
+            gait = replace(batch.gait, planted=nobody, carried=0 * batch.carried)
+            seed = end_of(step)
+        if rules.acts("strides"):
+            before = self._table.rows.planned.gait.shortened[rows]
+            step, seed = shorten(before, gait, start, step, seed)
+            rules.tell("strides", rows, step.translation, step.rotations)
+        return gait, step, seed
 
     def _smoothed(self, seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
         """Rotations of a step within what bodies can do; counts the rows that were not."""

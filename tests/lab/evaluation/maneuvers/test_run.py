@@ -22,8 +22,8 @@ class Walkers:
     def __init__(self) -> None:
         self.asked: list[tuple[str, str, int, bool]] = []
 
-    def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
-        self.asked.append((maneuver, case.name, agents, lock))
+    def play(self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch) -> list[Shot]:
+        self.asked.append((maneuver, case.name, agents, raw))
         made = walker(12.0)
         return [shot(replace(made, person=f"agent {k}"), (0.0, 30.0), 0.0) for k in range(2)]
 
@@ -56,12 +56,12 @@ def test_every_bar_stands_beside_its_figure(name: str) -> None:
     assert len(found.each) == 6 * len(MANEUVERS[name].cases)
 
 
-def test_each_case_is_played_locked_and_raw_with_its_share_of_agents() -> None:
+def test_each_case_is_played_as_sent_and_raw_with_its_share_of_agents() -> None:
     walkers = Walkers()
     list(play(walkers, [MANEUVERS["walk"]], 0.5, silent))
-    asked = {case: agents for _, case, agents, lock in walkers.asked if lock}
+    asked = {case: agents for _, case, agents, raw in walkers.asked if raw}
     assert asked["1.1-1.5 m/s"] == 18 and asked["0.6 m/s"] == 6
-    assert [lock for *_, lock in walkers.asked] == [True, False] * 8
+    assert [raw for *_, raw in walkers.asked] == [False, True] * 8
 
 
 def test_rows_that_need_recordings_are_there_with_them() -> None:

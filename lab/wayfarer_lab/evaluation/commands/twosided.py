@@ -1,0 +1,78 @@
+"""Figures with two sides: ranges of recorded people, and the bare model beside them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer_lab.evaluation import report
+from wayfarer_lab.evaluation.commands.options import (
+    ModelsOption,
+    RecordedOption,
+    RunsOption,
+    SeedOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import origin
+from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips
+from wayfarer_lab.evaluation.twosided import ranges as recorded
+from wayfarer_lab.evaluation.twosided import verdicts
+
+app = typer.Typer()
+
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", help="File for verdicts and every person's figures.")
+]
+
+
+@app.command(short_help="Ranges of recorded people, for the two-sided figures.")
+def ranges(
+    data: RecordedOption,
+    out: Annotated[Path, typer.Option(help="File to write.")] = recorded.FILE,
+) -> None:
+    """Find in recordings what people are asked to do, measure it, and write the ranges.
+
+    From the 10th to the 90th percentile of the train split, each performer counting once. The file
+    is part of the lab, so that no other evaluation needs recordings for it.
+    """
+    clips = RecordedClips(data, legs=True)
+    with report.console.status("clips") as status:
+        found = recorded.measure(clips, each=status.update)
+    people = sorted({stretch.performer for stretch in found})
+    made = recorded.ranges_of(found)
+    meta = {"split": recorded.SPLIT, "stretches": len(found), "performers": people}
+    recorded.save(made, meta | {"made": report.meta({})}, out)
+    recorded.show(made)
+
+
+@app.command(short_help="The model alone against the ranges, without any rule after it.")
+def bare(
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    predictor: Annotated[str, typer.Option(help="2f or ro-2f.")] = "ro-2f",
+    candidates: Annotated[int, typer.Option(help="Draws of the search.", min=1)] = 64,
+    people: Annotated[int, typer.Option(help="Of each order.", min=2)] = 8,
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Drive a predictor by the best of some draws, 12 s of each order, and judge its people.
+
+    Every figure holds when the median of people lies in the recorded range, and people differ by
+    at least 30 % as much as recorded ones.
+    """
+    from wayfarer_lab.evaluation.parts import Variant, load_parts
+    from wayfarer_lab.evaluation.twosided.bare import play
+    from wayfarer_lab.evaluation.twosided.searched import Searched
+
+    parts = load_parts(models, runs, threads)
+    variant = Variant("bare", predictor)
+    steps = {
+        gender: Searched(parts.step(gender, variant), candidates) for gender in parts.regressors
+    }
+    found = play(steps, people, seed)
+    judged = verdicts.judge(found, recorded.load())
+    verdicts.show("the model alone", judged)
+    if json:
+        verdicts.write(json, judged, found, origin(models, runs, None, "", seed))
