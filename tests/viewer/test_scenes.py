@@ -209,7 +209,8 @@ def test_a_level_is_what_was_chosen_as_one_and_its_notes_are_shown(visit):
     choose = (
         "(() => {{ const data = new DataTransfer(); data.items.add(new File([Uint8Array.from("
         "atob('{text}'), (c) => c.charCodeAt(0))], '{name}')); "
-        "const input = document.querySelector('#level-file'); input.files = data.files; input.dispatchEvent(new Event('change')); }})()"
+        "const input = document.querySelector('#level-file'); input.files = data.files;"
+        " input.dispatchEvent(new Event('change')); }})()"
     )
     chosen = "document.querySelector('#scene').selectedOptions[0].textContent"
     dome = base64.b64encode((LEVELS / "sky_dome.glb").read_bytes()).decode()
