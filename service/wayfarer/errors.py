@@ -141,10 +141,26 @@ class Unreachable(FailedPrecondition):
     `parts`: as of a `Text`.
     """
 
-    def __init__(self, message: str, nearest: tuple[float, float, float], *parts: object) -> None:
+    def __init__(
+        self,
+        message: str,
+        nearest: tuple[float, float, float],
+        *parts: object,
+        look: Callable[[], Text | None] = lambda: None,
+    ) -> None:
+        """`look`: finds what is in the way; it may take some tenths of a second."""
         self.text = Text(message, parts)
         super().__init__(str(self.text))
         self.nearest = nearest
+        self._look = look
+
+    def explained(self) -> "Unreachable":
+        """The same, with what is in the way where that can be found."""
+        why, told = self._look(), self.text
+        if why is None:
+            return self
+        pattern = f"{told.pattern}; {why.pattern}"
+        return Unreachable(pattern, self.nearest, *told.parts, *why.parts)
 
 
 class Misdirected(WayfarerError):

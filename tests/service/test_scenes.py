@@ -10,7 +10,7 @@ from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unavailable, Unreachable
 from wayfarer.limits import Limits
 from wayfarer.navigation.examples import corridor
-from wayfarer.navigation.scene_spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
+from wayfarer.navigation.scene_spec import Box, Cylinder, MeshFile, Prism, Ramp, SceneSpec
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
@@ -58,6 +58,21 @@ async def test_errors_reach_the_caller(servers):
         await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
     way = await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
     assert way.points[0] == (6.0, 2.0, 0.0) and way.goal_moved > 80
+
+
+async def test_what_is_in_the_way_is_told_for_a_path_and_for_a_goal(servers):
+    runtime = await servers.start()
+    beam = Box((6.0, 6.0), (12.0, 0.4), 0.5, bottom=1.6)
+    scene = await runtime.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (beam,))))
+    assert "below a headroom of 1.6 m" in str(scene.notes[0])
+    with pytest.raises(Unreachable, match=r"headroom of 1\.6 m at .* is in the way"):
+        await runtime.scenes.query_path(scene.scene_id, SOUTH.position, NORTH.position)
+    for lock_step in (False, True):
+        name = f"s{lock_step}"
+        await runtime.create_session(SessionSpec(name, scene=scene.scene_id, lock_step=lock_step))
+        [agent] = await runtime.create_agents(name, [SOUTH])
+        with pytest.raises(Unreachable, match=r"headroom of 1\.6 m at .* is in the way"):
+            await runtime.give(agent.agent_id, NORTH)
 
 
 async def test_subscribers_are_told_of_what_agents_meet(servers):

@@ -4,7 +4,7 @@ import asyncio
 from dataclasses import replace
 from typing import Any
 
-from wayfarer.errors import FailedPrecondition, NotFound
+from wayfarer.errors import FailedPrecondition, NotFound, Unreachable
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.scene import Scene, bake
@@ -62,6 +62,7 @@ class FakeScenes:
             created_at=1_700_000_000.0,
             bake_s=0.01,
             attributes=source.attributes,
+            notes=scene.notes,
         )
 
     async def list_scenes(self) -> list[SceneInfo]:
@@ -85,7 +86,10 @@ class FakeScenes:
         return await self.get_scene(scene_id)
 
     async def query_path(self, scene_id: str, start: Point3, goal: Point3) -> Way:
-        path = self._scene(scene_id).path(start, goal)
+        try:
+            path = self._scene(scene_id).path(start, goal)
+        except Unreachable as error:
+            raise error.explained() from None
         points = tuple((x, y, z) for x, y, z in path.points.tolist())
         return Way(points, path.length, path.start_moved, path.goal_moved, path.scene_version)
 

@@ -8,6 +8,7 @@ import pytest
 from google.rpc.error_details_pb2 import BadRequest, ErrorInfo
 from grpc_status import rpc_status
 
+from tests.navigation.meshes.glb_files import LEVELS
 from tests.transport.rig import LIMITS, others_are_undisturbed
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.grpc_server.methods import check_points
@@ -223,3 +224,38 @@ def test_points_too_many_to_be_read_are_only_counted():
     with pytest.raises(InvalidArgument, match="62000 points; allowed: 50000") as caught:
         check_points(request)
     assert caught.value.field == "floors"
+
+
+async def test_what_a_levels_author_should_know_is_in_the_answer_in_the_scenes_basis(rig):
+    data = (LEVELS / "closed_room.obj").read_bytes()
+    texts = []
+    for basis in ("gltf", "unreal"):
+        path = f"/v1/scenes/mesh?format=obj&basis={basis}&mesh_basis=gltf&unit=1"
+        answer = await rig.http.post(path, content=data)
+        assert answer.status_code == 201
+        [note] = answer.json()["notes"]
+        assert "ground lies above ground" in note and "name an entry" in note
+        texts.append(note.partition(" at (")[2].partition(")")[0])
+    gltf, unreal = ([float(word) for word in text.split(", ")] for text in texts)
+    assert gltf[1] == pytest.approx(3.2, abs=0.1)  # the roof's height
+    assert unreal[2] == pytest.approx(100 * gltf[1], abs=1)
+    scene = (await rig.scenes.ListScenes(scene_pb2.ListScenesRequest())).scenes[0]
+    assert "ground lies above ground" in scene.notes[0]
+
+
+async def test_what_is_in_the_way_is_told_alike_by_http_and_grpc(rig):
+    data = (LEVELS / "stairs_under_1_85_m.obj").read_bytes()
+    answer = await rig.http.post("/v1/scenes/mesh?format=obj", content=data)
+    scene_id = answer.json()["scene_id"]
+    start, goal = {"x": 0, "y": 0, "z": -2}, {"x": 0, "y": 1.44, "z": 4}
+    refused = await rig.http.post(
+        f"/v1/scenes/{scene_id}/path", json={"start": start, "goal": goal}
+    )
+    assert refused.status_code == 409
+    told = refused.json()["detail"]
+    assert "a headroom of 1.85 m at (" in told and "where 1.9 m are asked for" in told
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await rig.scenes.QueryPath(
+            scene_pb2.QueryPathRequest(scene_id=scene_id, start=start, goal=goal)
+        )
+    assert caught.value.details() == told

@@ -1,12 +1,15 @@
 """Scenes in the viewer: a real browser against the real service (see test_viewer.py)."""
 
+import base64
 import io
 import time
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+import trimesh
 
+from tests.navigation.meshes.glb_files import LEVELS, Packer
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 from tests.viewer.stage import look_down, on_screen
 from wayfarer.navigation.examples import EXAMPLES
@@ -198,3 +201,39 @@ def test_a_file_that_is_no_level_is_refused_in_words(visit):
     chosen = "document.querySelector('#scene').selectedOptions[0].textContent"
     assert page.evaluate(chosen) == "yard.obj"
     page.problems.clear()  # the browser logs the refusal itself
+
+
+def test_a_level_is_what_was_chosen_as_one_and_its_notes_are_shown(visit):
+    """A file with a skin that is chosen as a level is one; what its author should know is shown."""
+    page = visit("corridor")
+    choose = (
+        "(() => {{ const data = new DataTransfer(); data.items.add(new File([Uint8Array.from("
+        "atob('{text}'), (c) => c.charCodeAt(0))], '{name}')); "
+        "const input = document.querySelector('#level-file'); input.files = data.files;"
+        " input.dispatchEvent(new Event('change')); }})()"
+    )
+    chosen = "document.querySelector('#scene').selectedOptions[0].textContent"
+    dome = base64.b64encode((LEVELS / "sky_dome.glb").read_bytes()).decode()
+    page.evaluate(choose.format(text=dome, name="dome.glb"))
+    facts = "document.querySelector('#scene-facts').textContent"
+    page.wait_for(f"{chosen} === 'dome.glb' && {facts}.includes('like a sky')", 60)
+    stage = trimesh.creation.box((8, 8, 0.2))
+    vertices, faces = stage.vertices.astype("<f4"), stage.faces.astype("<u2").reshape(-1)
+    packer = Packer()
+    packer.accessor(vertices, min=vertices.min(0).tolist(), max=vertices.max(0).tolist())
+    packer.accessor(faces.astype(np.uint16))
+    packer.accessor(np.zeros((len(vertices), 4), np.uint8))
+    packer.accessor(np.tile(np.array([[1, 0, 0, 0]], np.float32), (len(vertices), 1)))
+    # level in glTF's axes: the box's flat side is up
+    turn = {"rotation": [-0.70710678, 0, 0, 0.70710678]}
+    attributes = {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}
+    skinned = packer.file(
+        scene=0,
+        scenes=[{"nodes": [0, 1]}],
+        meshes=[{"primitives": [{"attributes": attributes, "indices": 1}]}],
+        nodes=[{"mesh": 0, "skin": 0}, turn],
+        skins=[{"joints": [1]}],
+    )
+    page.evaluate(choose.format(text=base64.b64encode(skinned).decode(), name="stage.glb"))
+    page.wait_for(f"{chosen} === 'stage.glb'", 60)
+    page.wait_for("wayfarer.level.extent?.size > 7 && wayfarer.level.extent.size < 8", 30)

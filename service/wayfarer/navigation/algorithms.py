@@ -29,6 +29,14 @@ def count_pieces(mask: Mask) -> int:
     return int(label(mask)[1])
 
 
+def labels(mask: Mask) -> NDArray[np.int32]:
+    """The number of the group of cells that each cell of a grid belongs to; 0 where it is none."""
+    from scipy.ndimage import label
+
+    number: NDArray[np.int32] = label(mask)[0]
+    return number
+
+
 def links(size: int, one: NDArray[Any], other: NDArray[Any]) -> "csr_array":
     """The graph [size, size] of links from `one` to `other`."""
     from scipy.sparse import coo_array

@@ -8,11 +8,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.navigation.ground.ground import Ground, Layer
+from wayfarer.errors import FailedPrecondition, InvalidArgument, Metres
+from wayfarer.navigation.ground.ground import Ground, Layer, size_parts, size_pattern
 from wayfarer.navigation.ground.layers import ISLAND_SHARE
 from wayfarer.navigation.mesh import NavMesh, build
-from wayfarer.navigation.scene_spec import Obstacle, Point3, Walkable
+from wayfarer.navigation.scene_spec import Obstacle, Point3, SceneSpec, Walkable
 from wayfarer.navigation.solids import footprint, triangulate
 
 Array = NDArray[np.floating[Any]]
@@ -50,16 +50,18 @@ def blocks(obstacle: Obstacle, layer: Layer, walkable: Walkable) -> bool:
     return bool(in_the_way.any())
 
 
-def bake_mesh(
-    ground: Ground, open_areas: Sequence[shapely.Geometry], entries: tuple[Point3, ...]
-) -> NavMesh:
+def bake_mesh(spec: SceneSpec, ground: Ground, open_areas: Sequence[shapely.Geometry]) -> NavMesh:
     """Triangulate all layers and keep the islands that matter."""
     pieces = [triangulate(area) for area in open_areas]
     corners = np.concatenate(pieces)
     layer = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
     if len(corners) == 0:
         raise InvalidArgument(
-            "the ground is nowhere wide enough for walkable.radius", "walkable.radius"
+            "the ground is nowhere wide enough for bodies of the radius {} (walkable.radius)"
+            + size_pattern(spec, ground),
+            "walkable.radius",
+            Metres(spec.walkable.radius),
+            *size_parts(ground),
         )
     if len(corners) > MAX_MESH_TRIANGLES:
         raise InvalidArgument(
@@ -68,7 +70,7 @@ def bake_mesh(
             "solids",
         )
     mesh = build(corners, layer, slack_of(ground))
-    kept = np.isin(mesh.island, _that_matter(mesh, ground, entries))
+    kept = np.isin(mesh.island, _that_matter(mesh, ground, spec.entries))
     return mesh if kept.all() else build(corners[kept], layer[kept], slack_of(ground))
 
 

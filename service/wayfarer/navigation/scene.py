@@ -8,8 +8,9 @@ All of it is safe to use from any number of threads. World space: metres, Z up. 
 (x, y, z); z means the storey below it (see `nearest_place`), and without it the lowest one is.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -17,16 +18,19 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from wayfarer.errors import NotFound, ResourceExhausted, Unreachable, spot
+from wayfarer.errors import NotFound, ResourceExhausted, Text, Unreachable, spot
 from wayfarer.navigation import baking
 from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
 from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.ground import Ground, find_ground
+from wayfarer.navigation.ground.headroom import LowPlace
 from wayfarer.navigation.locate import MeshPoint, nearest_place
 from wayfarer.navigation.mesh import NavMesh
+from wayfarer.navigation.obstruction import notes_on, why_apart
 from wayfarer.navigation.paths.find import sampled, shortest, widened
 from wayfarer.navigation.paths.path import GroundPath
+from wayfarer.navigation.roofs import roofs_of
 from wayfarer.navigation.scene_spec import MAX_OBSTACLES, Obstacle, Point2, Point3, SceneSpec
 from wayfarer.navigation.solids import footprint
 
@@ -53,12 +57,26 @@ class Scene:
     obstacles: Mapping[str, Obstacle]
     open_areas: tuple[shapely.Geometry, ...]
     """Per layer: where an agent's middle may be without obstacles."""
+    notes: tuple[Text, ...] = ()
+    """What the level's author should know."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "obstacles": dict(self.obstacles)}  # a view cannot be pickled
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, obstacles=MappingProxyType(state["obstacles"]))
+
+    @property
+    def low_places(self) -> tuple[LowPlace, ...]:
+        """What parts its ground for want of headroom."""
+        return self.ground.low_places
+
+    @cached_property
+    def main_island(self) -> int:
+        """The island that people come to when nothing else is said: the largest that is no roof."""
+        roofs = np.zeros(self.islands, bool)
+        roofs[[roof.island for roof in roofs_of(self.mesh, self.ground)]] = True
+        return int(np.where(roofs & ~roofs.all(), -1.0, self.mesh.areas).argmax())
 
     @property
     def area(self) -> float:
@@ -115,6 +133,15 @@ class Scene:
         """The nearest free ground, which is the point itself where it is free."""
         check_point(point, "point")
         return self.place(point).point
+
+    def island_of(self, places: Sequence[Point3]) -> int | None:
+        """The island on which the first of some places is that is on one; None: none is."""
+        for x, y, z in places:
+            for triangle in self.mesh.under((x, y)).tolist():
+                heights = self.ground.layers[self.mesh.layer[triangle]].heights
+                if abs(float(heights.at(np.array([x, y]))) - z) <= self.spec.walkable.step_height:
+                    return int(self.mesh.island[triangle])
+        return None
 
     def place(self, point: Point2 | Point3) -> MeshPoint:
         """The same on the navigation mesh, of a point that has been checked."""
@@ -189,13 +216,23 @@ class Scene:
         reachable = np.flatnonzero(self.mesh.island == island)
         nearest = nearest_place(self.mesh, self.ground, goal, self.spec.walkable, reachable)
         if not last.moved:
+            apart = int(island), int(self.mesh.island[last.triangle])
             raise Unreachable(
                 "no way leads to {}; the nearest place that can be reached is {}",
                 nearest.point,
                 spot(last.point),
                 spot(nearest.point),
+                look=lambda: why_apart(self, *apart),
             )
         return first, nearest
+
+    def standing(self, number: int, near: shapely.Geometry) -> list[shapely.Geometry]:
+        """Outlines of the obstacles that are in the way on a layer, near an area."""
+        layer, walkable = self.ground.layers[number], self.spec.walkable
+        shapes = [
+            footprint(o) for o in self.obstacles.values() if baking.blocks(o, layer, walkable)
+        ]
+        return [shape for shape in shapes if near.intersects(shape)]
 
     def _next(
         self, old: Obstacle | None, new: Obstacle | None, obstacles: dict[str, Obstacle]
@@ -217,10 +254,7 @@ class Scene:
             return self
         bounds = tuple(shapely.total_bounds([*left, *came]).tolist())
         near = shapely.box(*bounds).buffer(3 * REACH)
-        standing = [
-            footprint(o) for o in self.obstacles.values() if baking.blocks(o, layer, walkable)
-        ]
-        standing = [shape for shape in standing if near.intersects(shape)]
+        standing = self.standing(number, near)
         opened, closed, others = (
             baking.grown(shapely.union_all(shapes), walkable.radius)
             for shapes in (left, came, standing)
@@ -247,10 +281,12 @@ def bake(spec: SceneSpec) -> Scene:
     check_spec(spec)
     ground = find_ground(spec)
     open_areas = tuple(baking.open_ground(layer, spec.walkable.radius) for layer in ground.layers)
-    mesh = baking.bake_mesh(ground, open_areas, spec.entries)
+    mesh = baking.bake_mesh(spec, ground, open_areas)
     open_areas = tuple(baking.within(mesh, k, area) for k, area in enumerate(open_areas))
     fields = tuple(_field(layer.ground) for layer in ground.layers)
-    return Scene(spec, spec.content_hash, 0, ground, mesh, fields, MappingProxyType({}), open_areas)
+    hashed, none = spec.content_hash, MappingProxyType[str, Obstacle]({})
+    scene = Scene(spec, hashed, 0, ground, mesh, fields, none, open_areas)
+    return replace(scene, notes=(*ground.notes, *notes_on(scene)))
 
 
 def _field(ground: shapely.Geometry) -> ClearanceField:

@@ -14,7 +14,7 @@ from typing import Final
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.model_store import ModelLoader, no_model
 from wayfarer.engines.models import ModelInfo
-from wayfarer.errors import AlreadyExists, FailedPrecondition
+from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.service.archive import Archive
 from wayfarer.service.gates import SessionGates
 from wayfarer.service.live import LiveMotion, steady_clock
@@ -200,8 +200,11 @@ class MotionService:
         FailedPrecondition in a recorded session when it depends on other agents, and on a floor
         without end when it walks all over a scene.
         """
-        async with self._gates.through(agent_id):
-            revision = await self._home_of(agent_id).give(agent_id, command, expected)
+        try:
+            async with self._gates.through(agent_id):
+                revision = await self._home_of(agent_id).give(agent_id, command, expected)
+        except Unreachable as error:
+            raise await self.scenes.explained(error) from None
         return await self._persistence.durable(revision)
 
     # Motion

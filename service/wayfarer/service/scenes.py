@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import FailedPrecondition, WayfarerError
+from wayfarer.errors import FailedPrecondition, Unreachable, WayfarerError
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
 from wayfarer.service.gates import SessionGates
@@ -113,7 +113,10 @@ class SceneService:
     async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
         """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         scene = self._book.scene(scene_id)
-        path = await self._work(lambda: scene.path(start, goal))
+        try:
+            path = await self._work(lambda: scene.path(start, goal))
+        except Unreachable as error:
+            raise await self.explained(error) from None
         return Way(
             points=tuple((x, y, z) for x, y, z in path.points.tolist()),
             length=path.length,
@@ -121,6 +124,10 @@ class SceneService:
             goal_moved=path.goal_moved,
             version=path.scene_version,
         )
+
+    async def explained(self, error: Unreachable) -> Unreachable:
+        """The refusal with what is in the way, which is looked for on a worker thread."""
+        return await self._work(error.explained)
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
         """Outlines for drawing it. Raises NotFound."""

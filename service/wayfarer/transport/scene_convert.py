@@ -92,6 +92,7 @@ def scene(
         bake_s=info.bake_s,
         lease_s=lease_s,
         endpoint=endpoint,
+        notes=tuple(convert.written(note, axes) for note in info.notes),
     )
 
 

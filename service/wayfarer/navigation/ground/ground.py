@@ -14,12 +14,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from wayfarer.errors import InvalidArgument, Metres
+from wayfarer.errors import InvalidArgument, Metres, Text
 from wayfarer.navigation.checks import count_points
 from wayfarer.navigation.grid import Grid
-from wayfarer.navigation.ground.layers import outline, sheets
-from wayfarer.navigation.ground.levels import stands
-from wayfarer.navigation.meshes.read import read_mesh
+from wayfarer.navigation.ground.headroom import LOWEST, LowPlace, low_places
+from wayfarer.navigation.ground.layers import ISLAND_SHARE, outline, sheets
+from wayfarer.navigation.ground.levels import floors
+from wayfarer.navigation.meshes.read import read_level
 from wayfarer.navigation.scene_spec import MAX_EXTENT, Ramp, SceneSpec
 from wayfarer.navigation.solids import (
     at_height,
@@ -82,10 +83,18 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """All layers, lowest first. `cell`: metres that outlines may be off, 0 where they are exact."""
+    """All layers, lowest first. `cell`: metres that outlines may be off, 0 where they are exact.
+
+    `notes`: what the level's author should know. `low_places`: what parts its ground for want of
+    headroom.
+    """
 
     layers: tuple[Layer, ...]
     cell: float
+    notes: tuple[Text, ...] = ()
+    low_places: tuple[LowPlace, ...] = ()
+    size: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Metres along x, y and z that a level's mesh takes; 0 without one."""
 
 
 def find_ground(spec: SceneSpec) -> Ground:
@@ -101,11 +110,28 @@ def find_ground(spec: SceneSpec) -> Ground:
     if all(layer.own.is_empty for layer in ground.layers):
         raise InvalidArgument(
             "nobody can stand anywhere in this scene: no ground is flat enough and free up to "
-            "{} (is the up axis right?)",
+            "{} (is the up axis right?)" + size_pattern(spec, ground),
             "mesh.data" if spec.mesh else "floors",
             Metres(spec.walkable.height),
+            *size_parts(ground),
         )
     return ground
+
+
+def size_pattern(spec: SceneSpec, ground: Ground) -> str:
+    """What an error about a level's mesh says of its size, and of how it lies."""
+    if spec.mesh is None:
+        return ""
+    told = "".join(f"; {note.pattern}" for note in ground.notes if not note.parts)
+    return (
+        "; the level is {} x {} and {} high (is mesh.unit, "
+        f"{spec.mesh.unit:g} m, right?){told}"
+    )
+
+
+def size_parts(ground: Ground) -> tuple[Metres, ...]:
+    """The lengths in it."""
+    return tuple(Metres(float(f"{length:.2g}")) for length in ground.size if ground.size[0])
 
 
 def _corners(ground: Ground) -> int:
@@ -139,28 +165,56 @@ def _flat(spec: SceneSpec) -> Ground:
     floor = shapely.union_all([floor_polygon(f) for f in spec.floors])
     _check_extent(floor.bounds)
     free = shapely.difference(floor, shapely.union_all(in_the_way))
-    return Ground((Layer(free, free, Heights(level)),), 0.0)
+    layer = Layer(free, free, Heights(level))
+    return Ground((layer,), 0.0, low_places=_below_solids(spec, level))
+
+
+def _below_solids(spec: SceneSpec, level: float) -> tuple[LowPlace, ...]:
+    """Low places of a flat scene; there are some only below solids that hang in the air."""
+    walkable = spec.walkable
+    above = [solid.bottom - level for solid in spec.solids]
+    if not any(LOWEST * walkable.height <= room < walkable.height for room in above):
+        return ()
+    corners, _ = _corners_of(spec)
+    grid = _grid_over(corners)
+    return tuple(low_places(floors(corners, grid, walkable), walkable, ISLAND_SHARE))
 
 
 def triangles(spec: SceneSpec) -> NDArray[np.float64]:
     """All that a scene is made of [T, 3, 3], metres. Raises InvalidArgument for a bad mesh."""
-    return np.concatenate(
-        [
-            *([read_mesh(spec.mesh)] if spec.mesh else []),
-            *(at_height(triangulate(floor_polygon(f)), f.height) for f in spec.floors),
-            *(solid_triangles(solid) for solid in spec.solids),
-        ]
+    return _corners_of(spec)[0]
+
+
+def _corners_of(spec: SceneSpec) -> tuple[NDArray[np.float64], tuple[Text, ...]]:
+    """The same, and what is to be told of the level's mesh."""
+    level, notes = (
+        read_level(spec.mesh, spec.walkable, spec.entries)
+        if spec.mesh
+        else (np.empty((0, 3, 3)), [])
     )
+    others = [
+        *(at_height(triangulate(floor_polygon(f)), f.height) for f in spec.floors),
+        *(solid_triangles(solid) for solid in spec.solids),
+    ]
+    return np.concatenate([level, *others]), tuple(notes)
 
 
-def _sampled(spec: SceneSpec) -> Ground:
-    corners = triangles(spec)
+def _grid_over(corners: NDArray[np.float64]) -> Grid:
     low, high = corners.min((0, 1)), corners.max((0, 1))
     bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
     _check_extent(bounds)
     cell = max(FINEST_CELL, sqrt((high[0] - low[0]) * (high[1] - low[1]) / MAX_CELLS))
-    grid = Grid.over(bounds, cell, 3 * cell)
-    places = stands(corners, grid, spec.walkable)
+    return Grid.over(bounds, cell, 3 * cell)
+
+
+def _sampled(spec: SceneSpec) -> Ground:
+    corners, notes = _corners_of(spec)
+    grid, walkable = _grid_over(corners), spec.walkable
+    cell = grid.cell
+    found = floors(corners, grid, walkable)
+    places = found.stands(found.room >= walkable.height, walkable.step_height)
+    low = low_places(found, walkable, ISLAND_SHARE)
+    x, y, z = (float(length) for length in np.ptp(corners.reshape(-1, 3), axis=0))
     layers = []
     for sheet in sheets(places, spec.entries, spec.walkable):
         own = outline(sheet.own, grid)
@@ -168,7 +222,7 @@ def _sampled(spec: SceneSpec) -> Ground:
         ground = own if alone else outline(sheet.around, grid)
         heights = Heights(0.0, grid, sheet.height, ledge=max(0.04, 1.2 * cell))
         layers.append(Layer(own, ground, heights))
-    return Ground(tuple(layers), cell)
+    return Ground(tuple(layers), cell, notes, tuple(low), (x, y, z) if spec.mesh else (0, 0, 0))
 
 
 def _check_extent(bounds: tuple[float, float, float, float]) -> None:

@@ -1,7 +1,6 @@
 """Which cells can be stood on, at which heights, and how they hang together."""
 
 from dataclasses import dataclass
-from math import cos, radians
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from wayfarer.navigation.algorithms import components, links
 from wayfarer.navigation.grid import Grid, expand
 from wayfarer.navigation.ground.raster import Spans, covered, touched
+from wayfarer.navigation.meshes.posture import is_level
 from wayfarer.navigation.scene_spec import Walkable
 
 if TYPE_CHECKING:
@@ -41,40 +41,48 @@ class Stands:
         return components(self.links)[1]
 
 
-def stands(corners: Array, grid: Grid, walkable: Walkable) -> Stands:
-    """Where an agent can stand: on ground that is not too steep, with room for a body above it.
+@dataclass(frozen=True, slots=True)
+class Floors:
+    """All surfaces that are flat enough, sorted by cell and height: cell, z, headroom [n].
+
+    `room`: metres from the floor up to whatever is in a body's way; infinite under the sky.
+    """
+
+    grid: Grid
+    cell: Ints
+    z: Array
+    room: Array
+
+    def stands(self, which: Mask, step: float) -> Stands:
+        """Some of them, as places to stand."""
+        cell, z = self.cell[which], self.z[which]
+        return Stands(self.grid, cell, z, _links(cell, z, self.grid, step + _TOLERANCE))
+
+
+def floors(corners: Array, grid: Grid, walkable: Walkable) -> Floors:
+    """All surfaces of a scene that are not too steep, and the room above each.
 
     Whatever is no higher than a step is not in a body's way.
     """
-    sides = corners[:, 1:] - corners[:, :1]
-    normals = np.cross(sides[:, 0], sides[:, 1])
-    # either side may be the upper one: many files have inconsistent windings, and the underside of
-    # a slab is no floor anyhow, since the slab's top is too close above it
-    flat = np.abs(normals[:, 2]) >= cos(radians(walkable.slope_deg)) * np.linalg.norm(
-        normals, axis=1
-    )
-    floors = covered(corners[flat], grid)
+    flat = is_level(corners, walkable)
+    level = covered(corners[flat], grid)
     walls = touched(corners[~flat], grid)
-    order = np.lexsort((floors.high, floors.cell))
-    cell, z = floors.cell[order], floors.high[order]
-    kept = np.ones(len(z), bool)
-    kept[:-1] = (cell[1:] != cell[:-1]) | (z[1:] - z[:-1] >= walkable.height)
-    cell, z = cell[kept], z[kept]
-    free = ~_hit(cell, z, walls, walkable)
-    cell, z = cell[free], z[free]
-    return Stands(grid, cell, z, _links(cell, z, grid, walkable.step_height + _TOLERANCE))
+    order = np.lexsort((level.high, level.cell))
+    cell, z = level.cell[order], level.high[order]
+    room = np.full(len(z), np.inf)
+    room[:-1] = np.where(cell[1:] == cell[:-1], z[1:] - z[:-1], np.inf)
+    return Floors(grid, cell, z, np.minimum(room, _below_walls(cell, z, walls, walkable)))
 
 
-def _hit(cell: Ints, z: Array, walls: Spans, walkable: Walkable) -> Mask:
-    """Places whose body a wall passes through. cell, z [n] sorted by cell → [n]"""
+def _below_walls(cell: Ints, z: Array, walls: Spans, walkable: Walkable) -> Array:
+    """Metres up to the lowest wall in a body's way above each place; cell, z [n] sorted by cell."""
     wall, place = expand(
         np.searchsorted(cell, walls.cell), np.searchsorted(cell, walls.cell, "right")
     )
     above = walls.high[wall] > z[place] + walkable.step_height + _TOLERANCE
-    below = walls.low[wall] < z[place] + walkable.height
-    hit = np.zeros(len(z), bool)
-    hit[place[above & below]] = True
-    return hit
+    room = np.full(len(z), np.inf)
+    np.minimum.at(room, place[above], np.maximum(walls.low[wall] - z[place], 0.0)[above])
+    return room
 
 
 def _links(cell: Ints, z: Array, grid: Grid, step: float) -> "csr_array":

@@ -35,6 +35,9 @@ def covered(corners: Array, grid: Grid) -> Spans:
     low, high = np.full(len(tri), np.inf), np.full(len(tri), -np.inf)
     for k in range(3):
         p, q = a[tri, k], a[tri, (k + 1) % 3]
+        # from its lower end, so that both triangles of an edge find the same place on it
+        turned = (p[:, 1] > q[:, 1])[:, None]
+        p, q = np.where(turned, q, p), np.where(turned, p, q)
         crosses = (p[:, 1] <= row) != (q[:, 1] <= row)
         x = p[:, 0] + _ratio(row - p[:, 1], q[:, 1] - p[:, 1]) * (q[:, 0] - p[:, 0])
         low = np.where(crosses, np.minimum(low, x), low)

@@ -6,12 +6,23 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import InvalidArgument, Metres
+from wayfarer.errors import InvalidArgument, Metres, Text
 from wayfarer.navigation.meshes.glb import read_glb
 from wayfarer.navigation.meshes.obj import read_obj
+from wayfarer.navigation.meshes.outliers import without_outliers
 from wayfarer.navigation.meshes.ply import read_ply
-from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat
+from wayfarer.navigation.meshes.posture import is_level, lies_on_its_side
+from wayfarer.navigation.scene_spec import (
+    MAX_TRIANGLES,
+    MeshFile,
+    MeshFormat,
+    Point3,
+    Walkable,
+)
 from wayfarer.spec import MAX_COORDINATE
+
+FARTHEST: Final = 1e7
+"""Metres: nothing is measured farther away. What is left of a level must be much nearer."""
 
 READERS: Final[dict[MeshFormat, Callable[[bytes], NDArray[np.float64]]]] = {
     "glb": read_glb,
@@ -25,22 +36,51 @@ def read_mesh(mesh: MeshFile) -> NDArray[np.float64]:
 
     Triangles without an area are left out. Meshes need not be closed, oriented or manifold.
     """
+    corners = _read(mesh)
+    _check_places(corners, mesh.unit)
+    return corners
+
+
+def read_level(
+    mesh: MeshFile, walkable: Walkable, entries: tuple[Point3, ...]
+) -> tuple[NDArray[np.float64], list[Text]]:
+    """The same of what belongs to a level, and what its author should know: domes and what
+    strays far away are left out, and a level may lie on its side.
+    """
+    corners = _read(mesh)
+    kept, notes = without_outliers(corners, is_level(corners, walkable), entries)
+    corners = corners[kept]
+    _check_places(corners, mesh.unit)
+    return corners, notes + lies_on_its_side(corners, walkable, mesh.axes)
+
+
+def _read(mesh: MeshFile) -> NDArray[np.float64]:
+    """Finite triangles with an area, wherever they are."""
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is caught below
         corners = READERS[mesh.format](mesh.data) @ (np.array(mesh.axes).T * mesh.unit)
-    if len(corners) > MAX_TRIANGLES:
-        raise InvalidArgument(
-            f"the mesh has {len(corners):,} triangles, at most {MAX_TRIANGLES:,}", "mesh.data"
-        )
-    broken = ~(np.abs(corners) <= MAX_COORDINATE).all((1, 2))
-    if broken.any():
-        raise InvalidArgument(
-            f"triangle {int(broken.argmax())} of the mesh has a corner that is not finite or lies "
-            f"beyond {{}}: is mesh.unit ({mesh.unit:g} m) right?",
-            "mesh.data",
-            Metres(MAX_COORDINATE),
-        )
-    sides = corners[:, 1:] - corners[:, :1]
-    kept = corners[np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=-1) > 1e-12]
+        if len(corners) > MAX_TRIANGLES:
+            raise InvalidArgument(
+                f"the mesh has {len(corners):,} triangles, at most {MAX_TRIANGLES:,}", "mesh.data"
+            )
+        broken = ~(np.abs(corners) <= FARTHEST).all((1, 2))
+        if broken.any():
+            raise InvalidArgument(
+                f"triangle {int(broken.argmax())} of the mesh has a corner that is not finite",
+                "mesh.data",
+            )
+        sides = corners[:, 1:] - corners[:, :1]
+        kept = corners[np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=-1) > 1e-12]
     if len(kept) == 0:
         raise InvalidArgument("the mesh has no triangle with an area", "mesh.data")
     return kept
+
+
+def _check_places(corners: NDArray[np.float64], unit: float) -> None:
+    beyond = ~(np.abs(corners) <= MAX_COORDINATE).all((1, 2))
+    if beyond.any():
+        raise InvalidArgument(
+            f"triangle {int(beyond.argmax())} of the mesh has a corner beyond {{}}: is mesh.unit "
+            f"({unit:g} m) right?",
+            "mesh.data",
+            Metres(MAX_COORDINATE),
+        )

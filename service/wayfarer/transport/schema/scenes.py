@@ -154,6 +154,11 @@ class Scene(Message):
     endpoint: Endpoint | None = Field(
         default=None, description="the node that holds it; null on a server of one process"
     )
+    notes: tuple[str, ...] = Field(
+        default=(),
+        description="what its level's author should know, one sentence each: what was left out, "
+        "what looks wrong",
+    )
 
 
 class Scenes(Message):

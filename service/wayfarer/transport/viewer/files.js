@@ -1,8 +1,12 @@
 // Files of the user's: dropped on the page, or chosen.
 
 import { isCharacter } from "./character.js";
+import { isLevel, readGlb } from "./glb.js";
 
-/** Let a file be dropped anywhere on the page, and be chosen with `inputs`: `take(file)` gets it. */
+/**
+ * Let a file be dropped anywhere on the page, and be chosen with `inputs`: pairs of an element and what its files are for.
+ * `take(file, purpose)` gets it; the purpose of a dropped file is "".
+ */
 export function watchFiles(inputs, take) {
   const holdsFile = (event) => event.dataTransfer?.types.includes("Files");
   addEventListener("dragover", (event) => {
@@ -15,21 +19,27 @@ export function watchFiles(inputs, take) {
     if (!holdsFile(event)) return;
     event.preventDefault();
     document.body.classList.remove("dropping");
-    if (event.dataTransfer.files[0]) take(event.dataTransfer.files[0]);
+    if (event.dataTransfer.files[0]) take(event.dataTransfer.files[0], "");
   });
-  for (const input of inputs) {
+  for (const [input, purpose] of inputs) {
     input.onchange = () => {
       const [file] = input.files;
       input.value = ""; // the same one may be chosen again
-      if (file) take(file);
+      if (file) take(file, purpose);
     };
   }
 }
 
-/** What a file is: "character", or "level", of which the scene panel says whether it can be read. */
-export async function kindOf(file) {
+/**
+ * What a file is taken for: "character", or "level", of which the scene panel says whether it can be read. What it was chosen
+ * for decides; a dropped one is a character when it has a skin and is not mostly made of other things.
+ */
+export async function kindOf(file, purpose) {
   const ending = file.name.toLowerCase().split(".").at(-1);
-  if (ending === "vrm") return "character";
   if (ending === "fbx") throw new Error(`${file.name}: FBX cannot be read here; save it as GLB (in Blender: File, Export, glTF 2.0)`);
-  return ending === "glb" && isCharacter(await file.arrayBuffer()) ? "character" : "level";
+  if (purpose) return purpose;
+  if (ending === "vrm") return "character";
+  if (ending !== "glb") return "level";
+  const bytes = await file.arrayBuffer();
+  return isCharacter(bytes) && !isLevel(readGlb(bytes)) ? "character" : "level";
 }

@@ -15,3 +15,16 @@ export function readGlb(bytes) {
     return null;
   }
 }
+
+/**
+ * Whether a file with a skin is a level all the same: more of its meshes stand by themselves than hang from its bones, as where
+ * a flag or a passer-by is part of a town. A VRM avatar is none.
+ */
+export function isLevel(json) {
+  if (json?.extensions?.VRM || json?.extensions?.VRMC_vrm) return false;
+  const nodes = json?.nodes ?? [];
+  const onBones = new Set((json?.skins ?? []).flatMap(({ joints }) => joints ?? []));
+  for (const bone of onBones) for (const child of nodes[bone]?.children ?? []) onBones.add(child); // a set grows while it is walked
+  const meshes = nodes.flatMap((node, number) => (node.mesh === undefined ? [] : [node.skin === undefined && !onBones.has(number)]));
+  return meshes.filter(Boolean).length > meshes.length / 2;
+}

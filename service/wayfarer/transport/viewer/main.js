@@ -294,8 +294,8 @@ byId("more").onclick = () => {
 byId("add-one").onclick = () => add(1);
 byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
-watchFiles([byId("character-file"), byId("level-file")], attempt(async (file) => {
-  await (await kindOf(file) === "character" ? wardrobe : place).take(file);
+watchFiles([[byId("character-file"), "character"], [byId("level-file"), "level"]], attempt(async (file, purpose) => {
+  await (await kindOf(file, purpose) === "character" ? wardrobe : place).take(file);
 }));
 byId("stop").onclick = stop;
 byId("wander").onclick = toggleWander;

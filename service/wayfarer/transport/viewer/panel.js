@@ -114,16 +114,23 @@ export class ScenePanel {
     this.level.clear();
     this.fresh = true;
     await Promise.all([this.enter(id), this.book.open(id)]);
-    if (id && id === this.file?.id && this.file.format === "glb") {
-      await this.level.showModel(this.file.bytes);
-      this.stage.lower(this.level.under);
-    }
+    if (id && id === this.file?.id && this.file.format === "glb") await this.#draw(this.file);
     if (!id) {
       this.stage.lower(0);
       this.stage.overlook(null);
       byId("scene-facts").textContent = "";
     }
     byId("populate").disabled = !id;
+  }
+
+  /** Draw a file over its ground; a file that this page cannot draw is walked in all the same. */
+  async #draw({ bytes, name }) {
+    try {
+      await this.level.showModel(bytes);
+      this.stage.lower(this.level.under);
+    } catch (error) {
+      tell(`${name} is there to walk in, but this page cannot draw it and shows its ground alone: ${error.message}`);
+    }
   }
 
   #show(outlines) {
@@ -133,8 +140,11 @@ export class ScenePanel {
     this.fresh = false;
     this.changed();
     this.api.scene(this.book.id).then(
-      ({ area_m2: area, islands }) => {
-        byId("scene-facts").textContent = `${Math.round(area).toLocaleString("en")} m² to walk on${islands > 1 ? `, ${islands} parts` : ""}`;
+      ({ area_m2: area, islands, notes = [] }) => {
+        byId("scene-facts").replaceChildren(
+          `${Math.round(area).toLocaleString("en")} m² to walk on${islands > 1 ? `, ${islands} parts` : ""}`,
+          ...notes.map((note) => Object.assign(document.createElement("span"), { className: "note", textContent: note })),
+        );
       },
       () => {}, // the next poll tells
     );

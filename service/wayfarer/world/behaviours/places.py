@@ -11,11 +11,6 @@ from wayfarer.navigation.scene_spec import Point2, Point3
 Array = NDArray[np.floating[Any]]
 
 
-def largest_island(scene: Scene) -> int:
-    """The one with most room."""
-    return int(scene.mesh.areas.argmax())
-
-
 def island_at(scene: Scene, point: Point2 | Point3) -> int:
     """The one that the free ground nearest to a point belongs to."""
     return int(scene.mesh.island[scene.place(point).triangle])

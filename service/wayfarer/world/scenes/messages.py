@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from wayfarer.errors import Text
 from wayfarer.navigation.scene_spec import Obstacle, Point3, Ring, SceneSpec
 
 
@@ -31,6 +32,7 @@ class SceneInfo:
     created_at: float  # Unix seconds
     bake_s: float  # seconds that its bake took
     attributes: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[Text, ...] = ()  # what its level's author should know
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from wayfarer.world.agents.goal import MAX_DWELL, SPEED
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.behaviours import Wander
-from wayfarer.world.behaviours.places import drawn_places, largest_island
+from wayfarer.world.behaviours.places import drawn_places
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.ranges import check_range
 from wayfarer.world.scenes.messages import Crowd, CrowdState
@@ -328,7 +328,7 @@ def drawn_person(
 def _free_place(
     scene: Scene, draws: np.ndarray, others: Sequence[tuple[float, float]]
 ) -> tuple[float, float, float] | None:
-    places = drawn_places(scene, largest_island(scene), draws)
+    places = drawn_places(scene, scene.main_island, draws)
     free = scene.distance(places) >= FROM_WALLS
     if len(others):
         apart = np.linalg.norm(places[:, None, :2] - np.array(others), axis=-1)

@@ -68,6 +68,7 @@ class SceneEntry:
             created_at=self.created_at,
             bake_s=self.bake_s,
             attributes=self.source.attributes,
+            notes=scene.notes,
         )
 
 
