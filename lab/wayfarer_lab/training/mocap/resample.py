@@ -41,7 +41,9 @@ def resample(places: Array, rotations: Array, fps: float, target: float) -> tupl
 
     given = np.arange(len(places))
     times = np.arange(0, len(places) - 1 + 1e-9, ratio)
-    return CubicSpline(given, places)(times), nearest_rotations(CubicSpline(given, rotations)(times))
+    return CubicSpline(given, places)(times), nearest_rotations(
+        CubicSpline(given, rotations)(times)
+    )
 
 
 def slerp(a: Array, b: Array, part: Array) -> Array:
