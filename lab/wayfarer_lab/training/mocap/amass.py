@@ -31,7 +31,10 @@ NO_MOTION = ("shape", "_stagei")
 
 _LAYOUTS: Mapping[int, Layout] = {156: "smplh", 165: "smplx"}
 _UNREADABLE = (OSError, ValueError, EOFError, BadZipFile, zlib.error)
-_RATES = ("mocap_framerate", "mocap_frame_rate")
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+"""Names under which sets of this layout keep the rate."""
+_SAME_RATE = 0.01
+"""Fraction by which two rates of one file may differ, by rounding."""
 _Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
@@ -88,14 +91,28 @@ def _layout(path: Path, file: Mapping[str, Any], columns: int) -> Layout:
 
 
 def _rate(path: Path, file: Mapping[str, Any]) -> float:
-    name = next((n for n in _RATES if n in file), None)
-    if name is None:
+    rates = {n: _rate_of(path, file, n) for n in _RATES if n in file}
+    if not rates:
         raise DataError(f"has no {' or '.join(_RATES)}; it has {sorted(file)}", str(path))
-    return float(_numbers(path, file, name, ndim=0))
+    if max(rates.values()) > min(rates.values()) * (1 + _SAME_RATE):
+        said = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
+        raise DataError(
+            f"two frame rates contradict each other: {said}; keep the right one alone", str(path)
+        )
+    return next(iter(rates.values()))
 
 
-def _numbers(path: Path, file: Mapping[str, Any], name: str, ndim: int) -> Array:
+def _rate_of(path: Path, file: Mapping[str, Any], name: str) -> float:
+    rate = _numbers(path, file, name, ndim=None)
+    if rate.size != 1 or rate.item() <= 0:
+        raise DataError(f"{name} is {rate.tolist()}, expected one positive number", str(path))
+    return float(rate.item())
+
+
+def _numbers(path: Path, file: Mapping[str, Any], name: str, ndim: int | None) -> Array:
     values = _array(path, file, name)
+    if ndim is None:  # numbers of any shape
+        ndim = values.ndim
     if values.ndim != ndim or not np.issubdtype(values.dtype, np.number) or not values.size:
         raise DataError(
             f"array {name} is {values.dtype} {values.shape}, expected numbers, {ndim} axes",

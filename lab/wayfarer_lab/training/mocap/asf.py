@@ -17,6 +17,7 @@ from wayfarer_lab.training.mocap.skeleton import (
     SkeletonMotion,
     euler_matrices,
 )
+from wayfarer_lab.training.mocap.text import read_text
 
 INCH = 0.0254
 
@@ -224,4 +225,4 @@ def _motion(table: Array, asf: AsfSkeleton, start: dict[str, int]) -> SkeletonMo
 
 def load_asf(path: Path) -> AsfSkeleton:
     """Read an ASF file from disk."""
-    return read_asf(path.read_text(errors="replace"), str(path))
+    return read_asf(read_text(path), str(path))

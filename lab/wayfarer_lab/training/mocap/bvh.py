@@ -1,4 +1,9 @@
-"""Reader for BVH motions. Rotations multiply in the order of the channels of each joint."""
+"""Reader for BVH motions.
+
+Rotations multiply in the order of the channels of each joint. Position channels of the root are
+added to its OFFSET. Those of another joint take the place of its OFFSET, as in Blender: most files
+only restate it, others move the hips below a root that stands on the floor.
+"""
 
 import numpy as np
 
@@ -9,6 +14,9 @@ from wayfarer_lab.training.mocap.skeleton import (
     SkeletonMotion,
     euler_matrices,
 )
+
+RESTATED = 1e-3
+"""File units by which the position channels of a joint may differ from its OFFSET, by rounding."""
 
 
 class _Lines:
@@ -112,14 +120,20 @@ def _motion(
     frames = len(table)
     root = np.zeros((frames, 3)) + skeleton.offsets[0]
     local = np.empty((frames, len(skeleton.names), 3, 3))
-    column = 0
+    column, shifts = 0, {}
     for j, names in enumerate(channels):
         values = table[:, column : column + len(names)]
         column += len(names)
         turns = [k for k, n in enumerate(names) if n.endswith("rotation")]
         local[:, j] = euler_matrices(values[:, turns], "".join(names[k][0] for k in turns))
-        if j == 0:  # positions of other joints only restate their offsets
-            for k, n in enumerate(names):
-                if n.endswith("position"):
-                    root[:, "XYZ".index(n[0])] += values[:, k]
-    return SkeletonMotion(skeleton, root, local, fps)
+        moved = np.zeros((frames, 3)) + skeleton.offsets[j]
+        for k, n in enumerate(names):
+            if n.endswith("position"):
+                axis = "XYZ".index(n[0])
+                if j == 0:
+                    root[:, axis] += values[:, k]
+                else:
+                    moved[:, axis] = values[:, k]
+        if not np.allclose(moved, skeleton.offsets[j], atol=RESTATED):
+            shifts[j] = moved
+    return SkeletonMotion(skeleton, root, local, fps, shifts)

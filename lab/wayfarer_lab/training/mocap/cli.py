@@ -24,7 +24,7 @@ def prepare(
     src: Annotated[
         Path,
         typer.Argument(
-            help="Folder of BVH, ASF/AMC or AMASS files (.npz), optionally with index.csv."
+            help="Folder of BVH, FBX, ASF/AMC or AMASS files (.npz), optionally with index.csv."
         ),
     ],
     dst: Annotated[
@@ -55,10 +55,23 @@ def prepare(
     unit: Annotated[
         float | None,
         typer.Option(
-            help="Metres per unit of a BVH file. Default: found from the length of the legs."
+            help="Metres per unit of a BVH or FBX file. Default: from the length of the legs."
         ),
     ] = None,
-    up: Annotated[str, typer.Option(help="Upward axis of BVH and AMC files: y or z.")] = "y",
+    up: Annotated[
+        str | None,
+        typer.Option(
+            help="Upward axis of BVH, AMC and FBX files, y or z. Default: the one along which "
+            "their zero pose stands, y if it stands along neither."
+        ),
+    ] = None,
+    reference: Annotated[
+        str,
+        typer.Option(
+            help="FRAME or CLIP:FRAME (from 0) in which the person stands: the rest pose of files "
+            "whose zero pose does not stand. Default: the best standing frame, which is reported.",
+        ),
+    ] = "",
     bvh_fix: Annotated[
         bool, typer.Option(help="Mend CMU's BVH conversion (lost thorax and wrist bones).")
     ] = True,
@@ -83,13 +96,13 @@ def prepare(
     Writes motion.npz and a report. After Ctrl-C the same command resumes. docs/data.md explains
     every step.
     """
-    if up not in ("y", "z"):
+    if up not in (None, "y", "z"):
         raise typer.BadParameter(f"up must be y or z, got '{up}'")
     bodies = {gender: load_body("anny52", gender) for gender in GENDERS}
     console = Console(stderr=True)
     options = PrepareOptions(
         index=tuple(index or ()),
-        read=ReadOptions(fps=fps, unit=unit, up=up, bvh_fix=bvh_fix, smpl_models=smpl_models),
+        read=ReadOptions(fps, unit, up, bvh_fix, smpl_models, reference),
         fit=FitOptions(steps=steps, device=device),
         validation=_names(validation),
         shapes=shapes,
@@ -101,7 +114,7 @@ def prepare(
         workers=workers,
     )
     done = run_prepare(src, dst, bodies, options, console)
-    write_report(dst, done.dataset, done.fits, done.skipped, bodies)
+    write_report(dst, done.dataset, done.fits, done.skipped, done.notes, bodies)
     console.print(f"wrote {dst / 'motion.npz'} and {dst / 'report.md'}", highlight=False)
 
 

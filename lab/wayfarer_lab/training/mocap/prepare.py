@@ -2,11 +2,14 @@
 
 import zlib
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from wayfarer.body.model import BodyModel
@@ -15,12 +18,21 @@ from wayfarer_lab.training.mocap.augment import augment
 from wayfarer_lab.training.mocap.fit import FitOptions, FittedClip
 from wayfarer_lab.training.mocap.fitting import Fits, fit_all
 from wayfarer_lab.training.mocap.level import level_subject
-from wayfarer_lab.training.mocap.load import MIN_FRAMES, Piece, ReadOptions, load_pieces
+from wayfarer_lab.training.mocap.load import (
+    MIN_FRAMES,
+    Piece,
+    ReadOptions,
+    Recording,
+    load_pieces,
+    read_recordings,
+)
+from wayfarer_lab.training.mocap.pace import odd_pace
+from wayfarer_lab.training.mocap.references import References
 from wayfarer_lab.training.mocap.retarget import FitProblem, Subject, make_problem
 from wayfarer_lab.training.mocap.rig import SourceClip
 from wayfarer_lab.training.mocap.selection import classify, useful_stretches
 from wayfarer_lab.training.mocap.shape import own_shape, random_shape
-from wayfarer_lab.training.mocap.sources import find_asf, list_entries
+from wayfarer_lab.training.mocap.sources import SourceFile, find_asf, list_entries
 from wayfarer_lab.training.mocap.standing import save_start_poses, standing_poses
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset
 from wayfarer_lab.training.mocap.upper import plain_uppers
@@ -50,6 +62,32 @@ class Prepared:
     dataset: Dataset
     fits: list[Fits]
     skipped: list[str]
+    notes: list[str]
+
+
+@dataclass
+class Messages:
+    """What a run tells about its files: those it skipped, and what else the user should know."""
+
+    skipped: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def skip(self, line: str) -> None:
+        """Names a file that is left out."""
+        self.skipped.append(line)
+
+    def note(self, line: str) -> None:
+        """Names what is odd about a file that is read."""
+        self.notes.append(line)
+
+    @contextmanager
+    def skipping(self, path: Path) -> Iterator[None]:
+        """Skips a file that cannot be read, with its path in the reason."""
+        try:
+            yield
+        except (DataError, OSError) as error:
+            line = str(error)
+            self.skip(line if str(path) in line else f"{path}: {line}")
 
 
 def prepare(
@@ -65,7 +103,7 @@ def prepare(
     """
     console = console or Console(stderr=True)
     cache = dst / "cache"
-    skipped: list[str] = []
+    told = Messages()
     with Progress(console=console) as progress:
 
         def fit(problems: list[FitProblem], what: str) -> list[Fits]:
@@ -79,8 +117,8 @@ def prepare(
                 lambda frames: progress.advance(task, frames),
             )
 
-        pieces = _read_all(src, cache, options, skipped, progress)
-        recorded = fit(plan(_level_all(pieces, options), bodies, options), "fitting")
+        pieces = _read_all(src, cache, options, told, progress)
+        recorded = fit(plan(_level_all(pieces, options, told), bodies, options), "fitting")
         uppers = plain_uppers([r.fitted for r in recorded], options.acted)
         recorded = [replace(r, fitted=f) for r, f in zip(recorded, uppers, strict=True)]
         poses = standing_poses([r.fitted for r in recorded])
@@ -92,31 +130,52 @@ def prepare(
     dataset = assemble([f.fitted for f in everything])
     dataset.save(dst)
     save_start_poses(dst, poses)
-    for line in skipped:
-        console.print(f"[yellow]skipped[/] {line}", highlight=False)
-    return Prepared(dataset, everything, skipped)
+    for what, lines in (("skipped", told.skipped), ("note", told.notes)):
+        for line in lines:
+            console.print(f"[yellow]{what}[/] {escape(line)}", highlight=False)
+    return Prepared(dataset, everything, told.skipped, told.notes)
 
 
 def _read_all(
-    src: Path, cache: Path, options: PrepareOptions, skipped: list[str], progress: Progress
+    src: Path, cache: Path, options: PrepareOptions, told: Messages, progress: Progress
 ) -> list[Piece]:
-    entries = list_entries(src, cache / "unpacked", options.index, skipped.append)
+    entries = list_entries(src, cache / "unpacked", options.index, told.skip)
     if options.clips:
         entries = [e for e in entries if e.name in options.clips]
     folders = {src, cache / "unpacked"}
     skeletons = {p.stem: p for f in folders if f.is_dir() for p in sorted(f.rglob("*.asf"))}
+    references = References(options.read.reference, options.read.up)
     pieces: list[Piece] = []
+    waiting: list[SourceFile] = []  # files whose zero pose does not stand
+
+    def recordings(entry: SourceFile) -> list[Recording]:
+        return read_recordings(entry, find_asf(entry, skeletons), options.read)
+
     for entry in progress.track(entries, description="reading (files)"):
-        try:
-            pieces += load_pieces(entry, find_asf(entry, skeletons), options.read)
-        except (DataError, OSError) as error:
-            skipped.append(str(error))
+        with told.skipping(entry.path):
+            for recording in recordings(entry):
+                if recording.stands:
+                    pieces += load_pieces(recording, options.read, tell=told.note)
+                else:
+                    references.add(recording.name, recording.motion)
+                    if entry not in waiting:
+                        waiting.append(entry)
+    again = progress.track(waiting, description="reading again (files)") if waiting else ()
+    for entry in again:
+        with told.skipping(entry.path):
+            for recording in recordings(entry):
+                if not recording.stands:
+                    rest, up = references.find(recording.name, recording.motion)
+                    pieces += load_pieces(recording, options.read, rest, up, told.note)
+    told.notes += references.notes()
     if not pieces:
-        raise DataError("no usable motion; " + "; ".join(skipped[:5]), str(src))
+        raise DataError("no usable motion; " + "; ".join(told.skipped[:5]), str(src))
     return pieces
 
 
-def _level_all(pieces: list[Piece], options: PrepareOptions) -> list[tuple[SourceClip, Subject]]:
+def _level_all(
+    pieces: list[Piece], options: PrepareOptions, told: Messages
+) -> list[tuple[SourceClip, Subject]]:
     """All clips on the floor, cut to the frames that are of use, with their split settled."""
     by_subject: dict[str, list[Piece]] = defaultdict(list)
     for piece in pieces:
@@ -127,6 +186,7 @@ def _level_all(pieces: list[Piece], options: PrepareOptions) -> list[tuple[Sourc
     ready = []
     for own in by_subject.values():
         clips, subject = level_subject(own)
+        told.notes += [note for clip in clips if (note := odd_pace(clip))]
         for leveled in clips:
             clip = leveled
             held = {clip.info.subject, clip.info.source} & set(options.validation)

@@ -86,6 +86,7 @@ def write_report(
     dataset: Dataset,
     fits: list[Fits],
     skipped: list[str],
+    notes: list[str],
     bodies: dict[str, BodyModel],
 ) -> None:
     """Write report.json, report.md and report.png beside the data."""
@@ -102,9 +103,10 @@ def write_report(
         "quality": {k: {s: asdict(q) for s, q in g.items()} for k, g in groups.items()},
         "minutes": amounts,
         "skipped": skipped,
+        "notes": notes,
     }
     atomically(folder / "report.json", lambda p: p.write_text(json.dumps(document, indent=1)))
-    text = "\n".join(_markdown(groups, amounts, skipped))
+    text = "\n".join(_markdown(groups, amounts, skipped, notes))
     atomically(folder / "report.md", lambda p: p.write_text(text))
     draw(folder, dataset, fits)
 
@@ -118,6 +120,7 @@ def _markdown(
     groups: dict[str, dict[str, Quality]],
     amounts: dict[str, dict[str, float]],
     skipped: list[str],
+    notes: list[str],
 ) -> list[str]:
     lines = [
         "# Prepared motion",
@@ -148,4 +151,6 @@ def _markdown(
         lines.append(f"| {key} | " + " | ".join(f"{row[c]:g}" for c in _COLUMNS) + " |")
     lines += ["", f"## Skipped ({len(skipped)})", ""]
     lines += [f"- {s}" for s in skipped] or ["none"]
+    lines += ["", f"## Notes ({len(notes)})", ""]
+    lines += [f"- {s}" for s in notes] or ["none"]
     return lines

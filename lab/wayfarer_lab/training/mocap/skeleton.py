@@ -4,7 +4,7 @@ A joint is the *start* of the bone of the same name (BVH's view; ASF is converte
 World rotations are relative to the file's zero pose, so they are identity in that pose.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -69,13 +69,18 @@ class SkeletonMotion:
     root: Array  # [N, 3]
     local: Array  # [N, J, 3, 3] relative to the parent
     fps: float | None  # None: the file does not say
+    shifts: dict[int, Array] = field(default_factory=dict)
+    """Offsets [N, 3] by joint, for joints below the root whose offset moves."""
 
     def __len__(self) -> int:
         return len(self.root)
 
     def cut(self, start: int, stop: int | None = None) -> "SkeletonMotion":
         """Frames start..stop."""
-        return replace(self, root=self.root[start:stop], local=self.local[start:stop])
+        shifts = {j: offsets[start:stop] for j, offsets in self.shifts.items()}
+        return replace(
+            self, root=self.root[start:stop], local=self.local[start:stop], shifts=shifts
+        )
 
     def world(self) -> tuple[Array, Array]:
         """World rotations [N, J, 3, 3] and joint places [N, J, 3]."""
@@ -86,5 +91,9 @@ class SkeletonMotion:
                 rotations[:, j], places[:, j] = self.local[:, j], self.root
             else:
                 rotations[:, j] = rotations[:, parent] @ self.local[:, j]
-                places[:, j] = places[:, parent] + rotations[:, parent] @ self.skeleton.offsets[j]
+                if j in self.shifts:
+                    arm = (rotations[:, parent] @ self.shifts[j][..., None])[..., 0]
+                else:
+                    arm = rotations[:, parent] @ self.skeleton.offsets[j]
+                places[:, j] = places[:, parent] + arm
         return rotations, places

@@ -1,4 +1,4 @@
-"""Which clips there are: any folder of BVH, ASF/AMC or AMASS files, with an optional index.
+"""Which clips there are: any folder of BVH, FBX, ASF/AMC or AMASS files, with an optional index.
 
 `index.csv` columns used when present: `clip`, `path` (or `archive` + `member`), `subject`,
 `split` (train, validation, heldout), `category`, `locomotion`, `scene_contact`, `fps`,
@@ -7,6 +7,7 @@ whose name leads outside the folder is refused.
 """
 
 import csv
+import io
 import tarfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,8 +15,9 @@ from pathlib import Path
 
 from wayfarer.errors import DataError
 from wayfarer_lab.training.mocap import amass
+from wayfarer_lab.training.mocap.text import read_text
 
-SUFFIXES = (".bvh", ".amc", amass.SUFFIX)
+SUFFIXES = (".bvh", ".amc", ".fbx", amass.SUFFIX)
 SPLITS = ("train", "validation", "heldout")
 
 
@@ -87,7 +89,7 @@ def _read_index(
     index: Path, src: Path, unpacked: Path, skip: Callable[[str], None]
 ) -> list[SourceFile]:
     entries = []
-    with index.open(newline="") as file:
+    with io.StringIO(read_text(index), newline="") as file:
         for row in (reader := csv.DictReader(file)):
             line = reader.line_num
             split = row.get("split") or "train"

@@ -8,7 +8,8 @@ from tests.lab.training.mocap.synthetic import AMASS_REST, amass_arrays, write_a
 from wayfarer.body.skeleton import parents
 from wayfarer.errors import ArtifactError, DataError
 from wayfarer_lab.training.mocap.amass import read_amass
-from wayfarer_lab.training.mocap.rig import J, to_our_joints
+from wayfarer_lab.training.mocap.conversion import to_our_joints
+from wayfarer_lab.training.mocap.rig import J
 
 LAYOUTS = ("smplh", "smplx")
 
@@ -71,6 +72,37 @@ def test_files_with_few_shape_coefficients_are_read(models, tmp_path) -> None:
     arrays["betas"] = np.zeros(300)  # the model of these tests has 20
     motion = read_amass(write_amass(tmp_path / "a_stageii.npz", arrays), models)
     np.testing.assert_allclose(motion.skeleton.offsets[1], AMASS_REST[1] - AMASS_REST[0])
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        {"mocap_framerate": 60.0, "mocap_frame_rate": 120.0},
+        {"mocap_frame_rate": 30.0, "fps": 60.0},
+        {"mocap_framerate": 100.0, "mocap_frame_rate": 100.0, "fps": 50.0},
+    ],
+)
+def test_rates_that_contradict_each_other_are_named(rates, models, tmp_path) -> None:
+    path = tmp_path / "two_poses.npz"
+    np.savez(path, **(without_rate() | {k: np.array(v) for k, v in rates.items()}))
+    said = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
+    with pytest.raises(DataError, match=rf"two_poses\.npz: two frame rates .*: {said}"):
+        read_amass(path, models)
+
+
+def test_one_rate_may_be_said_twice_and_in_any_form(models, tmp_path) -> None:
+    path = tmp_path / "a_poses.npz"
+    same = {"mocap_framerate": np.array([59.94]), "fps": np.array(60)}
+    np.savez(path, **(without_rate() | same))
+    assert read_amass(path, models).fps == 59.94
+    for bad in (np.array([60.0, 60.0]), np.array(0.0), np.array("fast")):
+        np.savez(path, **(without_rate() | {"fps": bad}))
+        with pytest.raises(DataError, match="fps is"):
+            read_amass(path, models)
+
+
+def without_rate() -> dict[str, np.ndarray]:
+    return {k: v for k, v in amass_arrays("smplh", 4, 60.0).items() if k != "mocap_framerate"}
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,12 @@ from tests.lab.training.mocap.synthetic import (
     edited,
     standing_rows,
 )
+from tests.lab.training.mocap.synthetic_files import bvh_of
 from wayfarer.errors import DataError
 from wayfarer_lab.training.mocap.bvh import read_bvh
-from wayfarer_lab.training.mocap.rig import J, guess_unit, to_our_joints
+from wayfarer_lab.training.mocap.conversion import to_our_joints
+from wayfarer_lab.training.mocap.rig import J, guess_unit
+from wayfarer_lab.training.mocap.skeleton import MocapSkeleton, SkeletonMotion
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
@@ -71,12 +74,43 @@ def test_malformed_hierarchy_names_the_line() -> None:
         read_bvh("\n".join(text.split("\n")[:-3]))
 
 
+def test_hips_that_move_below_a_still_root_move() -> None:
+    """As Bandai Namco's files have them; most others only restate the OFFSET, as Axis Neuron."""
+    truth = read_bvh(bvh_text(standing_rows(5)))
+    truth.root[:, 2] = np.arange(5)
+    skeleton = MocapSkeleton(
+        ("joint_Root", *truth.skeleton.names),
+        (-1, *(p + 1 for p in truth.skeleton.parents)),
+        np.concatenate([[[0, 0, 0]], [[0, 90, 0]], truth.skeleton.offsets[1:]]),
+        {},
+    )
+    local = np.concatenate([np.tile(np.eye(3), (5, 1, 1, 1)), truth.local], axis=1)
+    root = np.tile([7.0, 0, 3], (5, 1))
+    moving = SkeletonMotion(skeleton, root, local, 120.0, {1: truth.root})
+    motion = read_bvh(bvh_of(moving))
+    assert list(motion.shifts) == [1]
+    np.testing.assert_allclose(motion.world()[1][:, 1], truth.root + np.array([7, 0, 3]), atol=1e-5)
+    places, _, rest = to_our_joints(motion.cut(2), None, "y")
+    right = to_our_joints(truth.cut(2), None, "y")
+    np.testing.assert_allclose(places, right[0] + [0.07, -0.03, 0], atol=1e-6)
+    np.testing.assert_allclose(rest, right[2], atol=1e-6)
+
+
+def test_position_channels_that_restate_the_offset_move_nothing() -> None:
+    truth = read_bvh(bvh_text(standing_rows(3)))
+    shifts = {j: np.tile(o, (3, 1)) for j, o in enumerate(truth.skeleton.offsets) if j}
+    told = SkeletonMotion(truth.skeleton, truth.root, truth.local, truth.fps, shifts)
+    motion = read_bvh(bvh_of(told))
+    assert motion.shifts == {}
+    np.testing.assert_allclose(motion.world()[1], truth.world()[1], atol=1e-5)
+
+
 def test_unknown_skeletons_and_lying_rest_poses_are_refused() -> None:
     text = bvh_text(standing_rows(2))
     with pytest.raises(DataError, match="no joint for left_knee"):
         to_our_joints(read_bvh(text.replace("LeftLeg", "Stilt")), None, "y")
     with pytest.raises(DataError, match="upright"):
-        to_our_joints(read_bvh(text), None, "z")
+        to_our_joints(read_bvh(text.replace("OFFSET 0 -42 0", "OFFSET 0 0 42")), None, "y")
     giant = text.replace("OFFSET 0 -42 0", "OFFSET 0 -200 0")
     with pytest.raises(DataError, match="give --unit"):
         to_our_joints(read_bvh(giant), None, "y")

@@ -63,7 +63,7 @@ def test_good_files_are_prepared_and_bad_ones_named(src, tmp_path, bodies) -> No
     assert {c.stop - c.start for c in data.clips if c.name == "01_01"} == {64}
     assert (data.use == Use.STANDING).mean() > 0.9
     assert data.contacts.mean() > 0.95
-    write_report(tmp_path / "dst", data, done.fits, done.skipped, bodies)
+    write_report(tmp_path / "dst", data, done.fits, done.skipped, done.notes, bodies)
     text = (tmp_path / "dst" / "report.md").read_text()
     assert "02_02.bvh" in text
     assert "train locomotion as recorded" in text
