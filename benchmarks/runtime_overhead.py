@@ -37,7 +37,7 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoder
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
-from wayfarer.world import world
+from wayfarer.world import sending
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping import batch, playback, scheduler
 from wayfarer.world.stepping.settings import WorldSettings
@@ -54,8 +54,8 @@ PARTS: Final = (
     (scheduler.Scheduler, "apply", "  apply"),
     (World, "take_due", "world: send"),
     (playback.Playback, "send", "  take out of playback"),
-    (world, "clean_feet", "  foot lock"),
-    (world, "due_by_session", "  part by session"),
+    (sending, "clean_feet", "  foot lock"),
+    (sending, "due_by_session", "  part by session"),
     (Publisher, "publish", "world: publish"),
     (World, "next_event", "world: find the next event"),
     (Subscription, "put", "transport: queue"),

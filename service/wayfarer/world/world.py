@@ -441,6 +441,7 @@ class World:
             (session_id, event)
             for session_id, event in self.faults.take_events()
             if session_id in self.registry.sessions
+            and (not event.agent_id or event.agent_id in agents)
         ]
 
     def checkpoint(self, parts: int = 1) -> None:

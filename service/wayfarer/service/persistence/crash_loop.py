@@ -12,6 +12,8 @@ from typing import Any, Final
 
 import structlog
 
+from wayfarer.errors import WayfarerError
+
 log = structlog.get_logger(__name__)
 
 NAME: Final = "starts.json"
@@ -58,6 +60,8 @@ class CrashLoopGuard:
         self._write()
         try:
             run()
+        except WayfarerError:
+            return True  # it does not fit in here, which is no fault of it
         except Exception as error:
             log.error("a session fails when it is tried", session=session_id, exc_info=error)
             return False

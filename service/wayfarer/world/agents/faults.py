@@ -329,7 +329,7 @@ class Faults:
             return
         for (other, _), trouble in self._troubles.items():
             if other == slot:
-                trouble.until = 0
+                trouble.until = int(self._slots.planned_chunks[slot])
 
     def forget(self, slot: int) -> None:
         """The agent of a slot is gone."""
