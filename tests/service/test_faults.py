@@ -25,6 +25,7 @@ from wayfarer.service.streams.publications import SlowReader, StreamOptions
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.root_tracks import RootTracks
 from wayfarer.service.streams.subscription import Subscription
+from wayfarer.service.thread import FAILURES
 from wayfarer.transport.metrics import Metrics
 from wayfarer.world import sending
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec, Sight
@@ -73,7 +74,7 @@ class Rig:
 
     async def __aenter__(self):
         self.service.start()
-        await until(lambda: self.service.ready)
+        await until(lambda: self.service.ready, 20)
         self.scene = (await self.service.scenes.create_scene(SOURCE)).scene_id
         self.watch = asyncio.create_task(self._watch())
         return self
@@ -104,6 +105,7 @@ class Rig:
 
     async def read(self, **options):
         self.bad = Reader(await self.service.subscribe(GUILTY, StreamOptions(**options)))
+        await until(lambda: len(self.bad.seqs) == 3 and len(self.good.seqs) == 2, 20)
 
     def counted(self, name, **labels):
         return self.metrics.registry.get_sample_value(name, labels) or 0
@@ -366,6 +368,7 @@ async def test_stages_that_come_when_time_is_short(stage, monkeypatch):
         assert rig.bad.told()[0].agent_id == rig.guilty and rig.unready == 0
         if stage in (Stage.STANDING, Stage.SENDING):  # nothing can be made of it any more
             assert rig.bad.seqs[rig.guilty][-1] <= before + 2
+            assert any("delete it" in event.detail for event in rig.bad.told())
             await rig.service.delete_agent(rig.guilty)
         assert (await rig.service.stats()).failures == 0
 
@@ -414,6 +417,20 @@ async def test_an_engine_that_fails_once_costs_nobody_anything():
         await rig.good.more(4)
         assert rig.bad.missed_nothing() and rig.good.missed_nothing()
         assert not rig.bad.told() and rig.unready == 0
+
+
+async def test_an_engine_that_fails_for_all_is_nobodys_fault():
+    async with Rig() as rig:
+        await rig.populate()
+        await rig.read()
+        await rig.bad.more(1)
+        rig.engine.fail_next = 9
+        await until(lambda: rig.unready, 20)
+        await until(lambda: rig.engine.fail_next == 0 and rig.service.ready, 20)
+        await rig.good.more(4)
+        assert rig.bad.missed_nothing() and rig.good.missed_nothing()
+        assert not rig.bad.told() and not rig.good.told()
+        assert 0 < (await rig.service.stats()).failures < FAILURES
 
 
 async def test_a_session_that_cannot_be_published_is_set_aside(monkeypatch, tmp_path):

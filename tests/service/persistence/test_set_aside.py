@@ -45,7 +45,7 @@ class Server:
         worlds = replace(fake_worlds(journal), report=FaultLog(self.metrics))
         self.service = MotionService(worlds, meter=self.metrics, ended=self._end)
         self.service.start()
-        await until(lambda: self.service.ready or self.ended)
+        await until(lambda: self.service.ready or self.ended, 20)
         return self.service
 
     async def __aexit__(self, *_):

@@ -36,7 +36,7 @@ CALM: Final = 300
 
 ENGINE_CALLS: Final = 48
 """Engine calls that are spent on finding the agents that a call fails for. When they do not
-suffice it is the engine that fails."""
+suffice, the turn fails."""
 
 NEVER: Final = 2**62
 
@@ -98,6 +98,17 @@ HOLDING: Final = frozenset(
     (Stage.WAY, Stage.STEERING, Stage.INPUTS, Stage.ENGINE, Stage.RULES, Stage.COASTING)
 )
 """Stages without which an agent is held where it stands."""
+
+
+LOST: Final = frozenset((Stage.STANDING, Stage.SENDING))
+"""Stages without which nothing more is made of an agent."""
+
+MEANWHILE: Final = {
+    **dict.fromkeys(HOLDING, "it stands where it is"),
+    **dict.fromkeys(LOST, "nothing more comes from it; delete it"),
+    Stage.BEHAVIOUR: "it stays with its present goal",
+}
+"""What an agent does while it sits a stage out."""
 
 
 class NotFiniteError(ArithmeticError):
@@ -380,7 +391,9 @@ class Faults:
 
 
 def _told(stage: Stage, trouble: _Trouble, planned: int) -> str:
-    stands = "it stands where it is" if stage in HOLDING else "it goes on without"
+    stands = MEANWHILE.get(stage, "it goes on without")
+    if stage in LOST:
+        return f"an error in the server {DOING[stage]}: {stands}"
     again = " until it is given another goal"
     if trouble.until != NEVER:
         again = f" and is tried again in {(trouble.until - planned) * STEP_SECONDS:g} s"

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
@@ -422,9 +423,15 @@ class Scheduler:
             parts = [(everyone := np.arange(len(batch.rows)), step(everyone))]
             self._faults.nobody(Stage.ENGINE, error)  # it has failed once
         except Exception as again:
+            self._try_engine(batch)
             parts = self._faults.split(batch.rows, step, again, ENGINE_CALLS)
         for some, outputs in parts:
             self._apply(batch.take(some), outputs)
+
+    def _try_engine(self, batch: Batch) -> None:
+        """Step nobody. What that raises is the engine's fault, and no agent's."""
+        inputs = pad(dummy_inputs(1, batch.candidates), self._sizes)
+        self._models.numbered(batch.model).engine.step(batch.gender, inputs)
 
     def _apply(self, batch: Batch, outputs: StepOutputs) -> None:
         """`apply`, with faults contained."""
