@@ -516,6 +516,38 @@ async def test_the_journal_of_one_agent_fails(monkeypatch, tmp_path):
     assert records["good"].agents[0].motion.seed.translation[0, -1, 1] > 0.3, "where they came to"
 
 
+async def test_in_lock_step_the_others_are_stepped_and_the_caller_hears_of_it():
+    """Whether the first batch of a primitive has sound agents or none."""
+    async with Rig() as rig:
+        await rig.service.create_session(SessionSpec("tool", lock_step=True))
+        specs = [replace(one, position=(2.0 * n, 0.0)) for n, one in enumerate(people(4))]
+        for number in (0, 2):  # all of one gender
+            specs[number] = replace(specs[number], betas=(MARK, *specs[number].betas[1:]))
+        made = [agent.agent_id for agent in await rig.service.create_agents("tool", specs)]
+        for agent in made:
+            await rig.service.give(agent, Goal((0.0, 30.0, 0.0)))
+        rig.engine.fails = True
+        published = await rig.service.step_session("tool", 5)
+        for publication in published:
+            assert sorted(publication.chunks.agent_id) == sorted(made)
+        told = [event for one in published for event in one.events]
+        assert {event.agent_id for event in told} == {made[0], made[2]}
+        assert {event.kind for event in told} == {EventKind.FAULT}
+        places = {name: (await rig.service.get_agent(name)).position[1] for name in made}
+        assert places[made[1]] > 0.3 and places[made[0]] < 0.1
+
+
+async def test_a_clip_that_fails_is_an_error():
+    """Nobody else is concerned, and a clip of somebody who stands still would be a lie."""
+    async with Rig() as rig:
+        rig.engine.fails = True
+        spec = replace(people(1)[0], betas=(MARK, *people(1)[0].betas[1:]))
+        with pytest.raises(InjectedError):
+            async for _ in rig.service.generate_clip(spec, [Goal((0.0, 3.0, 0.0))], 2.0, False):
+                pass
+        assert rig.unready == 0 and not rig.faults(Stage.ENGINE)
+
+
 def test_all_stages_are_tried_here():
     """`RESTORE` is in persistence/test_set_aside.py."""
     tried = {case.stage for case in CASES.values()}
