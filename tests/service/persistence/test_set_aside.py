@@ -243,3 +243,15 @@ def test_a_count_that_cannot_be_read_is_begun_again(tmp_path):
 def test_without_a_folder_nothing_is_counted():
     assert not CrashLoopGuard(None).begin()
     CrashLoopGuard(None).end()
+
+
+async def test_a_scene_that_ends_the_process_as_it_is_restored_is_left_out(server):
+    """With its session; the next start tries both again."""
+    async with server as service:
+        [scene] = await service.scenes.list_scenes()
+    kept = {"starts": EARLY, "ended": {scene.scene_id: 2}}
+    (server.folder / STARTS).write_text(json.dumps(kept))
+    async with server as service:
+        assert await names(service) == ["a", "c"] and not server.folders()
+    async with server as service:
+        assert await names(service) == ["a", "b", "c"]

@@ -51,22 +51,24 @@ class CrashLoopGuard:
             )
         return is_needed
 
-    def passes(self, session_id: str, run: Callable[[], object]) -> bool:
-        """Whether a session can go on, by `run`, which steps it in a world apart."""
-        if self._ended.get(session_id, 0) >= TRIES:
-            log.error("the process has ended while a session was tried", session=session_id)
+    def passes(self, name: str, run: Callable[[], object]) -> bool:
+        """Whether a session or scene can go on, by `run`: which steps the session in a world apart,
+        or restores the scene.
+        """
+        if self._ended.get(name, 0) >= TRIES:
+            log.error("the process has ended twice while this was tried; it is left out", name=name)
             return False
-        self._ended[session_id] = self._ended.get(session_id, 0) + 1
+        self._ended[name] = self._ended.get(name, 0) + 1
         self._write()
         try:
             run()
         except WayfarerError:
             return True  # it does not fit in here, which is no fault of it
         except Exception as error:
-            log.error("a session fails when it is tried", session=session_id, exc_info=error)
+            log.error("a session fails when it is tried", name=name, exc_info=error)
             return False
         finally:
-            self._ended.pop(session_id)
+            self._ended.pop(name)
             self._write()
         return True
 

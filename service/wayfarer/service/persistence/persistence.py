@@ -13,6 +13,7 @@ from wayfarer.limits import Limits
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.persistence.crash_loop import CALM_SECONDS, CrashLoopGuard
 from wayfarer.service.persistence.journal import Journal
+from wayfarer.service.persistence.scene_entries import SceneRecord
 from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.scenes.scene_registry import SceneRegistry
@@ -37,6 +38,7 @@ class Persistence:
         self._meter = meter or MetricsSink()
         self._guard = CrashLoopGuard(None if journal is None else journal.folder)
         self._saving: asyncio.Task[None] | None = None
+        self._are_tried = False  # sessions and scenes, before they go on
         self._records = journal.restore(limits) if journal is not None else []
         self._scenes = journal.restore_scenes() if journal is not None else []
         for lock_step in (False, True):
@@ -54,23 +56,17 @@ class Persistence:
             self._saving = asyncio.create_task(self._save(save))
 
     def restore_scenes(self, book: SceneRegistry) -> None:
-        """Let every scene that was read be there again; bakes them, which takes time."""
+        """Let every scene that was read be there again; bakes them, which takes time.
+
+        To be called before `restore`. What cannot be here is left in the journal.
+        """
+        self._are_tried = self._guard.begin()
         for record in self._scenes:
-            try:
-                book.restore(
-                    record.scene_id,
-                    record.source,
-                    record.created_at,
-                    record.version,
-                    record.obstacles,
-                )
-            except Exception as error:
-                log.error(
-                    "a scene of the journal cannot be here; it is left in the journal",
-                    scene=record.scene_id,
-                    why=str(error),
-                    exc_info=None if isinstance(error, WayfarerError) else error,
-                )
+            put = partial(_restore_scene, book, record)
+            if self._are_tried:
+                self._guard.passes(record.scene_id, put)
+            else:
+                put()
         self._scenes = []
 
     def restore(
@@ -83,9 +79,9 @@ class Persistence:
         One that fails is set aside. When the server keeps ending as it starts, `try_out` steps each
         session in a world apart before.
         """
-        are_tried = self._guard.begin()
         for record in self._records:
-            if are_tried and not self._guard.passes(record.session_id, partial(try_out, record)):
+            run = partial(try_out, record)
+            if self._are_tried and not self._guard.passes(record.session_id, run):
                 self._set_aside(record, "trial")
                 continue
             try:
@@ -159,6 +155,20 @@ class Persistence:
             elif began + CALM_SECONDS < loop.time():
                 self._guard.end()
                 began = math.inf
+
+
+def _restore_scene(book: SceneRegistry, record: SceneRecord) -> None:
+    try:
+        book.restore(
+            record.scene_id, record.source, record.created_at, record.version, record.obstacles
+        )
+    except Exception as error:
+        log.error(
+            "a scene of the journal cannot be here; it is left in the journal",
+            scene=record.scene_id,
+            why=str(error),
+            exc_info=None if isinstance(error, WayfarerError) else error,
+        )
 
 
 def _check_room(records: list[SessionRecord], limits: Limits) -> None:
