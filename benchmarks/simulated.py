@@ -42,7 +42,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import BudgetRules
-from wayfarer.world.stepping.scheduler import PendingStep, at_once
+from wayfarer.world.stepping.engine_call import PendingStep, at_once
 from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
 

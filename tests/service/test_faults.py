@@ -43,6 +43,7 @@ from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping import load, scheduler
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.scheduler import Scheduler
+from wayfarer.world.stepping.unstepped import Unstepped
 
 GUILTY, MARK = "bad", 2.5
 """The session with an agent that has this first beta; it is the first of three."""
@@ -348,12 +349,12 @@ async def test_stages_that_come_when_time_is_short(stage, monkeypatch):
         if stage is Stage.COASTING:
             rig.world.slots.sight[rig.slot] = Sight.ROOT
             monkeypatch.setattr(Publisher, "sights", lambda *_: Sight.ROOT)
-            failing(monkeypatch, Scheduler, "_coast", lambda self, rows: rig.slot in rows)
+            failing(monkeypatch, Unstepped, "_coast", lambda self, rows: rig.slot in rows)
         if stage is Stage.RESTING:
-            failing(monkeypatch, Scheduler, "_rest", lambda self, rows: rig.slot in rows)
+            failing(monkeypatch, Unstepped, "_rest", lambda self, rows: rig.slot in rows)
         if stage is Stage.STANDING:
             rig.engine.fails = True
-            failing(monkeypatch, Scheduler, "_stand", lambda self, rows: rig.slot in rows)
+            failing(monkeypatch, Unstepped, "_stand", lambda self, rows: rig.slot in rows)
         if stage is Stage.SENDING:
             failing(monkeypatch, sending, "due_by_session", lambda sent, *_: rig.slot in sent.slots)
         if stage in (Stage.COASTING, Stage.RESTING):

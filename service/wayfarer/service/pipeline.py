@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from wayfarer.engines.engine import StepOutputs
-from wayfarer.world.stepping.scheduler import Launch, Outputs, PendingStep
+from wayfarer.world.stepping.engine_call import Launch, Outputs, PendingStep
 
 DEPTH: Final = 2
 """Engine calls under way at a time."""

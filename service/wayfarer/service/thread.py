@@ -34,7 +34,7 @@ from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.views import agents_by_sight, agents_by_state
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.stepping.due import Due, sights_of
-from wayfarer.world.stepping.scheduler import PendingStep
+from wayfarer.world.stepping.engine_call import PendingStep
 from wayfarer.world.world import World
 
 log = structlog.get_logger(__name__)
@@ -157,8 +157,8 @@ class MotionThread:
             capacity=world.load.capacity(now),
             load=world.load.share(now),
             degradation_level=world.load.level_number,
-            held_steps=world.scheduler.held_steps,
-            coasted_steps=world.scheduler.coasted_steps,
+            held_steps=world.scheduler.unstepped.held_steps,
+            coasted_steps=world.scheduler.unstepped.coasted_steps,
             refused_agents=world.load.refused_agents,
             **self._figures.values(now),
         )

@@ -50,16 +50,18 @@ class Sending:
             chunks = sent.chunks
             rules.tell(PLANNED, sent.slots, chunks.translation, chunks.rotations)
             self._refine(Stage.FEET, sent, lambda some: clean_feet(self._slots, some, rules))
-            if rules.acts("ground") and self._slots.scene[sent.slots].any():
-                self._refine(
-                    Stage.GROUND, sent, lambda some: ground(self._slots, self._scenery, some)
-                )
+            if rules.acts("ground"):
+                self._set_on_ground(sent)
                 rules.tell("ground", sent.slots, chunks.translation, chunks.rotations)
             found += self._by_session(sent)
         for observer in self._observers:
             for due in found:
                 observer.sent(due)
         return found
+
+    def _set_on_ground(self, sent: Sent) -> None:
+        if self._slots.scene[sent.slots].any():
+            self._refine(Stage.GROUND, sent, lambda some: ground(self._slots, self._scenery, some))
 
     def _refine(self, stage: Stage, sent: Sent, refine: Callable[[Sent], None]) -> None:
         """Let `refine` change the chunks in place, but those of agents for which it fails.

@@ -49,10 +49,11 @@ from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.sending import Sending
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.due import Due
+from wayfarer.world.stepping.engine_call import Launch, PendingStep, at_once
 from wayfarer.world.stepping.load import Load
 from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer.world.stepping.playback import Playback
-from wayfarer.world.stepping.scheduler import Launch, PendingStep, Scheduler, at_once
+from wayfarer.world.stepping.scheduler import Scheduler
 from wayfarer.world.stepping.settings import WorldSettings
 
 
@@ -347,12 +348,12 @@ class World:
                 now, slack, scheduler.held_share, scheduler.under_way, scheduler.is_any_distant
             )
         if level.coasts:
-            self.scheduler.coast(frame)
+            self.scheduler.unstepped.coast(frame)
         if level.hold_idle:
-            self.scheduler.hold(frame)
+            self.scheduler.unstepped.hold(frame)
         step = self.scheduler.begin(frame, level, launch)
         if self.faults.any:
-            self.scheduler.stand_aside(frame)
+            self.scheduler.unstepped.stand_aside(frame)
         return step
 
     def apply(self, step: PendingStep) -> int:

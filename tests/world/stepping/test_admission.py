@@ -13,7 +13,7 @@ from wayfarer.world.agents.phases import Phases
 from wayfarer.world.stepping import costs as module
 from wayfarer.world.stepping.admission import Admission, in_turn
 from wayfarer.world.stepping.budget import BudgetRules
-from wayfarer.world.stepping.scheduler import Call
+from wayfarer.world.stepping.engine_call import Call
 from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 
 CALL, ROW = 0.002, 0.001  # seconds: of any call, and for each of its rows

@@ -101,7 +101,10 @@ def test_the_distant_walk_on_without_engine_calls_and_come_near_without_a_jump()
     engine.calls.clear()
     coasted = run(world, 6.0, SHORT)
     assert engine.calls == []
-    assert world.scheduler.coasted_steps == len(coasted) and world.scheduler.held_share == 1.0
+    assert (
+        world.scheduler.unstepped.coasted_steps == len(coasted)
+        and world.scheduler.held_share == 1.0
+    )
     assert all(c.flags & ChunkFlag.REDUCED and not c.candidates for c in coasted[1:])
     assert all(c.state is AgentState.WALKING for c in coasted)
     slot = np.array([world.registry.agent(agents[0]).slot])

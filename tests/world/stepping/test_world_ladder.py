@@ -47,7 +47,7 @@ def test_who_has_nothing_to_do_is_held_without_an_engine_call():
     held = run(world, 3.0, HOLD)
     assert engine.calls == []
     after_first = held[1:]  # the first was planned before
-    assert len(after_first) == 9 and world.scheduler.held_steps == 10
+    assert len(after_first) == 9 and world.scheduler.unstepped.held_steps == 10
     for chunk in after_first:
         assert chunk.flags & ChunkFlag.HELD and chunk.candidates == 0
         assert chunk.state is AgentState.STANDING
@@ -139,7 +139,7 @@ def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes
     assert not any(c.flags & ChunkFlag.HELD for c in walker)
     assert walker[-1].flags & ChunkFlag.REDUCED
     assert all(own(chunks, alias)[-1].flags & ChunkFlag.HELD for alias in (2, 3, 4))
-    assert world.scheduler.held_steps > 0
+    assert world.scheduler.unstepped.held_steps > 0
     calm = list(world.advance(40.0))
     assert world.load.level_number == 0
     last = [own(calm, alias)[-1] for alias in (1, 2, 3, 4)]

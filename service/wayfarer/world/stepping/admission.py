@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 from wayfarer.errors import ResourceExhausted
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.world.stepping.costs import WINDOW, Excess, Rest, WarmCalls, Weighted
-from wayfarer.world.stepping.scheduler import Call
+from wayfarer.world.stepping.engine_call import Call
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.window import Window
 

@@ -10,7 +10,7 @@ from wayfarer.world.agents.reservations import Reservation, Reservations
 from wayfarer.world.stepping.admission import Admission, with_more
 from wayfarer.world.stepping.budget import Budget, DegradationLevel
 from wayfarer.world.stepping.costs import Counts, Weighted
-from wayfarer.world.stepping.scheduler import PendingStep
+from wayfarer.world.stepping.engine_call import PendingStep
 from wayfarer.world.stepping.settings import WorldSettings
 
 COASTING: Final = 0.25

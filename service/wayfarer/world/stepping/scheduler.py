@@ -3,21 +3,20 @@ mean.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from wayfarer.engines.dummy import dummy_inputs
-from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.engines.engine import StepOutputs
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.faults import ENGINE_CALLS, Faults, NotFiniteError, Stage, check_finite
-from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
+from wayfarer.world.agents.slots import Gait, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off, stride
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
@@ -25,7 +24,14 @@ from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Index, Int8
 from wayfarer.world.stepping.batch import broken, gather
 from wayfarer.world.stepping.budget import DegradationLevel
-from wayfarer.world.stepping.coasting import coast
+from wayfarer.world.stepping.engine_call import (
+    Batch,
+    Call,
+    Launch,
+    PendingStep,
+    Ready,
+    at_once,
+)
 from wayfarer.world.stepping.guards import bearing, fallen, got_up, smoothed
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
@@ -35,73 +41,11 @@ from wayfarer.world.stepping.righting import righted
 from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.strides import shorten, shortened_gait
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """Agents of one model and gender that are stepped together."""
-
-    rows: Index
-    model: int  # number
-    gender: str
-    seed: Seeds
-    gait: Gait  # of the step to come
-    goals: GoalColumns  # as their being reached is judged
-    inputs: StepInputs
-    candidates: int
-    reduced: Flags  # rows for which steering asks for more candidates
-    carried: Float  # [A, 2] m/s at which side steps move the body at the step's end
-    mirrored: Flags  # rows whose mirror image the engine moves; see mirror.py
-
-    def take(self, which: Index) -> "Batch":
-        """Some of its rows."""
-        return replace(
-            self,
-            rows=self.rows[which],
-            seed=self.seed.take(which),
-            gait=self.gait.take(which),
-            goals=self.goals.take(which),
-            inputs=pick(self.inputs, which),
-            reduced=self.reduced[which],
-            carried=self.carried[which],
-            mirrored=self.mirrored[which],
-        )
-
+from wayfarer.world.stepping.unstepped import Unstepped
 
 PATIENCE: Final = (0.0, 0.375)
 """How long an agent that is due waits for others, when time is short: by `Sight`, as a share of the
 time after which its primitive is left out. So nobody waits for ever. The others coast."""
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """One engine call, as far as its duration depends on it."""
-
-    rows: int  # with the padding
-    candidates: int
-
-
-@dataclass(frozen=True, slots=True)
-class PendingStep:
-    """An engine call that is under way."""
-
-    number: int
-    batch: Batch
-    call: Call
-    outputs: Callable[[], StepOutputs]  # waits for them; of all rows, the padding included
-
-
-Outputs = Callable[[], StepOutputs]
-Ready = tuple[Batch, StepInputs, Outputs]
-"""A batch, what the engine gets for it, and the call."""
-
-Launch = Callable[[Outputs], Outputs]
-"""Sets a call going, and gives another one that waits for its result."""
-
-
-def at_once(call: Outputs) -> Outputs:
-    """The call is made when its result is asked for."""
-    return call
 
 
 class Scheduler:
@@ -153,8 +97,16 @@ class Scheduler:
         self.resets = 0  # rows so far that could not be shown, or had fallen
         self.mended_steps = 0  # rows in which a joint did what no body can do
         self.reduced_steps = 0  # rows stepped with fewer candidates than asked for
-        self.held_steps = 0  # rows held in place of a step
-        self.coasted_steps = 0  # rows that coasted in place of a step
+        self.unstepped = Unstepped(
+            table=table,
+            playback=playback,
+            steering=settings.steering,
+            faults=faults,
+            due=self._due,
+            next_step=self._next,
+            append=self._append,
+            reset=reset,
+        )
 
     @property
     def is_any_distant(self) -> bool:
@@ -264,83 +216,6 @@ class Scheduler:
             & (self._mirrors and self._rules.acts("mirror")),
         )
 
-    def hold(self, frame: float) -> int:
-        """Plan the next chunk of all agents due by world frame `frame` who have nothing to do.
-
-        They stand as they stood: the last frame again and again. The motion seed stays as it is,
-        so they go on from it as if no time had passed. Returns how many were held.
-        """
-        rows = self._due(frame)
-        rows = rows[self._table.rows.planned.gait.mode[rows] == Mode.STANDING]
-        if self._faults.any:
-            rows = rows[~self._faults.out(rows, Stage.RESTING)]
-        return self._each(Stage.RESTING, rows, self._rest)
-
-    def _rest(self, rows: Index) -> int:
-        seed, gait, (_, goals) = self._next(rows)
-        idle = np.flatnonzero((gait.mode == Mode.STANDING) & ~goals.more)
-        rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
-        start = seed.translation[:, -1]
-        translation = np.repeat(start[:, None], NEW_FRAMES, axis=1)
-        rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
-        contacts = np.ones((len(rows), NEW_FRAMES, 2), np.bool_)
-        after = Motion(seed, observe(gait, start, translation, goals))
-        self._append_unstepped(rows, translation, rotations, contacts, after, ChunkFlag.HELD)
-        self.held_steps += len(rows)
-        return len(rows)
-
-    def coast(self, frame: float) -> int:
-        """Plan the next chunk of all agents due by world frame `frame` whom nobody sees but as a
-        root: without the engine, see coasting.py. Returns how many coasted.
-        """
-        rows = self._due(frame)
-        rows = rows[self._table.rows.sight[rows] >= Sight.ROOT]
-        return self._each(Stage.COASTING, rows, self._coast)
-
-    def _coast(self, rows: Index) -> int:
-        slots = self._table.rows
-        seed, before, (ahead, judged) = self._next(rows)
-        targets = self._steering.targets(before, seed, ahead)
-        carried = self._steering.carried(before, seed, ahead)
-        translation, rotations, contacts, end = coast(
-            seed, before, targets, ahead, carried, slots.planned_chunks[rows]
-        )
-        gait = replace(before, planted=np.zeros(len(rows), np.bool_), carried=carried)
-        gait = observe(gait, seed.translation[:, -1], translation, judged)
-        arrives = np.where(gait.arrived & ~before.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
-        self._append_unstepped(
-            rows, translation, rotations, contacts, Motion(end, gait), ChunkFlag.REDUCED | arrives
-        )
-        slots.coasted[rows] = True
-        self.coasted_steps += len(rows)
-        return len(rows)
-
-    def stand_aside(self, frame: float) -> None:
-        """Plan the next chunk of all agents due by world frame `frame` that a fault holds: they
-        come to a stand and stay there.
-        """
-        rows = self._playback.due(frame)
-        for slot in rows[self._faults.held(rows)].tolist():
-            try:
-                self._stand(np.array([slot]))
-            except Exception as error:
-                self._faults.stop(slot, Stage.STANDING, error)
-
-    def _stand(self, rows: Index) -> None:
-        slots = self._table.rows
-        planned = slots.planned.take(rows)
-        seed, gait = planned.seed, planned.gait
-        if (gait.mode == Mode.STANDING).all():
-            translation = np.repeat(seed.translation[:, -1:], NEW_FRAMES, axis=1)
-            rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
-            stand = Motion(seed, gait)
-        else:
-            stand = Motion.join([self._reset(int(row)) for row in rows])
-            translation, rotations = got_up(seed, stand)
-            stand.gait.waypoint[:] = gait.waypoint
-        contacts = np.ones((len(rows), NEW_FRAMES, 2), np.bool_)
-        self._append_unstepped(rows, translation, rotations, contacts, stand, ChunkFlag.HELD)
-
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
         """Put the new frames into playback; their end is where the next step starts."""
         slots, rows = self._table.rows, batch.rows
@@ -389,17 +264,6 @@ class Scheduler:
         """As `Playback.due`, without those that a fault holds."""
         rows = self._playback.due(frame)
         return rows[~self._faults.held(rows)] if self._faults.any else rows
-
-    def _each(self, stage: Stage, rows: Index, run: Callable[[Index], int]) -> int:
-        """The sum of what `run` gives for slots [A], all of them together or in parts."""
-        if not len(rows):
-            return 0
-        self._faults.stage = stage
-        try:
-            return run(rows)
-        except Exception as error:
-            parts = self._faults.split(rows, lambda some: run(rows[some]), error)
-            return sum(count for _, count in parts)
 
     def _ready(self, batch: Batch) -> Ready:
         """With what the engine gets, padding included, and the call."""
@@ -488,29 +352,6 @@ class Scheduler:
             gait = shortened_gait(gait, course.ahead, habit)
         faults.stage = outer
         return seed, gait, course
-
-    def _append_unstepped(
-        self,
-        rows: Index,
-        translation: Float,
-        rotations: Float,
-        contacts: Flags,
-        end: Motion,
-        flags: Any,
-    ) -> None:
-        """Put frames into playback that the engine has not made."""
-        slots = self._table.rows
-        flags = flags | np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
-        chunks = Chunks(
-            translation=translation,
-            rotations=rotations,
-            contacts=contacts,
-            flags=flags.astype(np.uint8),
-            goal_revision=slots.goal_revision[rows],
-            candidates=np.zeros(len(rows), np.int16),
-            end=end,
-        )
-        self._append(rows, chunks, 0)
 
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows
