@@ -1,6 +1,8 @@
 """What chunks say of goals: reached, and the path done."""
 
 from collections.abc import Callable, Iterator
+from math import dist
+from typing import Final
 
 import numpy as np
 
@@ -9,6 +11,9 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.events import Event, EventKind
+
+BESIDE: Final = 0.3
+"""Metres outside the radius of its goal from which an agent has stopped beside it."""
 
 Place = tuple[int, int]  # revision, and number of a goal in that path
 
@@ -59,7 +64,8 @@ class GoalEvents:
     def _of(self, chunk: MotionChunk) -> Iterator[Event]:
         name = chunk.agent_id
         if chunk.flags & ChunkFlag.ARRIVED:
-            yield _event(EventKind.GOAL_REACHED, chunk, f"goal {chunk.waypoint} was reached")
+            text = f"goal {chunk.waypoint} was reached{self._beside(chunk)}"
+            yield _event(EventKind.GOAL_REACHED, chunk, text)
             last = self._last_goal(chunk)
             if last is not None and last.stop:
                 self.stopping[name] = _place(chunk)
@@ -72,6 +78,16 @@ class GoalEvents:
                 del self.stopping[name]
                 if self._last_goal(chunk) is not None:
                     yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
+
+    def _beside(self, chunk: MotionChunk) -> str:
+        """How far from its goal an agent stops that others keep from it; empty: it is there."""
+        info = self._info(chunk.agent_id)
+        if info.goal is None or _place(chunk) != (info.goal_revision, info.waypoint):
+            return ""
+        away = dist(chunk.translation[-1, :2].tolist(), info.goal.position[:2])
+        if away <= info.goal.radius + BESIDE:
+            return ""
+        return f" as nearly as others let it, {away:.2f} m from it"
 
     def _last_goal(self, chunk: MotionChunk) -> Goal | None:
         """The goal that a chunk was planned for, if it is the last of the agent's path."""
