@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from wayfarer.errors import Metres
 from wayfarer.world.agents.agent import AgentInfo, AgentState, ChunkFlag, MotionChunk, MotionChunks
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord
@@ -64,8 +65,7 @@ class GoalEvents:
     def _of(self, chunk: MotionChunk) -> Iterator[Event]:
         name = chunk.agent_id
         if chunk.flags & ChunkFlag.ARRIVED:
-            text = f"goal {chunk.waypoint} was reached{self._beside(chunk)}"
-            yield _event(EventKind.GOAL_REACHED, chunk, text)
+            yield _event(EventKind.GOAL_REACHED, chunk, *self._reached(chunk))
             last = self._last_goal(chunk)
             if last is not None and last.stop:
                 self.stopping[name] = _place(chunk)
@@ -79,15 +79,15 @@ class GoalEvents:
                 if self._last_goal(chunk) is not None:
                     yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
 
-    def _beside(self, chunk: MotionChunk) -> str:
-        """How far from its goal an agent stops that others keep from it; empty: it is there."""
-        info = self._info(chunk.agent_id)
+    def _reached(self, chunk: MotionChunk) -> tuple[str, tuple[Metres, ...]]:
+        """What is said of a goal that was reached: also how far away others kept the agent."""
+        text, info = f"goal {chunk.waypoint} was reached", self._info(chunk.agent_id)
         if info.goal is None or _place(chunk) != (info.goal_revision, info.waypoint):
-            return ""
+            return text, ()
         away = dist(chunk.translation[-1, :2].tolist(), info.goal.position[:2])
         if away <= info.goal.radius + BESIDE:
-            return ""
-        return f" as nearly as others let it, {away:.2f} m from it"
+            return text, ()
+        return text + " as nearly as others let it, {} from it", (Metres(round(away, 2)),)
 
     def _last_goal(self, chunk: MotionChunk) -> Goal | None:
         """The goal that a chunk was planned for, if it is the last of the agent's path."""
@@ -100,7 +100,9 @@ def _place(chunk: MotionChunk) -> Place:
     return chunk.goal_revision, chunk.waypoint
 
 
-def _event(kind: EventKind, chunk: MotionChunk, detail: str) -> Event:
+def _event(
+    kind: EventKind, chunk: MotionChunk, detail: str, parts: tuple[Metres, ...] = ()
+) -> Event:
     return Event(
         kind,
         chunk.scheduled_at,
@@ -109,4 +111,5 @@ def _event(kind: EventKind, chunk: MotionChunk, detail: str) -> Event:
         chunk.goal_revision,
         chunk.waypoint,
         detail,
+        parts,
     )

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.errors import Text
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
@@ -208,4 +209,6 @@ class Company:
         more = len(nearest) - len(names)
         text = ", ".join(names) + (f" and {more} more" if more else "")
         waypoint = int(slots.planned.gait.waypoint[slot])
-        self._tell(slot, EventKind.BLOCKED, waypoint, f"{text or 'others'} {why}; the agent waits")
+        self._tell(
+            slot, EventKind.BLOCKED, waypoint, Text(f"{text or 'others'} {why}; the agent waits")
+        )
