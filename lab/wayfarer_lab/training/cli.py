@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import torch
 import typer
@@ -32,6 +32,7 @@ from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_p
 from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
 from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
 from wayfarer_lab.training.regressor import RegressorConfig, train_regressor
+from wayfarer_lab.training.stages import StageList, Stages
 from wayfarer_lab.training.unpack import unpack_models
 from wayfarer_lab.training.visited import write_visited
 
@@ -112,6 +113,12 @@ Train = Callable[[Config, Path, Path, float], bool]
 """Settings, data folder, run folder and minutes; True: finished."""
 
 
+USAGE = cast(type[Exception], typer.BadParameter.__bases__[0])
+"""What a wrong command line raises; typer has a click of its own, or the package, by version."""
+KINDS: dict[str, type[BaseModel]] = {}
+"""Settings by the name of the training."""
+
+
 def training(
     name: str, kind: type[Config], usual: str, short_help: str
 ) -> Callable[[Train[Config]], Train[Config]]:
@@ -131,6 +138,7 @@ def training(
             typer.echo(f"{out}: finished" if done else f"{out}: stopped; the same command resumes")
 
         command.__doc__ = train.__doc__
+        KINDS[name] = kind
         app.command(name, short_help=short_help)(command)
         return train
 
@@ -308,6 +316,60 @@ def distilled_policy(
     The log tells how far its latents, and the markers that come of them, are off the teacher's.
     """
     return distil_policy(settings, data, out, minutes)
+
+
+@app.command("all", short_help="Run a list of stages, from recordings to models.")
+def everything(
+    config: Annotated[
+        str, typer.Option(help="A list of stages: a TOML file, or the name of a shipped one.")
+    ] = "next",
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="NAME=VALUE in place of a value or the folder of the list: --set folder=runs/two",
+            show_default="nothing",
+        ),
+    ] = None,
+    status: Annotated[
+        bool, typer.Option("--status", help="Only say which stages are done, and the time left.")
+    ] = False,
+    minutes: MinutesOption = float("inf"),
+) -> None:
+    """Run a list of stages, each a command of `wayfarer`; finished ones are skipped.
+
+    Ctrl-C, `kill` and --minutes stop after the running stage's checkpoint, and the same command
+    resumes inside that stage.
+    """
+    stages = Stages(_with_values(read_config(StageList, config), changes or ()), _training_of)
+    if status:
+        for line in stages.lines():
+            typer.echo(line)
+        return
+    done = stages.run(minutes, typer.echo)
+    typer.echo("all stages are done" if done else "stopped; the same command resumes")
+
+
+def _with_values(wanted: StageList, changes: Sequence[str]) -> StageList:
+    changed = _changed(changes)
+    folder = str(changed.pop("folder", wanted.folder))
+    if unknown := changed.keys() - wanted.values.keys():
+        known = sorted({"folder", *wanted.values})
+        raise InvalidArgument(f"no value {sorted(unknown)}; the list has {known}", "set")
+    return wanted.model_copy(update={"folder": folder, "values": wanted.values | changed})
+
+
+def _training_of(arguments: tuple[str, ...]) -> tuple[Path, BaseModel] | None:
+    """Run folder and settings of a training's command line. Raises InvalidArgument."""
+    if arguments[:1] != ("train",) or arguments[1:2] == () or arguments[1] not in KINDS:
+        return None
+    commands = cast(Any, typer.main.get_command(app)).commands
+    try:
+        given = commands[arguments[1]].make_context(arguments[1], list(arguments[2:])).params
+    except USAGE as error:
+        raise InvalidArgument(cast(Any, error).format_message(), "command") from None
+    settings = read_config(KINDS[arguments[1]], given["config"], given["changes"] or ())
+    return Path(given["out"]), settings
 
 
 @app.command(short_help="Turn a model folder into run folders.")

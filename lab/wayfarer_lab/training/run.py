@@ -39,6 +39,7 @@ class Effort(BaseModel):
 
     steps: int
     cpu_minutes: float | None  # of all threads together; None: part of it was not counted
+    of: int | None = None  # steps in all; None: a run of a time when that was not noted
 
 
 def read_effort(folder: Path) -> Effort | None:
@@ -71,6 +72,7 @@ class TrainingRun:
         self.model = model
         self.optimizer = optimizer
         self.step = 0
+        self.steps: int | None = None  # in all, once it is driven
         self.cpu_seconds = 0.0
         self._counted = time.process_time()
         folder.mkdir(parents=True, exist_ok=True)
@@ -127,7 +129,9 @@ class TrainingRun:
         (self.folder / "last.tmp").rename(self.folder / "last.pt")
         known = not math.isnan(self.cpu_seconds)
         effort = Effort(
-            steps=self.step, cpu_minutes=round(self.cpu_seconds / 60, 1) if known else None
+            steps=self.step,
+            cpu_minutes=round(self.cpu_seconds / 60, 1) if known else None,
+            of=self.steps,
         )
         (self.folder / "effort.json").write_text(effort.model_dump_json(indent=2) + "\n")
 
@@ -149,6 +153,7 @@ class TrainingRun:
         Raises KeyboardInterrupt at the end of the step in which a signal came.
         """
         until = time.monotonic() + 60 * minutes
+        self.steps = steps
         shown: dict[str, float] = {}
         try:
             with _progress() as bar, _signals(bar) as signals:

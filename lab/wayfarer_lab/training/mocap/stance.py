@@ -28,8 +28,12 @@ STILL = 0.25
 _LEGS = [[J[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
 _FEET = [J["left_foot"], J["right_foot"]]
 _ANKLES = [J["left_ankle"], J["right_ankle"]]
-_STANDING = np.deg2rad([20.0, 15.0, 15.0, 25.0])
-"""Most that a standing frame's legs, trunk, sides and turn of the shoulders may be off, radians."""
+_ARMS = [
+    [J[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")] for side in ("left", "right")
+]
+_STANDING = np.deg2rad([20.0, 15.0, 15.0, 25.0, 35.0, 35.0, 40.0])
+"""Most that a standing frame's legs, trunk, sides, turn of the shoulders, head, upper arms and
+elbows may be off, radians."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +115,9 @@ def upward_axis(places: Array, usual: str) -> str:
 def standing_frame(places: Array, axis: str, fps: float) -> tuple[int, float] | None:
     """The frame of a motion [N, 22, 3] in which the person stands best, and how far it is off.
 
-    Legs and trunk are upright, shoulders and hips face the same way, both feet are level and
-    nothing moves much. What it is off has no unit and is less than 1. None if nobody stands.
+    Legs, trunk and head are upright, shoulders and hips face the same way, straight arms hang or
+    are held out to the sides, both feet are level and nothing moves much. What it is off has no
+    unit and is less than 1. None if nobody stands.
     """
     up = UP[axis]
     thighs, shins = (
@@ -123,6 +128,13 @@ def standing_frame(places: Array, axis: str, fps: float) -> tuple[int, float] | 
     across = _unit(places[:, J["right_hip"]] - places[:, J["left_hip"]])
     hips = _level(across, up)
     shoulders = _level(places[:, J["right_shoulder"]] - places[:, J["left_shoulder"]], up)
+    head = _unit(places[:, J["head"]] - places[:, J["neck"]])
+    arms, forearms = (
+        _unit(np.stack([places[:, arm[k + 1]] - places[:, arm[k]] for arm in _ARMS], 1))
+        for k in (0, 1)
+    )
+    out = np.stack([-shoulders, shoulders], 1)
+    held = np.minimum(_angle(arms @ -up), _angle((arms * out).sum(-1)))
     toes = _level(places[:, _FEET] - places[:, _ANKLES], up)
     ahead = np.cross(up, hips)
     legs = np.stack([_angle(thighs @ -up), _angle(shins @ -up)]).max((0, 2))
@@ -132,6 +144,9 @@ def standing_frame(places: Array, axis: str, fps: float) -> tuple[int, float] | 
             _angle(trunk @ up),
             np.arcsin(np.clip(across @ up, -1, 1)),
             _angle((hips * shoulders).sum(-1)),
+            _angle(head @ up),
+            held.max(-1),
+            _angle((arms * forearms).sum(-1)).max(-1),
         ]
     )
     off = (np.abs(away) / _STANDING[:, None]).max(0)

@@ -77,6 +77,22 @@ def test_a_standing_frame_is_found_whatever_the_zero_pose_is(axes) -> None:
     assert rest[J["left_wrist"], 2] < rest[J["left_elbow"], 2]  # its arms hang, and rest so
 
 
+@pytest.mark.parametrize(
+    ("joints", "axis", "angle"),
+    [(("LeftForeArm", "RightForeArm"), 1, 80), (("Head", "Neck"), 2, 25), (("LeftArm",), 2, 60)],
+)
+def test_a_frame_with_straight_arms_and_a_level_head_is_preferred(joints, axis, angle) -> None:
+    """Rotations relative to a bowed head would make everybody look up."""
+    rows = standing_rows(60)
+    for joint in joints:
+        rows[:40, column(joint, axis)] += angle
+    motion = read_bvh(bvh_text(rows, 60.0))
+    places = motion.world()[1][:, joint_map(motion.skeleton)]
+    found = standing_frame(places, "y", 60.0)
+    assert found is not None
+    assert found[0] >= 40
+
+
 def test_files_of_one_rig_share_the_frame_and_others_do_not() -> None:
     truth = standing_then_crouching()
     turned = with_axes(truth, bones_along_y(truth))
