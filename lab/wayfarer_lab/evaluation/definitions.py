@@ -4,20 +4,11 @@ A name may hold `*`: `drift_2s_*` defines `drift_2s_mean_m` and its like. Where 
 groups, the group of the table counts.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Final
 
-
-@dataclass(frozen=True)
-class Group:
-    """Figures that belong together, and what holds for all of them."""
-
-    title: str
-    about: str
-    figures: Mapping[str, str]  # name, or pattern with * → definition
-
+from wayfarer_lab.evaluation.figure_group import Group
+from wayfarer_lab.evaluation.twosided.definitions import TWO_SIDED
 
 PAGE: Final = """# Figures of the evaluation
 
@@ -365,6 +356,7 @@ GROUPS: Final = (
             "frechet": "Fréchet distance on the same",
         },
     ),
+    TWO_SIDED,
 )
 """In the order of the tables."""
 

@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 from wayfarer_lab.evaluation.commands import app
 from wayfarer_lab.evaluation.commands.maneuvers import MANEUVERS
 from wayfarer_lab.evaluation.definitions import as_markdown, definitions
+from wayfarer_lab.evaluation.twosided import ranges
+from wayfarer_lab.evaluation.twosided.definitions import TWO_SIDED
 
 ROOT = Path(__file__).parents[3]
 OTHERS = ("performance", "figures", "failures")  # what a server costs; the bodies of pictures
@@ -25,6 +27,13 @@ def test_every_published_figure_is_defined() -> None:
 def test_every_bar_is_defined() -> None:
     names = {bar.figure for maneuver in MANEUVERS.values() for bar in maneuver.bars}
     assert sorted(name for name in names if not definitions(name)) == []
+
+
+def test_every_two_sided_figure_is_defined_and_nothing_else() -> None:
+    names = {name for row in ranges.load().values() for name in row}
+    assert sorted(name for name in names if not definitions(name)) == []
+    mine = set(TWO_SIDED.figures) - {"repair"}
+    assert mine <= names, "no definition without a figure"
 
 
 def test_the_page_is_what_the_command_prints() -> None:

@@ -45,7 +45,7 @@ def test_every_rule_that_acts_is_told_in_its_order() -> None:
     walked(Rules(watch=lambda name, *_: told.append(name)))
     first = told.index(PLANNED)
     assert told[:first] == [MODEL, *(name for name in RULES if name in told[:first])]
-    assert told[first : first + 4] == [PLANNED, "foot lock", "posture", "ground"]
+    assert told[first : first + 3] == [PLANNED, "foot lock", "posture"]
 
 
 @pytest.mark.parametrize("name", ["planting", "strides", "foot lock", "posture"])

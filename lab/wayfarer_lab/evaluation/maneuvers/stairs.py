@@ -162,11 +162,7 @@ STAIRS: Final = Maneuver(
     cases=(_case(up=True), _case(up=False)),
     judge=judge,
     summary=summary,
-    bars=(
-        Bar("steps_per_riser", 0.9, 1.1),
-        Bar("speed_mps_p95", high=0.7),
-        Bar("knee_max_deg", high=110),
-    ),
+    bars=(Bar("speed_mps_p95", high=0.7),),
     worst="knee_max_deg",
     strip=the_climb,
 )

@@ -153,7 +153,6 @@ STRAFE = Maneuver(
         *_every_side(Bar("float_share", high=0.01)),
         *_every_side(Bar("contact_up", high=0.02)),
         *_every_side(Bar("arrive", low=0.95)),
-        *_every_side(Bar("lifts_per_04_m", low=1, origin="motion review 6.1")),
         Bar("left_right_points", high=5, case="left against right"),
     ),
     across=across,

@@ -95,12 +95,9 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
     )
 
 
-def _bars(case: str, lifts: float) -> list[Bar]:
+def _bars(case: str) -> list[Bar]:
     return [
-        Bar("lifts", low=lifts, case=case),
         Bar("no_lift", high=0, case=case),
-        Bar("pivot_deg", high=25, case=case),
-        Bar("peak_deg_s", high=160, case=case),
         Bar("airborne_share", high=0.01, case=case, origin="a hop is no step"),
     ]
 
@@ -112,7 +109,7 @@ TURN = Maneuver(
     cases=tuple(_case(angle) for angle in ANGLES),
     judge=judge,
     summary=summary,
-    bars=(*_bars("90°", 2), *_bars("180°", 3)),
+    bars=(*_bars("90°"), *_bars("180°")),
     worst="pivot_deg",
     strip=lambda shot: part(shot.take, 0.0, 3.0),
 )

@@ -48,6 +48,7 @@ def clean_feet(slots: Slots, sent: Sent, rules: Rules) -> None:
     if shortened is not None:
         rows, rotations = shortened
         chunks.rotations[rows] = rotations
+        rules.tell("evenness", agents[rows], chunks.translation[rows], rotations)
     if locked is not None:
         slots.feet.put(agents[wanted], locked.feet)
         slots.posture.put(agents[wanted], locked.posture)

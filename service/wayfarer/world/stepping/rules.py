@@ -27,7 +27,8 @@ PLANNED: Final = "planned"
 
 Watch = Callable[[str, Index, Float, Float], None]
 """Called with a rule's name and, after it has acted, the slots [A] and the frames of those agents:
-hips [A, F, 3] in the world and rotations [A, F, 22, 4]."""
+hips [A, F, 3] in the world and rotations [A, F, 22, 4]. The mirror has no frames of its own, who
+gets up is not told, and the ground is told in scenes alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from tests.lab.evaluation.recordings import write_recordings
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.commands import app, maneuvers
 from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
+from wayfarer_lab.evaluation.twosided.served import SERVED
 
 
 @pytest.fixture(autouse=True)
@@ -36,10 +38,11 @@ def test_who_glides_upright_keeps_posture_and_lifts_no_foot(tmp_path: Path) -> N
     made = json.loads(path.read_text())
     rows = {(row["case"], row["source"]): row for row in made["rows"]}
     for side in ("left", "right", "back"):
-        row = rows[side, "raw"]  # sent are the steps that control makes of it
-        assert row["hips_p5"] == pytest.approx(1.0, abs=0.02) and row["arrive"] == 1
-        assert row["lifts_per_04_m"] == row["float_share"] == row["contact_up"] == 0
-        assert row["slip_cm_p95"] > 100
+        sent, raw = rows[side, "sent"], rows[side, "raw"]
+        assert raw["hips_p5"] == pytest.approx(1.0, abs=0.02)
+        assert raw["lifts_per_04_m"] == raw["float_share"] == raw["contact_up"] == 0
+        # the rules carry who stands, and make steps of it
+        assert sent["arrive"] == 1 and sent["lifts_per_04_m"] > 0 and raw["arrive"] == 0
     verdicts = bars_of(path)
     assert verdicts["left", "hips_p5"] == "met"
     assert ("left against right", "left_right_points") in verdicts
@@ -57,6 +60,21 @@ def test_rows_say_whose_they_are_and_every_take_has_its_figures(tmp_path: Path) 
     assert {"apart_cm", "heel_up", "rest_s"} <= set(made["each"][0])
     assert {take["gender"] for take in made["each"]} == set(GENDERS)
     assert made["meta"]["seed"] == 5 and made["meta"]["quick"] is True
+
+
+def test_two_sided_figures_come_without_a_manoeuvre(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "two.json"
+    monkeypatch.setattr(maneuvers, "compare", partial(maneuvers.compare, served=SERVED[:2]))
+    assert run("--only", "two-sided", "--seeds", "1", "--json", str(path)).exit_code == 0
+    made = json.loads(path.read_text())
+    assert not made["rows"] and not made["bars"]
+    assert [side["source"] for side in made["two_sided"]] == ["sent", "raw"]
+    for side in made["two_sided"]:
+        assert 0 <= side["holds"] < 0.3 * side["of"], "a glider is no person"
+        assert {p["situation"] for p in side["people"]} == {"stand", "walk 0.9"}
+    assert made["two_sided"][0]["repair"]["all rules"]["cm_p95"] > 0
 
 
 def test_a_missed_bar_fails_only_with_check() -> None:

@@ -48,7 +48,8 @@ def test_who_glides_arrives_as_wished_and_holds_next_to_nothing() -> None:
     assert np.abs(ends["walk 1.2"].hips[:, 0]).max() < 0.05
     assert np.ptp(ends["turn 180"].heading) == pytest.approx(180, abs=25)
     judged = judge([person for track in tracks for person in track.people()], ranges.load())
-    assert {v.situation for v in judged} == set(ranges.load())
+    known = {name for name in ranges.load() if not name.startswith("stairs")}
+    assert {v.situation for v in judged} == known
     assert count(judged).holds < 0.2 * count(judged).total
     speeds = [v for v in judged if v.figure == "speed_mps"]
     assert speeds and all(v.holds for v in speeds), "speed is all that a glider has"
