@@ -114,7 +114,7 @@ Train = Callable[[Config, Path, Path, float], bool]
 
 
 USAGE = cast(type[Exception], typer.BadParameter.__bases__[0])
-"""What a wrong command line raises; typer has a click of its own, or the package, by version."""
+"""Error of a wrong command line: newer versions of typer contain a copy of click."""
 KINDS: dict[str, type[BaseModel]] = {}
 """Settings by the name of the training."""
 

@@ -1,8 +1,8 @@
 """`wayfarer train all`: a list of commands, one after the other, that resumes where it stopped.
 
-A stage is a command of `wayfarer`, run in a process of its own. A training is finished when its run
-folder says so (`effort.json`), another command when the path `done` exists. What a stage took is in
-`stages.json` in the list's folder.
+A stage is a command of `wayfarer`, run as a child process. A training is finished when its run
+folder says so (`effort.json`), another command when the path `done` exists. The list's folder has
+the minutes that each stage took (`stages.json`).
 """
 
 import shlex
@@ -32,7 +32,7 @@ TELL = 300.0
 """Seconds between lines about a running stage's progress, where no terminal shows its bar."""
 
 
-class Stage(BaseModel, extra="forbid"):
+class TrainingStage(BaseModel, extra="forbid"):
     """One command of the list."""
 
     name: str
@@ -46,11 +46,11 @@ class StageList(BaseModel, extra="forbid"):
 
     folder: str  # of stages.json; $folder in commands
     values: dict[str, str | int | float] = {}
-    stages: list[Stage]
+    stages: list[TrainingStage]
 
 
 @dataclass(frozen=True)
-class Step:
+class StageCommand:
     """A stage with its values in place."""
 
     name: str
@@ -68,7 +68,7 @@ class Taken(BaseModel):
 
 
 @dataclass(frozen=True)
-class Progress:
+class StageProgress:
     """How far a stage is."""
 
     finished: bool
@@ -99,11 +99,13 @@ class Stages:
         values = {**wanted.values, "folder": wanted.folder}
         names = [stage.name for stage in wanted.stages]
         if len(set(names)) < len(names) or not names:
-            raise InvalidArgument("stages need names of their own, and at least one", "stages")
+            raise InvalidArgument(
+                "the list needs at least one stage, and different names", "stages"
+            )
         self.steps = [_step(stage, values, parse) for stage in wanted.stages]
 
-    def progress(self, running: str = "", minutes: float = 0.0) -> list[Progress]:
-        """Of every stage; `running` has run for `minutes` that are not noted yet.
+    def progress(self, running: str = "", minutes: float = 0.0) -> list[StageProgress]:
+        """Returns the state of every stage; `running` has run for `minutes` not noted yet.
 
         Raises InvalidArgument if one was made with other settings.
         """
@@ -121,10 +123,10 @@ class Stages:
                 left = None if step.minutes is None else step.minutes * pace
                 if of and steps:
                     left = took * (of - steps) / steps if took else left and left * (1 - steps / of)
-            found.append(Progress(finished, steps, of, took, left))
+            found.append(StageProgress(finished, steps, of, took, left))
         return found
 
-    def _state(self, step: Step, before: str | None) -> tuple[bool, int, int | None]:
+    def _state(self, step: StageCommand, before: str | None) -> tuple[bool, int, int | None]:
         if step.training is None:
             finished = step.done is not None and step.done.exists()
             if finished and before is not None and before != shlex.join(step.arguments):
@@ -183,10 +185,10 @@ class Stages:
                     )
         return True
 
-    def _run_step(self, step: Step, index: int, until: float, say: Say) -> None:
+    def _run_step(self, step: StageCommand, index: int, until: float, say: Say) -> None:
         command = [*self.program, *step.arguments]
         began, told = time.monotonic(), time.monotonic()
-        # a group of its own: a terminal's Ctrl-C would reach it twice, which breaks its step off
+        # another process group: a terminal's Ctrl-C would reach it twice, which breaks its step off
         with _signals() as signals:
             stage = subprocess.Popen(command, process_group=0)
             passed = 0
@@ -242,7 +244,7 @@ class Stages:
         except (OSError, ValueError) as error:
             raise InvalidArgument(f"{path}: cannot be read: {error}", "stages") from None
 
-    def _note(self, step: Step, minutes: float) -> None:
+    def _note(self, step: StageCommand, minutes: float) -> None:
         record = self._record()
         if step.name in record:
             minutes += record[step.name].minutes
@@ -253,10 +255,10 @@ class Stages:
 
 
 def _step(
-    stage: Stage,
+    stage: TrainingStage,
     values: dict[str, str | int | float],
     parse: Callable[[tuple[str, ...]], Training | None],
-) -> Step:
+) -> StageCommand:
     def filled(text: str) -> str:
         try:
             return Template(text).substitute(values)
@@ -276,7 +278,7 @@ def _step(
             f"{stage.name}: `done` has to name what its command writes last", "stages"
         )
     done = Path(filled(stage.done)) if stage.done else None
-    return Step(stage.name, arguments, training, done, stage.minutes)
+    return StageCommand(stage.name, arguments, training, done, stage.minutes)
 
 
 def _pace(known: list[tuple[float | None, float]]) -> float:
@@ -286,13 +288,15 @@ def _pace(known: list[tuple[float | None, float]]) -> float:
     return sum(took for _, took in both) / total if total else 1.0
 
 
-def _left(progress: list[Progress]) -> str:
+def _left(progress: list[StageProgress]) -> str:
     waiting = [p for p in progress if not p.finished]
     if not waiting:
         return "all stages are done"
     known = sum(p.left for p in waiting if p.left is not None)
     unknown = sum(p.left is None for p in waiting)
-    return f"about {_time(known)} left in all" + (f", without {unknown} stages" if unknown else "")
+    return f"about {_time(known)} left in all" + (
+        f", not counting {unknown} without an estimate" if unknown else ""
+    )
 
 
 def _time(minutes: float) -> str:

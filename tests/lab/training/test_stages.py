@@ -92,7 +92,7 @@ LAST = {"name": "export", "command": "touch model", "done": "model"}
 def test_stages_run_in_order_once(make) -> None:
     said: list[str] = []
     stages = make(TOUCH, TRAIN, LAST, where="data.npz")
-    assert stages.lines()[-1] == "about 40 min left in all, without 1 stages"
+    assert stages.lines()[-1] == "about 40 min left in all, not counting 1 without an estimate"
     assert stages.run(float("inf"), said.append)
     assert calls() == ["touch data.npz", "train pass/net 20 0", "touch model"]
     assert [line.split(":")[0] for line in said] == [f"stage {k} of 3" for k in (1, 2, 3)]
@@ -174,7 +174,7 @@ def test_time_left_follows_what_stages_took(make) -> None:
     lines = stages.lines()
     assert lines[0] == " 1 data: done, 20 min"
     assert lines[1] == " 2 net: about 60 min"
-    assert lines[-1] == "about 60 min left in all, without 1 stages"
+    assert lines[-1] == "about 60 min left in all, not counting 1 without an estimate"
 
 
 def test_two_do_not_run_the_same_list(make) -> None:
@@ -190,7 +190,7 @@ def test_two_do_not_run_the_same_list(make) -> None:
         ({"name": "a", "command": "touch x"}, "a: `done` has to name"),
         ({"name": "a", "command": "touch $x", "done": "x"}, "values are where, folder"),
         ({"name": "a", "command": "touch 'x", "done": "x"}, "a: No closing quotation"),
-        ({"name": "data", "command": "touch x", "done": "x"}, "names of their own"),
+        ({"name": "data", "command": "touch x", "done": "x"}, "different names"),
     ],
 )
 def test_a_faulty_list_is_refused_before_anything_runs(stage, reason, make) -> None:

@@ -84,7 +84,7 @@ def _read(path: Path) -> list[FbxTake]:
     try:
         import ufbx
     except ImportError as error:
-        raise DataError(f"FBX needs the package ufbx: {error}") from error
+        raise DataError("FBX needs the package ufbx: pip install './lab[train]'") from error
     try:
         scene = ufbx.load_file(
             str(path),

@@ -116,7 +116,7 @@ def standing_frame(places: Array, axis: str, fps: float) -> tuple[int, float] | 
     """The frame of a motion [N, 22, 3] in which the person stands best, and how far it is off.
 
     Legs, trunk and head are upright, shoulders and hips face the same way, straight arms hang or
-    are held out to the sides, both feet are level and nothing moves much. What it is off has no
+    are held out to the sides, both feet are level and nothing moves much. The distance has no
     unit and is less than 1. None if nobody stands.
     """
     up = UP[axis]
