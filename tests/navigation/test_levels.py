@@ -313,3 +313,14 @@ def test_an_obstacle_that_leaves_a_narrow_gap_is_told_and_one_that_leaves_none_n
     assert "a passage about 0.4 m wide at (0.2" in refusal(gap, (3.0, 2.0, 0.0), (3.0, 10.0, 0.0))
     shut = scene.put("crate", Box((3.0, 6.0), (7.0, 0.5), 1.0))
     assert "in the way" not in refusal(shut, (3.0, 2.0, 0.0), (3.0, 10.0, 0.0))
+
+
+def test_an_obstacle_that_parts_the_ground_floor_keeps_people_off_the_roof() -> None:
+    scene = bake(case("closed_room.obj"))
+    inside = scene.place((0.0, 0.0, 0.0)).point
+    parted = scene.put("wall", Box((0.0, 0.0), (12.0, 0.6), 2.0))
+    middle = parted.mesh.corners[parted.mesh.island == parted.main_island].mean((0, 1))
+    assert parted.islands == 3
+    assert parted.floor(np.array([*middle, 0.0])) == pytest.approx(inside[2], abs=0.05)
+    again = parted.remove("wall")
+    assert again.main_island == again.island_of([inside]) and again.islands == 2

@@ -10,7 +10,6 @@ All of it is safe to use from any number of threads. World space: metres, Z up. 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -59,6 +58,8 @@ class Scene:
     """Per layer: where an agent's middle may be without obstacles."""
     notes: tuple[Text, ...] = ()
     """What the level's author should know."""
+    main_island: int = 0
+    """The island that people come to when nothing else is said: the largest that is no roof."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "obstacles": dict(self.obstacles)}  # a view cannot be pickled
@@ -70,13 +71,6 @@ class Scene:
     def low_places(self) -> tuple[LowPlace, ...]:
         """What parts its ground for want of headroom."""
         return self.ground.low_places
-
-    @cached_property
-    def main_island(self) -> int:
-        """The island that people come to when nothing else is said: the largest that is no roof."""
-        roofs = np.zeros(self.islands, bool)
-        roofs[[roof.island for roof in roofs_of(self.mesh, self.ground)]] = True
-        return int(np.where(roofs & ~roofs.all(), -1.0, self.mesh.areas).argmax())
 
     @property
     def area(self) -> float:
@@ -255,7 +249,7 @@ class Scene:
         scene = replace(self, version=self.version + 1, obstacles=MappingProxyType(obstacles))
         for number in range(len(self.ground.layers)):
             scene = scene._relaid(number, old, new)
-        return scene
+        return replace(scene, main_island=_main_island(scene))
 
     def _relaid(self, number: int, old: tuple[Obstacle, ...], new: tuple[Obstacle, ...]) -> "Scene":
         """The same version with one layer's mesh and field repaired around the change."""
@@ -300,7 +294,15 @@ def bake(spec: SceneSpec) -> Scene:
     fields = tuple(_field(layer.ground) for layer in ground.layers)
     hashed, none = spec.content_hash, MappingProxyType[str, Obstacle]({})
     scene = Scene(spec, hashed, 0, ground, mesh, fields, none, open_areas)
-    return replace(scene, notes=(*ground.notes, *notes_on(scene)))
+    notes = *ground.notes, *notes_on(scene)
+    return replace(scene, notes=notes, main_island=_main_island(scene))
+
+
+def _main_island(scene: Scene) -> int:
+    """Found when a scene is made or changed, which the motion thread does not wait for."""
+    roofs = np.zeros(scene.islands, bool)
+    roofs[[roof.island for roof in roofs_of(scene.mesh, scene.ground)]] = True
+    return int(np.where(roofs & ~roofs.all(), -1.0, scene.mesh.areas).argmax())
 
 
 def _field(ground: shapely.Geometry) -> ClearanceField:
