@@ -51,28 +51,49 @@ def bare(
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
     predictor: Annotated[str, typer.Option(help="2f or ro-2f.")] = "ro-2f",
-    candidates: Annotated[int, typer.Option(help="Draws of the search.", min=1)] = 64,
+    policy: Annotated[
+        Path | None, typer.Option(help="Run folder of a trajectory policy that drives it.")
+    ] = None,
+    candidates: Annotated[
+        int, typer.Option(help="Draws of the search, without a policy.", min=1)
+    ] = 64,
     people: Annotated[int, typer.Option(help="Of each order.", min=2)] = 8,
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Drive a predictor by the best of some draws, 12 s of each order, and judge its people.
+    """Drive a predictor for 12 s of each order, and judge its people.
+
+    By one draw a step of a policy that was cloned or taught to follow trajectories; without one, by
+    the best of some draws from N(0, I).
 
     Every figure holds when the median of people lies in the recorded range, and people differ by
     at least 30 % as much as recorded ones.
     """
+    import torch
+
     from wayfarer_lab.evaluation.parts import Variant, load_parts
-    from wayfarer_lab.evaluation.twosided.bare import play
+    from wayfarer_lab.evaluation.twosided.bare import Step, play
+    from wayfarer_lab.evaluation.twosided.led import Led
     from wayfarer_lab.evaluation.twosided.searched import Searched
+    from wayfarer_lab.training.cloning import load_trajectory_policy
 
     parts = load_parts(models, runs, threads)
     variant = Variant("bare", predictor)
-    steps = {
-        gender: Searched(parts.step(gender, variant), candidates) for gender in parts.regressors
+    bodies = {gender: parts.step(gender, variant) for gender in parts.regressors}
+    steps: dict[str, Step] = {
+        gender: Searched(step, candidates, torch.Generator().manual_seed(seed))
+        for gender, step in bodies.items()
     }
+    if policy is not None:
+        leads = load_trajectory_policy(policy).eval()
+        steps = {
+            gender: Led(step, leads, random=torch.Generator().manual_seed(seed))
+            for gender, step in bodies.items()
+        }
     found = play(steps, people, seed)
     judged = verdicts.judge(found, recorded.load())
     verdicts.show("the model alone", judged)
     if json:
-        verdicts.write(json, judged, found, origin(models, runs, None, "", seed))
+        driver = {"policy": str(policy)} if policy else {"candidates": candidates}
+        verdicts.write(json, judged, found, origin(models, runs, None, "", seed) | driver)

@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.twosided.ranges import ENDS, Range, Ranges
+from wayfarer_lab.evaluation.twosided.ranges import ENDS, Range, Ranges, quantiles
 from wayfarer_lab.evaluation.twosided.situations import ALIKE, REPORTED
 from wayfarer_lab.training.mocap.store import atomically
 
@@ -106,7 +106,7 @@ def _verdict(situation: str, figure: str, wanted: Range, values: np.ndarray) -> 
     known = values[np.isfinite(values)]
     middle = spread = float("nan")
     if len(known) and 2 * len(known) >= len(values):
-        low, middle, high = (float(v) for v in np.quantile(known, (ENDS[0], 0.5, ENDS[1])))
+        low, middle, high = quantiles(known, np.ones(len(known)), (ENDS[0], 0.5, ENDS[1]))
         spread = (high - low) / max(wanted.width, 1e-9)
     return Verdict(situation, figure, wanted, len(known), len(values), middle, spread)
 
