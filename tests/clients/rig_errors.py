@@ -20,8 +20,9 @@ import numpy as np
 from tests.golden.rigs import cases, foreign_rigs
 from wayfarer_client.bone_map import BoneMap, map_bones
 from wayfarer_client.character import Character
+from wayfarer_client.joints import LEGS
 from wayfarer_client.quaternions import inverse, multiply, rotate
-from wayfarer_client.retarget import LEGS, Retarget
+from wayfarer_client.retarget import Retarget, Sole
 from wayfarer_client.rig import BONES, PARENTS
 
 Array = np.ndarray
@@ -112,7 +113,7 @@ def errors(retarget: Retarget, walk: Walk) -> Errors:
             turned = multiply(pose.rotations[ankle], inverse(retarget.rest[ankle]))
             low, ball = _sole(retarget.foot[leg], turned, turns[toe])
             own_low, own_ball = _sole(retarget.source_foot[leg], turns[ankle], turns[toe])
-            own_height = retarget.ratio * (places[ankle][1] + own_low)
+            own_height = retarget.ratio * max(0.0, places[ankle][1] + own_low)
             feet.append(abs(found[ankle][1] + low - own_height))
             moved = (found[ankle] + ball - places[ankle] - own_ball)[[0, 2]]
             slides.append(float(np.linalg.norm(moved - began.setdefault(leg, moved))))
@@ -129,12 +130,13 @@ def errors(retarget: Retarget, walk: Walk) -> Errors:
     return Errors(max(feet), max(slides), max(hips), max(arms), max(legs), min(upright))
 
 
-def _sole(foot: tuple[Array, Array, Array], ankle: Array, toe: Array) -> tuple[float, Array]:
+def _sole(foot: Sole, ankle: Array, toe: Array) -> tuple[float, Array]:
     """Height of the lowest point of a foot over its ankle, and the ball from the ankle; by the
     turns of ankle and toes.
     """
-    heel, ball = (rotate(ankle, point) for point in foot[:2])
-    return min(point[1] for point in (heel, ball, ball + rotate(toe, foot[2]))), ball
+    points = [rotate(ankle, point) for point in foot.fixed]
+    points += [rotate(ankle, foot.joint) + rotate(toe, point) for point in foot.toes]
+    return min(point[1] for point in points), rotate(ankle, foot.ball)
 
 
 def _angle(a: Array, b: Array) -> float:

@@ -8,7 +8,8 @@ from tests.clients.rig_errors import Errors, Walk, errors
 from tests.clients.test_retarget import GLTF
 from tests.golden.rigs import foreign_rigs
 from wayfarer_client.bone_map import map_bones
-from wayfarer_client.retarget import Retarget, character_joints
+from wayfarer_client.joints import character_joints
+from wayfarer_client.retarget import Retarget
 from wayfarer_client.rig import BONES
 
 MAPS = {case.name: map_bones(case.rig, case.humanoid) for case in GLTF} | {

@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from tests.golden.rigs import BONES, Case, cases
+from tests.golden.rigs import BONES, Case, cases, refused, shoes_of
 from tests.golden.vectors import congruential, draw
 from wayfarer.transport.basis import Basis
 from wayfarer_client.bases import BASES
 from wayfarer_client.bone_map import map_bones
+from wayfarer_client.errors import InvalidArgument
 from wayfarer_client.playout import PlayoutClock, PoseTrack
 from wayfarer_client.retarget import Retarget
+from wayfarer_client.rig import Rig
 from wayfarer_client.root import SmoothRoot
+from wayfarer_client.soles import measure_soles
 
 FOLDER = Path(__file__).parent
 PLAYOUT = FOLDER / "playout.json"
@@ -158,7 +161,13 @@ def retarget_case(case: Case, walk: dict[str, Any]) -> dict[str, Any]:
     basis = BASES[case.basis]
     bones = map_bones(case.rig, case.humanoid, basis)
     assert bones.found_by == case.found_by, f"{case.name}: {bones.found_by} {bones.table()}"
-    retarget = Retarget(bones, np.array(walk["rest_offsets"]), basis)
+    mesh = soles = None
+    if case.shod:
+        places, owners = shoes_of(case.rig, dict(bones.bones), case.basis)
+        mesh = {"places": [rounded(place) for place in places], "nodes": owners.tolist()}
+        soles = measure_soles(bones, np.array(mesh["places"]), owners, basis)
+        assert soles is not None, case.name
+    retarget = Retarget(bones, np.array(walk["rest_offsets"]), basis, soles=soles)
     poses = []
     for hips, rotations in zip(walk["hips"], walk["rotations"], strict=True):
         pose = retarget.pose(np.array(hips), np.array(rotations))
@@ -166,9 +175,25 @@ def retarget_case(case: Case, walk: dict[str, Any]) -> dict[str, Any]:
             {
                 "rotations": {BONES[b]: rounded(q, 5) for b, q in pose.rotations.items()},
                 "places": {BONES[b]: rounded(p, 5) for b, p in pose.places.items()},
+                "moved": {BONES[b]: rounded(p, 5) for b, p in pose.moved.items()},
             }
         )
-    nodes = [
+    return {
+        "name": case.name,
+        "basis": case.basis,
+        "nodes": nodes_of(case.rig),
+        "humanoid": case.humanoid,
+        "found_by": bones.found_by,
+        "map": bones.table(),
+        "mesh": mesh,
+        "floor": None if soles is None else round(soles.floor, 6),
+        "ratio": round(retarget.ratio, 6),
+        "poses": poses,
+    }
+
+
+def nodes_of(rig: Rig) -> list[dict[str, Any]]:
+    return [
         {
             "name": node.name,
             "parent": node.parent,
@@ -176,18 +201,17 @@ def retarget_case(case: Case, walk: dict[str, Any]) -> dict[str, Any]:
             "rotation": rounded(node.rotation, 9),
             "scale": rounded(node.scale),
         }
-        for node in case.rig.nodes
+        for node in rig.nodes
     ]
-    return {
-        "name": case.name,
-        "basis": case.basis,
-        "nodes": nodes,
-        "humanoid": case.humanoid,
-        "found_by": bones.found_by,
-        "map": bones.table(),
-        "ratio": round(retarget.ratio, 6),
-        "poses": poses,
-    }
+
+
+def refusal_case(name: str, rig: Rig, says: str) -> dict[str, Any]:
+    try:
+        map_bones(rig)
+    except InvalidArgument as error:
+        assert says in str(error), f"{name}: {error}"
+        return {"name": name, "nodes": nodes_of(rig), "says": says}
+    raise AssertionError(f"{name} is taken")
 
 
 def files() -> dict[Path, bytes]:
@@ -206,6 +230,7 @@ def files() -> dict[Path, bytes]:
         "bones": list(BONES),
         "walk": walks,
         "cases": [retarget_case(case, walks[case.basis]) for case in drawn],
+        "refused": [refusal_case(*case) for case in refused()],
     }
     return {PLAYOUT: _lines(playout).encode(), RETARGET: _lines(retarget).encode()}
 

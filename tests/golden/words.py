@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from wayfarer_client.bone_map import WORDS
+from wayfarer_client.bones_by_name import WORDS
 
 CLIENTS = Path(__file__).parents[2] / "clients"
 MADE = "// Written by `python -m tests.golden` from the Python client's bone_names.json.\n"

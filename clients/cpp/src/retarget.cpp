@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "alignment.hpp"
+
 namespace wayfarer {
 namespace {
 
@@ -15,18 +17,12 @@ constexpr double SINKS = 0.018;  // of a leg's length: how far hips sink at most
 constexpr double STANDS = 0.02, LEAVES = 0.06;
 constexpr double TIPTOE = 0.25;   // radians: how far a heel rises at most for a foot to reach its print
 constexpr double BEND = 0.1;     // of the thigh's length: a knee that bends less than this bends forwards
-constexpr double HEEL = 0.35;    // of the way from ankle to ball: how far the heel is behind the ankle
-constexpr double TIP = 0.45;     // of the way from ankle to ball: how far the tip of the toes is before the ball
+constexpr double HEEL = 0.34;    // of the way from ankle to ball: how far the heel is behind the ankle
+constexpr double TIP = 0.38;     // of the way from ankle to ball: how far the tip of the toes is before the ball
 
-struct LegBones {
-  int hip, knee, ankle, toe;
-};
 struct ArmBones {
   int shoulder, elbow, wrist;
 };
-constexpr LegBones LEGS[2]{
-    {bone_number("left_hip"), bone_number("left_knee"), bone_number("left_ankle"), bone_number("left_foot")},
-    {bone_number("right_hip"), bone_number("right_knee"), bone_number("right_ankle"), bone_number("right_foot")}};
 constexpr ArmBones ARMS[2]{
     {bone_number("left_shoulder"), bone_number("left_elbow"), bone_number("left_wrist")},
     {bone_number("right_shoulder"), bone_number("right_elbow"), bone_number("right_wrist")}};
@@ -46,7 +42,11 @@ Vec3 middle(const Places& place) {
   return 0.5 * (place[static_cast<std::size_t>(LEGS[0].hip)] + place[static_cast<std::size_t>(LEGS[1].hip)]);
 }
 
-/// The rotation from the character's axes to the basis, by where its legs are.
+/// Its feet are so near over the origin's level that this is its floor.
+bool stands(double lowest, double hips) { return lowest >= 0 && lowest <= 0.25 * (hips - lowest); }
+
+}  // namespace
+
 Quat alignment(const BoneMap& map, const Basis& basis) {
   const auto joint = [&](int b) { return map.rig().place(map.nodes()[static_cast<std::size_t>(b)]); };
   const Vec3 feet = 0.5 * (joint(LEGS[0].ankle) + joint(LEGS[1].ankle));
@@ -58,12 +58,7 @@ Quat alignment(const BoneMap& map, const Basis& basis) {
   return between({left, up, forward}, {basis.left, basis.up, basis.forward});
 }
 
-/// Its feet are so near over the origin's level that this is its floor.
-bool stands(double lowest, double hips) { return lowest >= 0 && lowest <= 0.25 * (hips - lowest); }
-
-}  // namespace
-
-CharacterJoints character_joints(const BoneMap& map, const Basis& basis) {
+CharacterJoints character_joints(const BoneMap& map, const Basis& basis, const Soles* soles) {
   const Quat turn = alignment(map, basis);
   const auto has = [&](int b) { return map.nodes()[static_cast<std::size_t>(b)] >= 0; };
   CharacterJoints found;
@@ -75,11 +70,13 @@ CharacterJoints character_joints(const BoneMap& map, const Basis& basis) {
   for (const auto& [hip, knee, ankle, toe] : LEGS)
     for (const int b : {ankle, toe})
       if (has(b)) lowest = std::min(lowest, dot(found.places[static_cast<std::size_t>(b)], basis.up));
-  if (stands(lowest, dot(found.places[0], basis.up))) found.floor = 0;
+  if (soles) found.floor = soles->floor;
+  else if (stands(lowest, dot(middle(found.places), basis.up))) found.floor = 0;
   return found;
 }
 
-Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, const Basis& basis, double floor)
+Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, const Basis& basis, double floor,
+                   const Soles* soles)
     : basis_(basis), nodes_(map.nodes()) {
   const Rig& rig = map.rig();
   if (rest_offsets.size() < 3 * BONE_COUNT)
@@ -89,15 +86,19 @@ Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, c
     offsets_[at(b)] = {offset[0], offset[1], offset[2]};
     const int parent = PARENTS[at(b)];
     source_rest_[at(b)] = parent < 0 ? offsets_[at(b)] : source_rest_[at(parent)] + offsets_[at(b)];
-    above_[at(b)] = -1;
+    above_[at(b)] = hangs_[at(b)] = -1;
     if (!has(b)) continue;
+    int above = PARENTS[at(b)];
+    while (above >= 0 && !has(above)) above = PARENTS[at(above)];
+    above_[at(b)] = above;
     mapped_.push_back(b);
     for (const int node : rig.ancestors(nodes_[at(b)])) {
       const auto found = std::find(nodes_.begin(), nodes_.end(), node);
       if (found == nodes_.end()) continue;
-      above_[at(b)] = static_cast<int>(found - nodes_.begin());
+      hangs_[at(b)] = static_cast<int>(found - nodes_.begin());
       break;
     }
+    if (b == 0 || hangs_[at(b)] != above_[at(b)]) loose_.push_back(b);
   }
   const Quat turn = alignment(map, basis);
   PerBone<Quat> rest{};
@@ -109,20 +110,18 @@ Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, c
   const PerBone<Quat> correct = corrections(place);
   for (const int b : mapped_) {
     rest_[at(b)] = multiply(correct[at(b)], rest[at(b)]);
-    const int a = above_[at(b)];
-    if (a < 0) continue;
-    offset_[at(b)] = rotate(inverse(rest[at(a)]), place[at(b)] - place[at(a)]);
-    const Quat& direct = rig.rotation(rig.node(node(b)).parent);
-    gap_[at(b)] = multiply(inverse(rig.rotation(node(a))), direct);
-  }
-  const int parent = rig.node(node(0)).parent;
-  if (parent >= 0) {
-    base_turn_ = rig.rotation(parent);
-    base_place_ = rig.place(parent);
-    base_scale_ = rig.scale(parent);
+    const int a = above_[at(b)], hangs = hangs_[at(b)], parent = rig.node(node(b)).parent;
+    if (a >= 0) offset_[at(b)] = rotate(inverse(rest[at(a)]), place[at(b)] - place[at(a)]);
+    if (parent < 0) continue;
+    Parent& own = parents_[at(b)];
+    own = {rig.rotation(parent), rig.place(parent), rig.scale(parent)};
+    if (hangs < 0) continue;
+    const Quat back = inverse(rig.rotation(node(hangs)));
+    own.turn = multiply(back, own.turn);
+    own.place = rotate(back, own.place - rig.place(node(hangs)));
   }
   thighs_ = rotate(inverse(rest[0]), middle(place) - place[0]);
-  measure_legs(place, correct, floor);
+  measure_legs(place, correct, floor, soles);
 }
 
 /// What turns each bone from the character's rest pose into a T-pose.
@@ -156,7 +155,8 @@ Retarget::PerBone<Quat> Retarget::corrections(const PerBone<Vec3>& place) const 
   return correct;
 }
 
-void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& correct, double floor) {
+void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& correct, double floor,
+                            const Soles* soles) {
   const Vec3& up = basis_.up;
   const PerBone<Vec3>& source = source_rest_;
   PerBone<Vec3> stand{};  // joint places in the T-pose
@@ -176,8 +176,9 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
     }
   }
   const double scale = legs / source_legs;
+  if (floor != floor && soles) floor = soles->floor;
   if (floor != floor) {
-    floor = stands(lowest, dot(place[0], up)) ? 0 : lowest - scale * source_lowest;
+    floor = stands(lowest, dot(middle(place), up)) ? 0 : lowest - scale * source_lowest;
   }
   const Vec3 thighs = middle(stand), source_thighs = middle(source);
   double high = 0;
@@ -191,15 +192,25 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
     const double height = dot(place[at(ankle)], up) - floor;
     high += height / 2;
     legs_[k].sole = sole_of(own, height);
+    if (soles) {
+      Sole& sole = legs_[k].sole;
+      sole.joint = own;
+      sole.fixed = soles->feet[k].fixed;
+      sole.toes = has(toe) ? soles->feet[k].toes : std::vector<Vec3>();
+      for (Vec3& point : sole.fixed) point = rotate(correct[at(ankle)], point);
+      for (Vec3& point : sole.toes) point = rotate(correct[at(ankle)], point);
+    }
     const Vec3 beside = stand[at(ankle)] + own - thighs - (source[at(toe)] - source_thighs);
     legs_[k].stance = dot(beside, basis_.left) * basis_.left;
   }
   ratio_ = (legs / 2 + high) / dot(source_thighs, up);
 }
 
-Retarget::Sole Retarget::sole_of(const Vec3& ball, double height) const {
-  const Vec3 ahead = basis_.level(ball), down = -height * basis_.up;
-  return {down - HEEL * ahead, down + ahead, TIP * ahead};
+/// A foot of which only the joints are known: the toes' from the ankle, which is at this height.
+Retarget::Sole Retarget::sole_of(const Vec3& toe, double height) const {
+  const Vec3 ahead = basis_.level(toe), down = -height * basis_.up;
+  const Vec3 ball = down + ahead, heel = down - HEEL * ahead, under = ball - toe;
+  return {heel, ball, toe, {heel, ball}, {under, under + TIP * ahead}};
 }
 
 void Retarget::pose(const float* frame, double ground) {
@@ -219,7 +230,7 @@ void Retarget::pose(const float* frame, double ground) {
   put();
   double sunk = 0;
   for (int leg = 0; leg < 2; ++leg) {
-    const double high = (legs_[at(leg)].clear - ground) * ratio_;
+    const double high = std::max(0.0, legs_[at(leg)].clear - ground) * ratio_;
     legs_[at(leg)].goal = goal_of(leg, ground + high);
     sunk = std::max(sunk, lacks(leg, high));
   }
@@ -250,11 +261,12 @@ void Retarget::pose_source(const float* frame) {
 
 /// The ball from the ankle; `height`: of the lowest point of the foot over its ankle.
 Vec3 Retarget::lowest(const Sole& sole, int leg, double& height) const {
-  const Quat& ankle = turns_[at(LEGS[leg].ankle)];
-  const Vec3 ball = rotate(ankle, sole.ball);
-  const Vec3 tip = ball + rotate(turns_[at(LEGS[leg].toe)], sole.tip);
-  height = std::min({dot(rotate(ankle, sole.heel), basis_.up), dot(ball, basis_.up), dot(tip, basis_.up)});
-  return ball;
+  const Quat &ankle = turns_[at(LEGS[leg].ankle)], &toe = turns_[at(LEGS[leg].toe)];
+  const Vec3 up = rotate(inverse(ankle), basis_.up), up_of_toes = rotate(inverse(toe), basis_.up);
+  height = std::numeric_limits<double>::infinity();
+  for (const Vec3& point : sole.fixed) height = std::min(height, dot(point, up));
+  for (const Vec3& point : sole.toes) height = std::min(height, dot(sole.joint, up) + dot(point, up_of_toes));
+  return rotate(ankle, sole.ball);
 }
 
 /// Places of the bones below the hips.
@@ -328,9 +340,9 @@ void Retarget::bend(int leg) {
   const double far = length(goal - start);
   const Vec3 along = (1 / far) * (goal - start);
   Vec3 side = without(bend - start, along);
-  const Vec3 front = without(rotate(turns_[at(hip)], basis_.forward), along);
-  const double lacking = std::max(0.0, BEND * thigh - length(side));
-  side = side + lacking / std::max(length(front), 1e-6) * front;
+  Vec3 front = without(rotate(turns_[at(hip)], basis_.forward), along);
+  front = 1 / std::max(length(front), 1e-6) * front;
+  side = side + std::max(0.0, BEND * thigh - dot(side, front)) * front;
   side = 1 / std::max(length(side), 1e-9) * side;
   const double reach = (thigh * thigh + far * far - shin * shin) / (2 * far);
   const Vec3 knee_at = start + reach * along + std::sqrt(std::max(0.0, thigh * thigh - reach * reach)) * side;
@@ -352,15 +364,18 @@ Vec3 Retarget::within(const Vec3& start, const Vec3& goal, double most, double l
   return start + away + down * basis_.up;
 }
 
-/// Rotations relative to the nodes' parents.
+/// Rotations relative to the nodes' parents, and places of loose bones.
 void Retarget::relate() {
   for (const int b : mapped_) {
-    const int a = above_[at(b)];
-    const Quat parent = a < 0 ? base_turn_ : multiply(world_[at(a)], gap_[at(b)]);
-    local_[at(b)] = multiply(inverse(parent), world_[at(b)]);
+    const int a = hangs_[at(b)];
+    const Parent& own = parents_[at(b)];
+    const Quat turn = a < 0 ? own.turn : multiply(world_[at(a)], own.turn);
+    local_[at(b)] = multiply(inverse(turn), world_[at(b)]);
+    if (b != 0 && a == above_[at(b)]) continue;
+    const Vec3 place = a < 0 ? own.place : places_[at(a)] + rotate(world_[at(a)], own.place);
+    const Vec3 way = rotate(inverse(turn), places_[at(b)] - place);
+    moved_[at(b)] = {way.x / own.scale.x, way.y / own.scale.y, way.z / own.scale.z};
   }
-  const Vec3 hips = rotate(inverse(base_turn_), places_[0] - base_place_);
-  hips_ = {hips.x / base_scale_.x, hips.y / base_scale_.y, hips.z / base_scale_.z};
 }
 
 }  // namespace wayfarer

@@ -1,8 +1,10 @@
 #include "wayfarer/wayfarer.h"
 
+#include <algorithm>
 #include <cstring>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "wayfarer/core.hpp"
@@ -25,6 +27,7 @@ struct wf_rig {
 
 struct wf_map {
   BoneMap map;
+  std::optional<Soles> soles{};
 };
 
 struct wf_retarget {
@@ -262,13 +265,24 @@ std::int32_t wf_map_correct(wf_map* map, const char* bone, const char* node_name
   return guarded<std::int32_t>(WF_ERROR, [&] {
     const auto node = node_name ? std::optional<std::string>(node_name) : std::nullopt;
     map->map = map->map.corrected({{bone, node}});
+    map->soles.reset();  // they were measured of other bones
     return 0;
+  });
+}
+
+std::int32_t wf_map_soles(wf_map* map, const char* basis, const double* places, const std::int32_t* nodes,
+                          std::size_t count) {
+  return guarded<std::int32_t>(WF_ERROR, [&] {
+    std::vector<Vec3> found(count);
+    for (std::size_t k = 0; k < count; ++k) found[k] = {places[3 * k], places[3 * k + 1], places[3 * k + 2]};
+    map->soles = measure_soles(map->map, found, {nodes, nodes + count}, basis_named(basis));
+    return map->soles ? 1 : 0;
   });
 }
 
 std::int32_t wf_map_joints(const wf_map* map, const char* basis, double* places, double* floor) {
   return guarded<std::int32_t>(WF_ERROR, [&] {
-    const CharacterJoints joints = character_joints(map->map, basis_named(basis));
+    const CharacterJoints joints = character_joints(map->map, basis_named(basis), map->soles ? &*map->soles : nullptr);
     for (const Vec3& place : joints.places) put(place, places), places += 3;
     *floor = joints.floor;
     return 0;
@@ -279,7 +293,7 @@ wf_retarget* wf_retarget_create(const wf_map* map, const float* rest_offsets, st
                                 double floor) {
   return guarded<wf_retarget*>(nullptr, [&] {
     const std::vector<float> offsets(rest_offsets, rest_offsets + count);
-    return new wf_retarget{Retarget(map->map, offsets, basis_named(basis), floor)};
+    return new wf_retarget{Retarget(map->map, offsets, basis_named(basis), floor, map->soles ? &*map->soles : nullptr)};
   });
 }
 
@@ -303,6 +317,13 @@ void wf_retarget_world(const wf_retarget* retarget, double* rotations, double* p
     put(retarget->retarget.rotation(b), rotations + 4 * b);
     put(retarget->retarget.place(b), places + 3 * b);
   }
+}
+
+std::int32_t wf_retarget_moved(const wf_retarget* retarget, std::int32_t bone, double place[3]) {
+  const std::vector<int>& loose = retarget->retarget.loose();
+  if (std::find(loose.begin(), loose.end(), bone) == loose.end()) return 0;
+  put(retarget->retarget.moved(bone), place);
+  return 1;
 }
 
 void wf_retarget_hips(const wf_retarget* retarget, double place[3]) { put(retarget->retarget.hips(), place); }

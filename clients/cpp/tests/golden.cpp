@@ -42,16 +42,20 @@ Walk walk(const std::string& basis) {
   return found;
 }
 
+wayfarer::Rig rig(const Json& rows) {
+  std::vector<wayfarer::Node> nodes;
+  for (const Json& node : rows)
+    nodes.push_back({node.at("name"), node.at("parent"), vec3(node.at("position")), quat(node.at("rotation")),
+                     vec3(node.at("scale"))});
+  return wayfarer::Rig(std::move(nodes));
+}
+
 std::vector<Case> cases() {
   std::vector<Case> found;
   for (const Json& entry : retargeting().at("cases")) {
-    std::vector<wayfarer::Node> nodes;
-    for (const Json& node : entry.at("nodes"))
-      nodes.push_back({node.at("name"), node.at("parent"), vec3(node.at("position")), quat(node.at("rotation")),
-                       vec3(node.at("scale"))});
     std::map<std::string, int> humanoid;
     if (!entry.at("humanoid").is_null()) humanoid = entry.at("humanoid").get<std::map<std::string, int>>();
-    found.push_back({entry.at("name"), entry.at("basis"), wayfarer::Rig(std::move(nodes)), std::move(humanoid)});
+    found.push_back({entry.at("name"), entry.at("basis"), rig(entry.at("nodes")), std::move(humanoid)});
   }
   return found;
 }

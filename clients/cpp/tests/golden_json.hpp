@@ -26,5 +26,7 @@ std::vector<T> flat(const Json& lists) {
 
 inline wayfarer::Vec3 vec3(const Json& v) { return {v[0], v[1], v[2]}; }
 inline wayfarer::Quat quat(const Json& q) { return {q[0], q[1], q[2], q[3]}; }
+/// A rig of rows of nodes.
+wayfarer::Rig rig(const Json& rows);
 
 }  // namespace golden

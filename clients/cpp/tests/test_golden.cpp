@@ -189,7 +189,16 @@ TEST_CASE("retarget") {
     const auto rows = map.table();
     CHECK(std::map<std::string, std::string>(rows.begin(), rows.end()) == found.at("map"));
     const golden::Walk walk = golden::walk(own.basis);
-    Retarget retarget(map, walk.rest_offsets, basis);
+    std::optional<Soles> soles;
+    if (!found.at("mesh").is_null()) {
+      std::vector<Vec3> places;
+      for (const Json& place : found.at("mesh").at("places")) places.push_back(golden::vec3(place));
+      soles = measure_soles(map, places, found.at("mesh").at("nodes").get<std::vector<int>>(), basis);
+      REQUIRE(soles);
+      CHECK(std::abs(soles->floor - found.at("floor").get<double>()) < 1e-5);
+    }
+    Retarget retarget(map, walk.rest_offsets, basis, NAN, soles ? &*soles : nullptr);
+    CHECK(retarget.loose().size() == found.at("poses")[0].at("moved").size());
     CHECK(std::abs(retarget.ratio() - found.at("ratio").get<double>()) < 1e-5);
     const double unit = own.basis.rfind("unreal", 0) == 0 ? 100 : 1;
     for (std::size_t k = 0; k < found.at("poses").size(); ++k) {
@@ -202,8 +211,25 @@ TEST_CASE("retarget") {
         if (retarget.node(b) < 0) continue;
         near(list(retarget.place(b)), pose.at("places").at(bone), 1e-4 * unit);
         near_turn(retarget.rotation(b), pose.at("rotations").at(bone), 1e-4);
+        if (pose.at("moved").contains(bone))
+          near(list(retarget.moved(b)), pose.at("moved").at(bone), 1e-4 * (own.name == "centimetres" ? 100 : unit));
       }
     }
+  }
+}
+
+TEST_CASE("what cannot walk on two legs is refused") {
+  const Json document = golden::json("retarget.json");
+  for (const Json& refused : document.at("refused")) {
+    CAPTURE(refused.at("name"));
+    std::string said;
+    try {
+      map_bones(golden::rig(refused.at("nodes")));
+    } catch (const std::invalid_argument& error) {
+      said = error.what();
+    }
+    CAPTURE(said);
+    CHECK(said.find(refused.at("says").get<std::string>()) != std::string::npos);
   }
 }
 

@@ -15,7 +15,8 @@ func test_cases(check: Checks) -> void:
 			check.equal(map.table().get(bone), wanted.map[bone], "%s: %s" % [wanted.name, bone])
 		check.equal(map.bones.size(), wanted.map.size(), wanted.name)
 		var walk: Dictionary = document.walk[wanted.basis]
-		var retarget := _retarget(map, walk, basis)
+		var retarget := _retarget(map, walk, basis, _soles(wanted, map, basis))
+		check.equal(retarget.loose.size(), wanted.poses[0].moved.size(), wanted.name)
 		check.near(retarget.ratio, wanted.ratio, 1e-5, "%s: ratio" % wanted.name)
 		var unit := 100.0 if wanted.basis.begins_with("unreal") else 1.0
 		for k: int in walk.hips.size():
@@ -26,6 +27,15 @@ func test_cases(check: Checks) -> void:
 				var pose: Dictionary = wanted.poses[k]
 				check.near_place(retarget.places[b], pose.places[bone], 1e-4 * unit, what)
 				check.near_turn(retarget.rotations[b], pose.rotations[bone], 1e-4, what)
+				if pose.moved.has(bone):
+					var within := 1e-4 * (100.0 if wanted.name == "centimetres" else unit)
+					check.near_place(retarget.moved[b], pose.moved[bone], within, what)
+
+
+func test_what_cannot_walk_on_two_legs_is_refused(check: Checks) -> void:
+	for refused: Dictionary in check.document("retarget.json").refused:
+		var error := WayfarerBoneMap.of(Checks.rig(refused.nodes)).error
+		check.holds(refused.says in error, "%s: %s" % [refused.name, error])
 
 
 func test_local_rotations_give_the_same_places_through_the_nodes(check: Checks) -> void:
@@ -40,8 +50,9 @@ func test_local_rotations_give_the_same_places_through_the_nodes(check: Checks) 
 			for b in retarget.mapped:
 				var q := retarget.local[b]
 				posed[retarget.map.node(b)].rotation = [q.x, q.y, q.z, q.w]
-			var hips := retarget.hips
-			posed[retarget.map.node(0)].position = [hips.x, hips.y, hips.z]
+			for b in retarget.loose:
+				var place := retarget.moved[b]
+				posed[retarget.map.node(b)].position = [place.x, place.y, place.z]
 			var rig := Checks.rig(posed)
 			for b in retarget.mapped:
 				var off := rig.places[retarget.map.node(b)].distance_to(retarget.places[b])
@@ -87,9 +98,9 @@ func test_a_map_can_be_shown_and_corrected(check: Checks) -> void:
 	var refused := {
 		'no node "nose"': {"head": "nose"},
 		'"tail" is no bone': {"tail": "head"},
-		"tell its left_knee": {"left_knee": ""},
-		'left_knee: "head" does not hang from the left_hip': {"left_knee": "head"},
-		"hangs from": {"spine3": "head"},
+		"no node was found for left_knee, neither": {"left_knee": ""},
+		'left_knee: "head" is head, too': {"left_knee": "head"},
+		'left_knee: "head" hangs from neck': {"left_knee": "head", "head": ""},
 	}
 	for said: String in refused:
 		var error := map.corrected(refused[said]).error
@@ -102,7 +113,7 @@ func test_a_map_that_failed_is_completed_by_corrections(check: Checks) -> void:
 	for k in named.names.size():  # nor by shape
 		rig.add(named.names[k].replace("left_knee", "x"), named.parents[k])
 	var failed := WayfarerBoneMap.of(rig)
-	check.holds("tell its left_knee: say" in failed.error, failed.error)
+	check.holds("no node was found for left_knee, neither" in failed.error, failed.error)
 	var found := failed.corrected({"left_knee": "x"})
 	check.equal([found.error, found.missing(), found.found_by], ["", [], "user"])
 
@@ -112,7 +123,7 @@ func test_what_is_no_humanoid_is_refused_in_words(check: Checks) -> void:
 	rig.add("table", -1)
 	rig.add("leg1", 0, Vector3(0, -1, 0))
 	rig.add("leg2", 0, Vector3(1, -1, 0))
-	var said := "neither names nor shape of this rig tell its pelvis, left_hip"
+	var said := "no node was found for pelvis, left_hip"
 	check.holds(said in WayfarerBoneMap.of(rig).error, "table")
 	check.holds(said in WayfarerBoneMap.of(WayfarerRig.new()).error, "nothing")
 	rig.add("a", 7)
@@ -134,13 +145,26 @@ static func _map(wanted: Dictionary) -> WayfarerBoneMap:
 	return WayfarerBoneMap.of(Checks.rig(wanted.nodes), humanoid, WayfarerBasis.new(wanted.basis))
 
 
+## Of the shoes that a case has; or null.
+static func _soles(
+	wanted: Dictionary, map: WayfarerBoneMap, basis: WayfarerBasis
+) -> WayfarerSoles:
+	if wanted.mesh == null:
+		return null
+	var places := PackedVector3Array()
+	for place: Array in wanted.mesh.places:
+		places.append(Checks.place(place))
+	var soles := WayfarerSoles.measure(map, places, PackedInt32Array(wanted.mesh.nodes), basis)
+	return soles
+
+
 static func _retarget(
-	map: WayfarerBoneMap, walk: Dictionary, basis: WayfarerBasis
+	map: WayfarerBoneMap, walk: Dictionary, basis: WayfarerBasis, soles: WayfarerSoles = null
 ) -> WayfarerRetarget:
 	var offsets := PackedFloat64Array()
 	for offset: Array in walk.rest_offsets:
 		offsets.append_array(PackedFloat64Array(offset))
-	return WayfarerRetarget.new(map, offsets, basis)
+	return WayfarerRetarget.new(map, offsets, basis, NAN, soles)
 
 
 static func _frame(walk: Dictionary, k: int) -> WayfarerPose:

@@ -37,6 +37,7 @@ from wayfarer_client.errors import (
     WayfarerError,
 )
 from wayfarer_client.jitter import JitterBuffer, Pose
+from wayfarer_client.joints import character_joints
 from wayfarer_client.messages import (
     Agent,
     AgentSpec,
@@ -56,7 +57,7 @@ from wayfarer_client.messages import (
     Viewpoint,
 )
 from wayfarer_client.playout import PlayoutClock, PoseTrack
-from wayfarer_client.retarget import CharacterPose, Retarget, character_joints
+from wayfarer_client.retarget import CharacterPose, Retarget
 from wayfarer_client.rig import Node, Rig
 from wayfarer_client.root import SmoothRoot
 from wayfarer_client.scenes import Scene, Scenes, Way

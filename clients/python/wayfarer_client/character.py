@@ -6,8 +6,8 @@ those that it imports are the server's, too (service/wayfarer/characters): hence
 
 import json
 import struct
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,13 +15,18 @@ import numpy as np
 
 from .bone_map import BoneMap, map_bones
 from .errors import InvalidArgument
-from .quaternions import Array, from_axes
-from .retarget import Retarget
+from .joints import character_joints
+from .quaternions import IDENTITY, Array, from_axes, inverse, multiply, rotate
+from .retarget import CharacterPose, Retarget
 from .rig import Node, Rig
+from .root import SmoothRoot
+from .skins import Skins
+from .soles import Soles, measure_soles
 
 MOST_NODES: Final = 20_000
 MOST_FRAMES: Final = 120_000
 FLOAT: Final = 5126
+TRANSFORM: Final = ("translation", "rotation", "scale")
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 Json = dict[str, Any]
@@ -33,9 +38,10 @@ class Character:
 
     document: Json = field(repr=False)
     binary: bytes = field(repr=False)
-    rig: Rig = field(repr=False)
+    rig: Rig = field(repr=False)  # in the pose that its skins were bound in
     bones: BoneMap
     numbers: tuple[int, ...] = field(repr=False)  # of each node of the rig in the document
+    soles: Soles | None = field(repr=False)  # None: its mesh cannot be read, or has no feet
 
     @classmethod
     def read(
@@ -50,15 +56,25 @@ class Character:
         try:
             rig, numbers = _rig(document)
             humanoid = _humanoid(document, numbers)
+            skins = Skins(document, binary, rig, numbers)
+            rig = skins.bound()
+            points = replace(skins, rig=rig).points()
         except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
             raise InvalidArgument(f"its glTF document is damaged: {error!r}") from None
-        return cls(document, binary, rig, map_bones(rig, humanoid, correct=correct), numbers)
+        bones = map_bones(rig, humanoid, correct=correct)
+        return cls(document, binary, rig, bones, numbers, measure_soles(bones, *points))
 
     def corrected(self, changes: Mapping[str, str | None]) -> "Character":
         """With other nodes for some bones, by name; see `BoneMap.corrected`."""
-        return Character(
-            self.document, self.binary, self.rig, self.bones.corrected(changes), self.numbers
-        )
+        bones = self.bones.corrected(changes)
+        points = Skins(self.document, self.binary, self.rig, self.numbers).points()
+        return replace(self, bones=bones, soles=measure_soles(bones, *points))
+
+    def joints(self) -> tuple[dict[str, Array], float | None]:
+        """Joints [3] at rest by bone, upright in the glTF basis, and the height of its floor: what
+        a body of its proportions is made of.
+        """
+        return character_joints(self.bones, floor=self.soles.floor if self.soles else None)
 
     def animate(
         self,
@@ -77,33 +93,128 @@ class Character:
         count = len(hips)
         if not 1 <= count <= MOST_FRAMES or len(rotations) != count:
             raise InvalidArgument(f"{count} frames; allowed are 1 to {MOST_FRAMES:,}")
-        retarget = Retarget(self.bones, rest_offsets)
-        local = {node: np.empty((count, 4)) for node in retarget.nodes.values()}
-        places = np.empty((count, 3))
+        retarget = Retarget(self.bones, rest_offsets, soles=self.soles)
+        carrier = Carrier.of(self, retarget)
+        turns = {node: np.empty((count, 4)) for node in retarget.nodes.values()}
+        places = {retarget.nodes[bone]: np.empty((count, 3)) for bone in retarget.loose}
+        if carrier:
+            turns[carrier.node], places[carrier.node] = np.empty((count, 4)), np.empty((count, 3))
         for frame in range(count):
             pose = retarget.pose(hips[frame], rotations[frame], ground)
-            places[frame] = pose.hips
-            for bone, turn in pose.local.items():
-                local[retarget.nodes[bone]][frame] = turn
+            local, moved = pose.local, pose.moved
+            if carrier:
+                root = carrier.follow(frame / fps, pose, hips[frame], rotations[frame][0])
+                turns[carrier.node][frame], places[carrier.node][frame] = root
+                local, moved = carrier.relative(pose)
+            for bone, turn in local.items():
+                turns[retarget.nodes[bone]][frame] = turn
+            for bone, place in moved.items():
+                places[retarget.nodes[bone]][frame] = place
         document: Json = json.loads(json.dumps(self.document))  # parts of it are changed below
         file = _Growing(document, self.binary)
         times = file.add((np.arange(count) / fps)[:, None])
         samplers: list[Json] = []
         channels: list[Json] = []
 
-        def add(node: int, path: str, values: Array) -> None:
-            samplers.append({"input": times, "output": file.add(values)})
+        def add(node: int, path: str, values: Array, at: int = times) -> None:
+            samplers.append({"input": at, "output": file.add(values)})
             target = {"node": self.numbers[node], "path": path}
             channels.append({"sampler": len(samplers) - 1, "target": target})
 
-        add(retarget.nodes[0], "translation", places)
-        for node, turns in local.items():
-            add(node, "rotation", _continuous(turns))
-        for node in local:  # an animated node has no matrix
-            _split_matrix(document["nodes"][self.numbers[node]])
+        for node, values in places.items():
+            add(node, "translation", values)
+        for node, values in turns.items():
+            add(node, "rotation", _continuous(values))
+        still = [  # nodes that stand in the frame of another animation
+            (node, path, value)
+            for node, path, value in self._at_rest()
+            if node not in {"translation": places, "rotation": turns}.get(path, {})
+        ]
+        start = file.add(np.zeros((1, 1))) if still else times
+        for node, path, value in still:
+            add(node, path, value[None], start)
+        for channel in channels:  # an animated node has no matrix
+            _split_matrix(document["nodes"][channel["target"]["node"]])
         animation = {"name": title, "channels": channels, "samplers": samplers}
         document["animations"] = [animation, *document.get("animations", [])]
         return file.to_bytes()
+
+    def _at_rest(self) -> Iterator[tuple[int, str, Array]]:
+        """Node of the rig, path and value of what its rest has otherwise than the document."""
+        for k, (number, node) in enumerate(zip(self.numbers, self.rig.nodes, strict=True)):
+            found = _transform(self.document["nodes"][number])
+            rest = (node.position, node.rotation, node.scale)
+            for path, own, value in zip(TRANSFORM, found, rest, strict=True):
+                if np.abs(np.subtract(own, value)).max() > 1e-9:
+                    yield k, path, np.asarray(value, float)
+
+
+@dataclass
+class Carrier:
+    """The node above the hips that travels along, with whatever else hangs from it."""
+
+    node: int  # of the rig
+    rig: Rig = field(repr=False)
+    retarget: Retarget = field(repr=False)
+    root: SmoothRoot = field(repr=False)
+    _turn: Array = field(default_factory=lambda: IDENTITY, repr=False)
+    """Of what hangs from it since rest, and where it was moved, in the world."""
+    _place: Array = field(default_factory=lambda: np.zeros(3), repr=False)
+
+    @classmethod
+    def of(cls, character: Character, retarget: Retarget) -> "Carrier | None":
+        """None: nothing but the hips hangs from what is above them."""
+        rig, bones = character.rig, set(retarget.nodes.values())
+        skins = Skins(character.document, character.binary, rig, character.numbers)
+        joints = skins.joints()
+        line = [retarget.nodes[0], *rig.ancestors(retarget.nodes[0])]
+        highest = max(k for k, node in enumerate(line) if k == 0 or any(node in s for s in joints))
+        own = set(rig.subtree(line[0]))
+        held = {
+            node
+            for node in skins.points()[1].tolist()
+            if bones.isdisjoint((node, *rig.ancestors(node)))
+        }
+        for node in reversed(line[1 : highest + 2]):
+            below = set(rig.subtree(node))
+            if any(skin & below and not skin & own for skin in joints):
+                continue  # another one's skeleton hangs there, too
+            return cls(node, rig, retarget, SmoothRoot(retarget.basis)) if held & below else None
+        return None
+
+    def follow(
+        self, time: float, pose: CharacterPose, hips: Array, turn: Array
+    ) -> tuple[Array, Array]:
+        """Its rotation [4] and place [3] relative to its parent, at a frame of the agent."""
+        basis, retarget = self.retarget.basis, self.retarget
+        point, heading = self.root.update(time, hips, turn, pose.ground)
+        about = np.array([*(np.sin(heading / 2) * basis.up), np.cos(heading / 2)])
+        self._turn = multiply(about, retarget.turn)
+        self._place = point - rotate(about, retarget.origin)
+        parent = self.rig.nodes[self.node].parent
+        own = multiply(self._turn, self.rig.rotations[self.node])
+        place = self._place + rotate(self._turn, self.rig.places[self.node])
+        if parent < 0:
+            return own, place
+        above = inverse(self.rig.rotations[parent])
+        away = rotate(above, place - self.rig.places[parent])
+        return multiply(above, own), away / self.rig.scales[parent]
+
+    def relative(self, pose: CharacterPose) -> tuple[dict[int, Array], dict[int, Array]]:
+        """Local rotations and places of a pose, where bones hang from what was moved."""
+        local, moved = dict(pose.local), dict(pose.moved)
+        back = inverse(self._turn)
+        for bone in self.retarget.loose:
+            if self.retarget.hangs[bone] < 0 and self.node in self.rig.ancestors(
+                self.retarget.nodes[bone]
+            ):
+                parent = self.rig.nodes[self.retarget.nodes[bone]].parent
+                turn = inverse(multiply(self._turn, self.rig.rotations[parent]))
+                place = rotate(back, pose.places[bone] - self._place) - self.rig.places[parent]
+                local[bone] = multiply(turn, pose.rotations[bone])
+                away = rotate(inverse(self.rig.rotations[parent]), place)
+                moved[bone] = away / self.rig.scales[parent]
+        return local, moved
 
 
 class _Growing:
@@ -233,6 +344,7 @@ def _transform(node: Json) -> tuple[list[float], list[float], list[float]]:
 
 
 def _split_matrix(node: Json) -> None:
+    """With what can be animated, in the place of a matrix."""
     if "matrix" in node:
         node["translation"], node["rotation"], node["scale"] = _transform(node)
         del node["matrix"]

@@ -8,7 +8,9 @@ from typing import Any, Self
 from wayfarer_client.admin import Admin
 from wayfarer_client.bases import BASES
 from wayfarer_client.bone_map import BoneMap
+from wayfarer_client.character import Character
 from wayfarer_client.connection import Access, Connection, Tls
+from wayfarer_client.joints import character_joints
 from wayfarer_client.messages import (
     AgentSpec,
     Batch,
@@ -19,7 +21,6 @@ from wayfarer_client.messages import (
     enum_label,
     vector,
 )
-from wayfarer_client.retarget import character_joints
 from wayfarer_client.scenes import SceneHandle, Scenes
 from wayfarer_client.session import Session
 from wayfarer_client.v1 import (
@@ -209,7 +210,7 @@ class Client:
 
     async def fit_body(
         self,
-        character: BoneMap | Mapping[str, Sequence[float]],
+        character: Character | BoneMap | Mapping[str, Sequence[float]],
         *,
         floor: float | None = None,
         gender: str = "",
@@ -217,12 +218,15 @@ class Client:
     ) -> BodyFit:
         """The body whose bones are as long as a character's: `fit.spec()` makes such an agent.
 
-        `character`: the map of its bones, or places of its joints by bone; hips, knees and ankles
-        are needed. `floor`: height under its soles; a map knows it where the character stands on
-        the ground. `gender`: of the body; empty: the one that fits better. Raises InvalidArgument.
+        `character`: its file, the map of its bones, or places of its joints by bone; hips, knees
+        and ankles are needed. `floor`: height under its soles; a map knows it where the character
+        stands on the ground. `gender`: of the body; empty: the one that fits better. Raises
+        InvalidArgument.
         """
-        if isinstance(character, BoneMap):
-            places, ground = character_joints(character, BASES[basis])
+        if isinstance(character, Character | BoneMap):
+            bones = character if isinstance(character, BoneMap) else character.bones
+            soles = None if isinstance(character, BoneMap) else character.soles
+            places, ground = character_joints(bones, BASES[basis], soles.floor if soles else None)
             floor = ground if floor is None else floor
             joints = {bone: place.tolist() for bone, place in places.items()}
         else:

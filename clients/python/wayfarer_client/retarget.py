@@ -4,26 +4,19 @@ tests/golden/retarget.json holds the clients of all languages to it. Nothing her
 the character's bones: its T-pose follows from the places of its joints.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from .bases import BASES, Basis
-from .bone_map import SIDES, BoneMap
-from .quaternions import (
-    IDENTITY,
-    Array,
-    arc,
-    from_axes,
-    inverse,
-    multiply,
-    rotate,
-)
+from .bone_map import BoneMap
+from .bones_by_name import SIDES
+from .joints import LEGS, alignment, lowest_joint, middle, stands
+from .quaternions import IDENTITY, Array, arc, inverse, multiply, rotate
 from .rig import BONES, PARENTS
+from .soles import Soles
 
-SNAP: Final = np.cos(np.radians(25))
-"""A rig's up or left that lies so near to one of its axes is meant to be that axis."""
 REACH: Final = 0.999
 """Largest stretch of a leg, as a share of its length."""
 SINKS: Final = 0.018
@@ -37,14 +30,10 @@ TIPTOE: Final = 0.25
 """Most that a heel rises for a foot to reach its print: radians about the ball."""
 BEND: Final = 0.1
 """Share of the thigh's length; a knee that bends less than this bends forwards."""
-HEEL: Final = 0.35
+HEEL: Final = 0.34
 """Distance of the heel behind the ankle, as a share of the way from ankle to ball."""
-TIP: Final = 0.45
+TIP: Final = 0.38
 """Distance of the tip of the toes before the ball, as a share of that way."""
-LEGS: Final = tuple(
-    tuple(BONES.index(f"{side}_{bone}") for bone in ("hip", "knee", "ankle", "foot"))
-    for side in SIDES
-)
 ARMS: Final = tuple(
     tuple(BONES.index(f"{side}_{bone}") for bone in ("shoulder", "elbow", "wrist"))
     for side in SIDES
@@ -58,7 +47,24 @@ class CharacterPose:
     rotations: dict[int, Array] = field(repr=False)  # [4] in the world
     places: dict[int, Array] = field(repr=False)  # [3] in the world
     local: dict[int, Array] = field(repr=False)  # [4] relative to the node's parent
-    hips: Array = field(repr=False)  # [3] of the hips' node, relative to its parent
+    moved: dict[int, Array] = field(repr=False)  # [3] relative to the parent: `Retarget.loose`
+    ground: float = 0.0  # height of the ground that it stands on
+
+    @property
+    def hips(self) -> Array:
+        """[3] of the hips' node, relative to its parent."""
+        return self.moved[0]
+
+
+@dataclass(frozen=True)
+class Sole:
+    """A foot in the T-pose: what of it touches the ground, relative to the ankle joint."""
+
+    ball: Array  # [3] on the ground, below the joint of the toes
+    heel: Array  # [3] on the ground
+    joint: Array  # [3] about which `toes` turn
+    fixed: Array  # [N, 3] points that turn with the ankle
+    toes: Array  # [M, 3] points that turn with the toes, relative to `joint`
 
 
 class Retarget:
@@ -70,39 +76,53 @@ class Retarget:
         rest_offsets: Array,
         basis: Basis = BASES["gltf"],
         floor: float | None = None,
+        soles: Soles | None = None,
     ) -> None:
-        """`rest_offsets` [J, 3] of the agent; `floor`: height of the character's soles at rest.
+        """`rest_offsets` [J, 3] of the agent; `floor`: height of the character's soles at rest;
+        `soles`: what its mesh tells of them (`measure_soles`).
 
-        Both in the stream's basis and unit, as is the character's own space.
+        All in the stream's basis and unit, as is the character's own space.
         """
         self.basis = basis
         rig = bone_map.rig
         self.nodes = {BONES.index(bone): node for bone, node in bone_map.bones.items()}
-        self.above = {b: _nearest(rig.ancestors(n), self.nodes) for b, n in self.nodes.items()}
+        self.above = {b: _canonical(b, self.nodes) for b in self.nodes}
+        """The bone that each follows, of those that the character has."""
+        self.hangs = {b: _nearest(rig.ancestors(n), self.nodes) for b, n in self.nodes.items()}
+        """The bone that each one's node hangs from in the file; -1: none."""
+        self.loose = tuple(b for b in self.nodes if b == 0 or self.hangs[b] != self.above[b])
+        """Bones whose places are to be set, too: the hips, and those that hang from another bone
+        than they follow.
+        """
         self._source(np.asarray(rest_offsets, float)[: len(BONES)])
-        turn = _alignment(bone_map, basis)
+        self.turn = turn = alignment(bone_map, basis)
+        """The rotation [4] from the character's axes to the basis."""
         rest = {b: multiply(turn, rig.rotations[n]) for b, n in self.nodes.items()}
         place = {b: rotate(turn, rig.places[n]) for b, n in self.nodes.items()}
         correct = self._corrections(place)
         self.rest = {b: multiply(correct[b], rest[b]) for b in self.nodes}
         """World rotation of each bone [4] in the T-pose."""
         self._offset = {}  # of each bone, in the axes of the one above
-        self._between = {}  # rest rotation of the node's parent, in the axes of the bone above
+        self._parent: dict[int, tuple[Array, Array, Array]] = {}
+        """Rotation, place and scale of each node's parent, in the axes of the bone it hangs
+        from.
+        """
         for b, node in self.nodes.items():
-            if b == 0:
+            if b:
+                a = self.above[b]
+                self._offset[b] = rotate(inverse(rest[a]), place[b] - place[a])
+            parent, a = rig.nodes[node].parent, self.hangs[b]
+            if parent < 0:
+                self._parent[b] = (IDENTITY, np.zeros(3), np.ones(3))
                 continue
-            a = self.above[b]
-            self._offset[b] = rotate(inverse(rest[a]), place[b] - place[a])
-            direct = rig.rotations[rig.nodes[node].parent]
-            self._between[b] = multiply(inverse(rig.rotations[self.nodes[a]]), direct)
-        self._thighs = rotate(inverse(rest[0]), _middle(place) - place[0])  # in the hips' axes
-        parent = rig.nodes[self.nodes[0]].parent
-        self._hips_parent = (
-            (rig.rotations[parent], rig.places[parent], rig.scales[parent])
-            if parent >= 0
-            else (IDENTITY, np.zeros(3), np.ones(3))
-        )
-        self._legs(place, correct, floor)
+            turned, at = rig.rotations[parent], rig.places[parent]
+            if a >= 0:
+                back = inverse(rig.rotations[self.nodes[a]])
+                turned = multiply(back, turned)
+                at = rotate(back, at - rig.places[self.nodes[a]])
+            self._parent[b] = (turned, at, rig.scales[parent])
+        self._thighs = rotate(inverse(rest[0]), middle(place) - place[0])  # in the hips' axes
+        self._legs(place, correct, floor, soles)
 
     def _source(self, offsets: Array) -> None:
         self.offsets = offsets
@@ -134,7 +154,11 @@ class Retarget:
         return correct
 
     def _legs(
-        self, place: dict[int, Array], correct: dict[int, Array], floor: float | None
+        self,
+        place: dict[int, Array],
+        correct: dict[int, Array],
+        floor: float | None,
+        soles: Soles | None,
     ) -> None:
         up = self.basis.up
         stand = {0: place[0]}  # joint places in the T-pose
@@ -145,13 +169,15 @@ class Retarget:
         source = self.source_rest
         legs = sum((stand[leg[0]] - stand[leg[2]]) @ up for leg in LEGS)
         scale = legs / sum((source[leg[0]] - source[leg[2]]) @ up for leg in LEGS)
-        thighs, source_thighs = _middle(stand), _middle(source)
-        if floor is None and not _stands(place, up):
+        thighs, source_thighs = middle(stand), middle(source)
+        if floor is None and soles is not None:
+            floor = soles.floor
+        if floor is None and not stands(place, up):
             sole = min(source[b] @ up for leg in LEGS for b in leg[2:])
-            floor = _lowest_joint(place, up) - scale * sole
+            floor = lowest_joint(place, up) - scale * sole
         floor = floor or 0.0
         self.foot, self.source_foot, self.stance, high = [], [], [], 0.0
-        for _, _, ankle, toe in LEGS:
+        for k, (_, _, ankle, toe) in enumerate(LEGS):
             ball = source[toe] - source[ankle]
             self.source_foot.append(self._sole(ball, source[ankle] @ up))
             own = scale * ball  # where a foot of this size would have it
@@ -159,16 +185,34 @@ class Retarget:
                 own = rotate(correct[ankle], place[toe] - place[ankle])
             height = float(place[ankle] @ up) - floor
             high += height / len(LEGS)
-            self.foot.append(self._sole(own, height))
+            foot = self._sole(own, height)
+            if soles is not None:
+                fixed, toes = (
+                    np.array([rotate(correct[ankle], point) for point in part]).reshape(-1, 3)
+                    for part in soles.feet[k]
+                )
+                if toe not in place:
+                    toes = np.zeros((0, 3))
+                foot = replace(foot, joint=own, fixed=fixed, toes=toes)
+            self.foot.append(foot)
             beside = (stand[ankle] + own - thighs - (source[toe] - source_thighs)) @ self.basis.left
             self.stance.append(beside * self.basis.left)
         self.ratio = float((legs / len(LEGS) + high) / (source_thighs @ up))
         """Height of the character's thigh joints by that of the agent's."""
+        self.floor = floor
+        """Height of the character's soles at rest."""
+        self.origin = self.basis.level(middle(place)) + floor * up
+        """The point of the ground below the character at rest [3], upright in the basis."""
 
-    def _sole(self, ball: Array, height: float) -> tuple[Array, Array, Array]:
-        """A standing foot: heel and ball relative to the ankle, tip of the toes to the ball."""
-        ahead, down = self.basis.level(ball), -height * self.basis.up
-        return down - HEEL * ahead, down + ahead, TIP * ahead
+    def _sole(self, toe: Array, height: float) -> Sole:
+        """A foot of which only the joints are known: the toes' [3] from the ankle, which is at this
+        height.
+        """
+        up = self.basis.up
+        ahead = self.basis.level(toe)
+        ball, heel = ahead - height * up, -HEEL * ahead - height * up
+        under = ball - toe
+        return Sole(ball, heel, toe, np.stack([heel, ball]), np.stack([under, under + TIP * ahead]))
 
     def pose(self, hips: Array, rotations: Array, ground: float | None = None) -> CharacterPose:
         """A frame of the stream (hips [3], local rotations [22, 4]) on the character.
@@ -184,12 +228,12 @@ class Retarget:
         if ground is None:
             ground = min(clear)
         world: dict[int, Array] = {b: multiply(turns[b], self.rest[b]) for b in self.nodes}
-        thighs = _middle(places)
+        thighs = middle(places)
         lifted = ground + (thighs @ up - ground) * self.ratio
         thighs = basis.level(thighs) + lifted * up
         found: dict[int, Array] = {0: thighs - rotate(world[0], self._thighs)}
         self._put(world, found)
-        high = [(height - ground) * self.ratio for height in clear]
+        high = [max(0.0, height - ground) * self.ratio for height in clear]
         goals = [self._goal(leg, turns, places, ground + high[leg]) for leg in range(len(LEGS))]
         sunk = max(self._lacks(LEGS[leg], goals[leg], high[leg], found) for leg in range(len(LEGS)))
         for b in found:
@@ -198,7 +242,7 @@ class Retarget:
             goal = self._raised(leg, goals[leg], turns, world, found)
             self._bend(bones, goal, turns, world, found)
         self._put(world, found)
-        return CharacterPose(world, found, *self._local(world, found[0]))
+        return CharacterPose(world, found, *self._local(world, found), ground)
 
     def _source_pose(self, hips: Array, rotations: Array) -> tuple[list[Array], list[Array]]:
         turns: list[Array] = []
@@ -214,14 +258,16 @@ class Retarget:
         return turns, places
 
     def _lowest(
-        self, sole: tuple[Array, Array, Array], turns: list[Array], bones: tuple[int, ...]
+        self, sole: Sole, turns: list[Array], bones: tuple[int, ...]
     ) -> tuple[float, Array]:
         """Height of the lowest point of a foot over its ankle, and the ball from the ankle [3]."""
-        heel, ball, tip = sole
         *_, ankle, toe = bones
-        under = rotate(turns[ankle], ball)
-        points = (rotate(turns[ankle], heel), under, under + rotate(turns[toe], tip))
-        return min(float(point @ self.basis.up) for point in points), under
+        up = self.basis.up
+        low = float((sole.fixed @ rotate(inverse(turns[ankle]), up)).min(initial=np.inf))
+        if len(sole.toes):
+            joint = float(rotate(turns[ankle], sole.joint) @ up)
+            low = min(low, joint + float((sole.toes @ rotate(inverse(turns[toe]), up)).min()))
+        return low, rotate(turns[ankle], sole.ball)
 
     def _put(self, world: dict[int, Array], places: dict[int, Array]) -> None:
         for b in self.nodes:
@@ -238,7 +284,7 @@ class Retarget:
         if np.linalg.norm(ahead) < 0.1:  # it points straight down
             ahead = basis.level(rotate(turns[0], basis.forward))
         low, ball = self._lowest(self.foot[leg], turns, bones)
-        print_at = source[ankle] + rotate(turns[ankle], self.source_foot[leg][1])
+        print_at = source[ankle] + rotate(turns[ankle], self.source_foot[leg].ball)
         beside = rotate(arc(basis.forward, ahead), self.stance[leg])
         return np.asarray(basis.level(print_at + beside - ball) + (sole - low) * up)
 
@@ -270,7 +316,8 @@ class Retarget:
         start, bend, end = (places[b] for b in (hip, knee, ankle))
         most = REACH * float(np.linalg.norm(bend - start) + np.linalg.norm(end - bend))
         basis, up, foot = self.basis, self.basis.up, turns[ankle]
-        heel, ball = (rotate(foot, point) for point in self.foot[leg][:2])
+        sole = self.foot[leg]
+        heel, ball = rotate(foot, sole.heel), rotate(foot, sole.ball)
         axis = basis.level(rotate(foot, basis.left))
         axis = axis / np.linalg.norm(axis)
         raises = np.cross(ball, axis)  # which way the ankle goes
@@ -308,9 +355,8 @@ class Retarget:
         side = (bend - start) - ((bend - start) @ along) * along
         front = rotate(turns[hip], basis.forward)
         front = front - (front @ along) * along
-        size = float(np.linalg.norm(front))
-        lacking = max(0.0, BEND * thigh - float(np.linalg.norm(side)))
-        side = side + lacking / max(size, 1e-6) * front
+        front = front / max(float(np.linalg.norm(front)), 1e-6)
+        side = side + max(0.0, BEND * thigh - float(side @ front)) * front
         side /= max(float(np.linalg.norm(side)), 1e-9)
         reach = (thigh**2 + far**2 - shin**2) / (2 * far)
         knee_at = start + reach * along + np.sqrt(max(0.0, thigh**2 - reach**2)) * side
@@ -330,66 +376,33 @@ class Retarget:
             return np.asarray(start - least * up)
         return np.asarray(start + away + down * up)
 
-    def _local(self, world: dict[int, Array], hips: Array) -> tuple[dict[int, Array], Array]:
-        turn, place, scale = self._hips_parent
-        local = {0: multiply(inverse(turn), world[0])}
+    def _local(
+        self, world: dict[int, Array], places: dict[int, Array]
+    ) -> tuple[dict[int, Array], dict[int, Array]]:
+        """Rotations [4] and, of loose bones, places [3], relative to the nodes' parents."""
+        local: dict[int, Array] = {}
+        moved: dict[int, Array] = {}
         for b in self.nodes:
-            if b:
-                parent = multiply(world[self.above[b]], self._between[b])
-                local[b] = multiply(inverse(parent), world[b])
-        return local, rotate(inverse(turn), hips - place) / scale
+            turn, at, scale = self._parent[b]
+            a = self.hangs[b]
+            if a >= 0:
+                turn = multiply(world[a], turn)
+                at = places[a] + rotate(world[a], at)
+            local[b] = multiply(inverse(turn), world[b])
+            if b in self.loose:
+                moved[b] = rotate(inverse(turn), places[b] - at) / scale
+        return local, moved
 
 
-def character_joints(
-    bone_map: BoneMap, basis: Basis = BASES["gltf"]
-) -> tuple[dict[str, Array], float | None]:
-    """Joints [3] of a character at rest by bone, upright in the basis; height of its floor.
-
-    None: it does not stand on the origin's level, and its file does not say where its floor is.
-    """
-    turn = _alignment(bone_map, basis)
-    places = {bone: rotate(turn, bone_map.rig.places[n]) for bone, n in bone_map.bones.items()}
-    numbered = {BONES.index(bone): place for bone, place in places.items()}
-    return places, 0.0 if _stands(numbered, basis.up) else None
-
-
-def _alignment(bone_map: BoneMap, basis: Basis) -> Array:
-    """The rotation from the character's axes to the basis, by where legs are."""
-    at = {BONES.index(bone): bone_map.rig.places[n] for bone, n in bone_map.bones.items()}
-    up = _snapped(_middle(at) - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
-    left = at[LEGS[0][0]] - at[LEGS[1][0]]
-    left = _snapped(left - (left @ up) * up)
-    left = left - (left @ up) * up
-    left /= np.linalg.norm(left)
-    forward = basis.handed * np.cross(left, up)
-    own = np.stack([left, up, forward], 1)
-    return from_axes(np.stack([basis.left, basis.up, basis.forward], 1) @ own.T)
-
-
-def _middle(places: dict[int, Array] | list[Array] | Array) -> Array:
-    """Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it."""
-    return np.asarray((places[LEGS[0][0]] + places[LEGS[1][0]]) / 2)
-
-
-def _lowest_joint(place: dict[int, Array], up: Array) -> float:
-    return min(float(place[b] @ up) for leg in LEGS for b in leg[2:] if b in place)
-
-
-def _stands(place: dict[int, Array], up: Array) -> bool:
-    """Its feet are so near over the origin's level that this is its floor."""
-    lowest = _lowest_joint(place, up)
-    return 0 <= lowest <= 0.25 * (float(place[0] @ up) - lowest)
+def _canonical(bone: int, nodes: dict[int, int]) -> int:
+    """The nearest bone above of those that there are; -1: none."""
+    while (bone := PARENTS[bone]) >= 0:
+        if bone in nodes:
+            return bone
+    return -1
 
 
 def _nearest(ancestors: list[int], nodes: dict[int, int]) -> int:
     """The bone of the first ancestor that is one; -1: none."""
     bones = {node: bone for bone, node in nodes.items()}
     return next((bones[node] for node in ancestors if node in bones), -1)
-
-
-def _snapped(direction: Array) -> Array:
-    direction = direction / np.linalg.norm(direction)
-    k = int(np.abs(direction).argmax())
-    if abs(direction[k]) < SNAP:
-        return np.asarray(direction)
-    return np.asarray(np.eye(3)[k] * np.sign(direction[k]))

@@ -87,3 +87,10 @@ class Rig:
         while (node := self.nodes[node].parent) >= 0:
             found.append(node)
         return found
+
+    def subtree(self, node: int) -> list[int]:
+        """A node and all below it, level by level."""
+        found = [node]
+        for k in found:
+            found.extend(self.children[k])
+        return found

@@ -7,8 +7,8 @@ with an alpha-beta filter, which has no lag while the speed is steady.
 import math
 from typing import Final
 
-from wayfarer_client.bases import Basis
-from wayfarer_client.quaternions import Array
+from .bases import Basis
+from .quaternions import Array
 
 SMOOTHING: Final = 0.3
 """Seconds: time constant of the critically damped filter."""

@@ -21,15 +21,18 @@ class Track:
     rotations: Float = field(repr=False)  # [F, B, 4] x, y, z, w
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
 
-    def on(self, character: Character, title: str = "motion") -> bytes:
+    def on(self, character: Character, title: str = "motion", scale: float = 1.0) -> bytes:
         """The character's file with this motion in it, of a session or clip in the glTF basis.
 
-        An agent made with `Client.fit_body(character.bones).spec()` has its legs.
+        An agent made with `fit = await client.fit_body(character)`, `fit.spec()` has its legs.
+        `scale`:
+        `fit.scale`: lengths are multiplied by it, and times by its root.
         """
         times = self.times
         fps = (len(times) - 1) / float(times[-1] - times[0]) if len(times) > 1 else 40.0
-        rest = self.agent.rest_offsets
-        return character.animate(self.translation, self.rotations, rest, fps, title)
+        rest = scale * np.asarray(self.agent.rest_offsets)
+        places = scale * np.asarray(self.translation)
+        return character.animate(places, self.rotations, rest, fps / scale**0.5, title)
 
     def save(self, path: str | Path) -> Path:
         """Write an npz file of these arrays, with the agent's betas and rest offsets."""

@@ -3,6 +3,7 @@
 // the engine; only its compiler does.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <deque>
@@ -124,6 +125,7 @@ class TArray {
   int32 Num() const { return static_cast<int32>(Own.size()); }
   void Add(const T& Value) { Own.push_back(Value); }
   void Append(const T* Data, int32 Count) { Own.insert(Own.end(), Data, Data + Count); }
+  bool Contains(const T& Value) const { return std::find(Own.begin(), Own.end(), Value) != Own.end(); }
   void Reset() { Own.clear(); }
   void SetNum(int32 Count) { Own.resize(static_cast<std::size_t>(Count)); }
   const T* GetData() const { return Own.data(); }
@@ -573,8 +575,46 @@ class FReferenceSkeleton {
   TArray<int32> StubParents;
   TArray<FTransform> StubRest;
 };
+struct FVector3f {
+  float X, Y, Z;
+};
+class FPositionVertexBuffer {
+ public:
+  const void* GetVertexData() const { return StubPlaces.empty() ? nullptr : StubPlaces.data(); }
+  uint32 GetNumVertices() const { return static_cast<uint32>(StubPlaces.size()); }
+  const FVector3f& VertexPosition(uint32 K) const { return StubPlaces[K]; }
+  std::vector<FVector3f> StubPlaces;
+};
+class FSkinWeightVertexBuffer {
+ public:
+  uint32 GetNumVertices() const { return static_cast<uint32>(StubBones.size()); }
+  uint32 GetMaxBoneInfluences() const { return 4; }
+  uint32 GetBoneIndex(uint32 Vertex, uint32 K) const { return K == 1 ? StubBones[Vertex] : 0; }
+  std::uint16_t GetBoneWeight(uint32, uint32 K) const { return K == 1 ? 65535 : 0; }
+  std::vector<uint32> StubBones;
+};
+struct FSkelMeshRenderSection {
+  uint32 BaseVertexIndex = 0, NumVertices = 0;
+  TArray<std::uint16_t> BoneMap;
+};
+struct FStaticMeshVertexBuffers {
+  FPositionVertexBuffer PositionVertexBuffer;
+};
+class FSkeletalMeshLODRenderData {
+ public:
+  const FSkinWeightVertexBuffer* GetSkinWeightVertexBuffer() const { return &StubWeights; }
+  FStaticMeshVertexBuffers StaticVertexBuffers;
+  TArray<FSkelMeshRenderSection> RenderSections;
+  FSkinWeightVertexBuffer StubWeights;
+};
+class FSkeletalMeshRenderData {
+ public:
+  TArray<FSkeletalMeshLODRenderData> LODRenderData;
+};
 class USkeletalMesh : public UObject {
  public:
+  FSkeletalMeshRenderData* GetResourceForRendering() const { return StubRender.get(); }
+  std::shared_ptr<FSkeletalMeshRenderData> StubRender;
   const FReferenceSkeleton& GetRefSkeleton() const { return StubSkeleton; }
   FReferenceSkeleton StubSkeleton;
 };

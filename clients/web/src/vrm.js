@@ -28,7 +28,28 @@ export class VrmCharacter extends Character {
       if (node) bones.set(name, node);
     }
     const root = humanoid.normalizedHumanBonesRoot;
-    const nodes = { ...THREE_NODES, children: (/** @type {Object3D} */ node) => (node === scene ? [root] : node.children) };
-    super(nodes, [scene], restOffsets, options, bones);
+    /** @type {Map<Object3D, Object3D>} the normalized bone of a bone that moves skin */
+    const raw = new Map();
+    for (const [name, node] of bones) {
+      const bone = humanoid.getRawBoneNode(/** @type {any} */ (name));
+      if (bone) raw.set(bone, node);
+    }
+    const { mesh, skins, put, ...nodes } = THREE_NODES; // it stands in its T-pose
+    super({
+      ...nodes,
+      children: (/** @type {Object3D} */ node) => (node === scene ? [root] : node.children),
+      mesh: (tops, all) => {
+        /** @type {Object3D[]} */
+        const own = [];
+        scene.traverse((/** @type {Object3D} */ node) => own.push(node));
+        const found = /** @type {NonNullable<typeof mesh>} */ (mesh)(tops, own);
+        const numbers = own.map((/** @type {Object3D} */ node) => {
+          let above = /** @type {Object3D | null} */ (node);
+          while (above && !raw.has(above)) above = above.parent;
+          return above ? all.indexOf(/** @type {Object3D} */ (raw.get(above))) : -1;
+        });
+        return { places: found.places, nodes: found.nodes.map((node) => numbers[node] ?? -1) };
+      },
+    }, [scene], restOffsets, options, bones);
   }
 }

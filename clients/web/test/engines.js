@@ -6,10 +6,15 @@ import { FreeCamera } from "@babylonjs/core/Cameras/freeCamera.js";
 import { Engine } from "@babylonjs/core/Engines/engine.js";
 import { NullEngine } from "@babylonjs/core/Engines/nullEngine.js";
 import { Quaternion, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
+import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
+import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
 import { TransformNode } from "@babylonjs/core/Meshes/transformNode.js";
 import { Scene } from "@babylonjs/core/scene.js";
 import { VRMHumanoid } from "@pixiv/three-vrm";
-import { Bone, Group, PerspectiveCamera, Scene as Stage, Vector3 as Place, WebGLRenderer } from "three";
+import {
+  Bone, BufferGeometry, Float32BufferAttribute, Group, PerspectiveCamera, Scene as Stage, Skeleton, SkinnedMesh, Uint16BufferAttribute,
+  Vector3 as Place, WebGLRenderer,
+} from "three";
 import { BabylonCharacter } from "../src/babylon.js";
 import { ThreeCharacter } from "../src/three.js";
 import { VrmCharacter } from "../src/vrm.js";
@@ -40,12 +45,25 @@ function threeTree(nodes) {
   return { root, made, place: (node) => made[node].getWorldPosition(new Place()).toArray() };
 }
 
-const three = (nodes, humanoid, restOffsets) => {
-  const { root, place } = threeTree(nodes);
+/** A mesh of the golden traces as a skin, each vertex moved by its node. */
+function skinned(root, made, { places, nodes }) {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new Float32BufferAttribute(places.flat(), 3));
+  geometry.setAttribute("skinIndex", new Uint16BufferAttribute(nodes.flatMap((node) => [node, 0, 0, 0]), 4));
+  geometry.setAttribute("skinWeight", new Float32BufferAttribute(nodes.flatMap(() => [1, 0, 0, 0]), 4));
+  const mesh = new SkinnedMesh(geometry);
+  root.add(mesh);
+  root.updateMatrixWorld(true);
+  mesh.bind(new Skeleton(made), mesh.matrixWorld);
+}
+
+const three = (nodes, humanoid, restOffsets, mesh) => {
+  const { root, made, place } = threeTree(nodes);
+  if (mesh) skinned(root, made, mesh);
   return { character: new ThreeCharacter(root, restOffsets), settle: threePicture(root), place };
 };
 
-const vrm = (nodes, humanoid, restOffsets, turned = false) => {
+const vrm = (nodes, humanoid, restOffsets, mesh, turned = false) => {
   const { root, made, place } = threeTree(nodes);
   root.updateMatrixWorld(true);
   const bones = Object.fromEntries(Object.entries(humanoid).map(([name, node]) => [name, { node: made[node] }]));
@@ -64,7 +82,7 @@ const vrm = (nodes, humanoid, restOffsets, turned = false) => {
   };
 };
 
-const babylon = (nodes, humanoid, restOffsets) => {
+const babylon = (nodes, humanoid, restOffsets, mesh) => {
   const scene = new Scene(inPage ? new Engine(canvas()) : new NullEngine());
   new FreeCamera("camera", new Vector3(0, 1, -5), scene);
   const root = new TransformNode("__root__", scene); // as the glTF loader makes it in a left-handed scene
@@ -78,6 +96,14 @@ const babylon = (nodes, humanoid, restOffsets) => {
     return node;
   });
   nodes.forEach(({ parent }, k) => { made[k].parent = parent < 0 ? root : made[parent]; });
+  mesh?.nodes.forEach((node, k) => { // a part of its own of each corner, that hangs from its bone
+    const part = new Mesh(`part ${k}`, scene);
+    part.parent = root;
+    const data = new VertexData();
+    data.positions = mesh.places[k];
+    data.applyToMesh(part);
+    part.setParent(made[node]);
+  });
   return {
     character: new BabylonCharacter(root, restOffsets),
     settle: () => {

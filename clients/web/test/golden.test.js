@@ -2,11 +2,11 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { BASES, PlayoutClock, PoseTrack, Retarget, Rig, SmoothRoot, BONES, mapBones } from "../src/core/index.js";
+import { BASES, PlayoutClock, PoseTrack, Retarget, Rig, SmoothRoot, BONES, mapBones, measureSoles } from "../src/core/index.js";
 import { golden } from "./golden.js";
 
 const playout = golden("playout.json");
-const { walk, cases, bones } = golden("retarget.json");
+const { walk, cases, bones, refused } = golden("retarget.json");
 
 const near = (found, wanted, within, what) => [...wanted].forEach((value, k) => (
   assert.ok(Math.abs(found[k] - value) <= within, `${what}: ${found[k]} is not ${value} (${k})`)));
@@ -59,14 +59,17 @@ test("smooth root", () => {
   }
 });
 
-for (const { name, basis, nodes, humanoid, found_by, map, ratio, poses } of cases) {
+for (const { name, basis, nodes, humanoid, found_by, map, mesh, floor, ratio, poses } of cases) {
   test(`retarget: ${name}`, () => {
     assert.deepEqual(BONES, bones);
     const found = mapBones(new Rig(nodes), humanoid, BASES[basis]);
     assert.equal(found.foundBy, found_by);
     assert.deepEqual(found.table(), map);
     const { rest_offsets, hips, rotations } = walk[basis];
-    const retarget = new Retarget(found, rest_offsets.flat(), BASES[basis]);
+    const soles = mesh && measureSoles(found, mesh.places.flat(), mesh.nodes, BASES[basis]);
+    if (mesh) near([soles.floor], [floor], 1e-5, "floor");
+    const retarget = new Retarget(found, rest_offsets.flat(), BASES[basis], NaN, soles);
+    assert.deepEqual([...retarget.loose], Object.keys(poses[0].moved).map((bone) => BONES.indexOf(bone)));
     near([retarget.ratio], [ratio], 1e-5, "ratio");
     const unit = basis.startsWith("unreal") ? 100 : 1;
     poses.forEach((pose, k) => {
@@ -76,7 +79,14 @@ for (const { name, basis, nodes, humanoid, found_by, map, ratio, poses } of case
         if (!(bone in pose.places)) return;
         near(retarget.places.subarray(3 * b, 3 * b + 3), pose.places[bone], 1e-4 * unit, `${bone} of frame ${k}`);
         nearTurn([...retarget.rotations.subarray(4 * b, 4 * b + 4)], pose.rotations[bone], 1e-4, `${bone} of frame ${k}`);
+        if (bone in pose.moved) near(retarget.moved.subarray(3 * b, 3 * b + 3), pose.moved[bone], 1e-4 * (name === "centimetres" ? 100 : unit), `${bone} of frame ${k}`);
       });
     });
+  });
+}
+
+for (const { name, nodes, says } of refused) {
+  test(`refused: ${name}`, () => {
+    assert.throws(() => mapBones(new Rig(nodes)), ({ message }) => message.includes(says));
   });
 }

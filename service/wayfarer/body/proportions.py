@@ -64,6 +64,14 @@ MIDDLES: Final = {
 ANKLES: Final = ("left_ankle", "right_ankle")
 ANKLE_HEIGHT: Final = "ankle_height"
 ANKLE_SPREAD: Final = 0.005
+BAREFOOT: Final = 0.25
+"""Share by which ankles may be higher or lower than those of the mean body with such legs. Beyond
+it a shoe lifts them, or the rig puts the joint elsewhere: that is no length of a leg.
+"""
+SOFTER: Final = 5.0
+"""How many times as wide the spreads of all but thigh and shin are, where a body of scale 1 is
+sought that has the legs, whatever else it has.
+"""
 REQUIRED: Final = tuple(f"{s}_{b}" for s in ("left", "right") for b in ("hip", "knee", "ankle"))
 
 
@@ -100,8 +108,9 @@ def fit_betas(
     """The body whose bones are as long as those between these joints [3], by canonical name.
 
     Places in metres, Z up, of the character at rest; hips, knees and ankles are needed, the other
-    bones may be missing. `floor`: height under its soles; none: the ankles' height is left free.
-    `gender`: none: the one that fits better. The scale is 1 where a person has such legs.
+    bones may be missing. `floor`: height under its soles; none, or where heels lift the ankles:
+    their height is left free. `gender`: none: the one that fits better. The scale is 1 where a
+    person of the gender, or of either, has such legs.
     Raises InvalidArgument when a joint is unknown, missing or unlike a leg.
     """
     _check(joints)
@@ -117,7 +126,7 @@ def fit_betas(
             )
         wanted[ANKLE_HEIGHT] = height
     tried = [_fit(name, one, wanted) for one in ((gender,) if gender else GENDERS)]
-    return min(tried, key=lambda found: found[0])[1]
+    return min(tried, key=lambda found: (found[1].scale != 1.0, found[0]))[1]
 
 
 def _check(joints: Mapping[str, Array]) -> None:
@@ -189,6 +198,15 @@ class _Lengths:
         return lengths.mean(1), slopes.mean(1)
 
 
+def _leg_of(lengths: Mapping[str, float]) -> float:
+    return lengths["thigh"] + lengths["shin"]
+
+
+def _at_mean(name: str, gender: str, measures: tuple[str, ...]) -> list[float]:
+    body = _lengths_of(name, gender, measures)
+    return [float(length) for length in body.at(np.zeros(body.dirs.shape[-1]))[0]]
+
+
 @cache
 def _lengths_of(name: str, gender: str, measures: tuple[str, ...]) -> _Lengths:
     body = load_body(name, gender)
@@ -213,6 +231,11 @@ def _fit(name: str, gender: str, wanted: Mapping[str, float]) -> tuple[float, Bo
     """(cost, fit) of one gender."""
     from scipy.optimize import least_squares  # 30 MB and .2 s that a server without fits is spared
 
+    if ANKLE_HEIGHT in wanted:
+        mean = dict(zip(wanted, _at_mean(name, gender, tuple(wanted)), strict=True))
+        barefoot = mean[ANKLE_HEIGHT] * _leg_of(wanted) / _leg_of(mean)
+        if abs(wanted[ANKLE_HEIGHT] / barefoot - 1) > BAREFOOT:
+            wanted = {n: length for n, length in wanted.items() if n != ANKLE_HEIGHT}
     body = _lengths_of(name, gender, tuple(wanted))
     target = np.array(list(wanted.values()))
     spreads = np.array([MEASURES[n].spread if n in MEASURES else ANKLE_SPREAD for n in wanted])
@@ -221,7 +244,8 @@ def _fit(name: str, gender: str, wanted: Mapping[str, float]) -> tuple[float, Bo
     def leg(betas: Array) -> float:
         return float(body.at(betas)[0][:2].sum())  # thigh and shin come first
 
-    def solve(free_scale: bool) -> tuple[Array, float, float]:
+    def solve(free_scale: bool, softer: float = 1.0) -> tuple[Array, float]:
+        widths = spreads * np.where(np.arange(len(spreads)) < 2, 1.0, softer)
         prior = np.full(count + free_scale, PRIOR)
         bounds = np.full(len(prior), BOUND)
         start = np.zeros(len(prior))
@@ -232,23 +256,30 @@ def _fit(name: str, gender: str, wanted: Mapping[str, float]) -> tuple[float, Bo
 
         def residuals(x: Array) -> Array:
             shrunk = target * np.exp(-x[count:].sum())
-            return np.concatenate([(body.at(x[:count])[0] - shrunk) / spreads, prior * x])
+            return np.concatenate([(body.at(x[:count])[0] - shrunk) / widths, prior * x])
 
         def slopes(x: Array) -> Array:
             columns = [body.at(x[:count])[1]]
             if free_scale:
                 columns.append((target * np.exp(-x[-1]))[:, None])
-            own = np.concatenate(columns, 1) / spreads[:, None]
+            own = np.concatenate(columns, 1) / widths[:, None]
             return np.concatenate([own, np.diag(prior)])
 
         made = least_squares(residuals, start, slopes, bounds=(-bounds, bounds))
-        return made.x[:count], float(np.exp(made.x[count:].sum())), float(made.cost)
+        return made.x[:count], float(np.exp(made.x[count:].sum()))
 
-    betas, scale, cost = solve(free_scale=False)
-    if abs(leg(betas) - target[:2].sum()) > SAME_SIZE:
-        betas, scale, cost = solve(free_scale=True)
+    for softer in (1.0, SOFTER):
+        betas, scale = solve(free_scale=False, softer=softer)
+        if abs(leg(betas) - target[:2].sum()) <= SAME_SIZE:
+            break
+    else:
+        betas, scale = solve(free_scale=True)
+    lengths = body.at(betas)[0]
     fitted = tuple(
         FittedLength(n, float(asked), float(got * scale))
-        for n, asked, got in zip(wanted, target, body.at(betas)[0], strict=True)
+        for n, asked, got in zip(wanted, target, lengths, strict=True)
     )
-    return cost, BodyFit(gender, tuple(float(b) for b in betas.round(6)), scale, fitted)
+    missed = np.concatenate([(lengths - target / scale) / spreads, PRIOR * betas])
+    return float(missed @ missed), BodyFit(
+        gender, tuple(float(b) for b in betas.round(6)), scale, fitted
+    )

@@ -1,5 +1,6 @@
 """Motion without a server: a world is stepped as fast as it goes and its frames become a clip."""
 
+import math
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -33,6 +34,8 @@ from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.world import World
 
+SPEED = 1.2
+"""Metres per second of a person, if nothing else is asked for."""
 CANDIDATES = 4
 """Candidates per step of the online search, if nothing else is asked for."""
 
@@ -88,7 +91,13 @@ def generate(
         float | None,
         typer.Option(help="Standing height in metres, e.g. 1.70; without it, the mean body."),
     ] = None,
-    speed: Annotated[float, typer.Option(help="Target speed, metres per second.")] = 1.2,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="Target speed, metres per second; default 1.2, for a --character of another size "
+            "than a person's 1.2 times the root of its scale."
+        ),
+    ] = None,
     heading: Annotated[
         float, typer.Option(help="Heading at the start, in radians; 0 faces +Y.")
     ] = 0.0,
@@ -162,8 +171,15 @@ def generate(
     options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
     own = None if character is None else read_character(character, options)
-    goals = [Goal(_place(text), speed=speed) for text in goal or []]
-    gender, betas = _body(gender, height, own)
+    gender, betas, scale = _body(gender, height, own)
+    pace = math.sqrt(scale)  # times of a character of this scale by those of a person
+    if speed is None:
+        speed = SPEED * pace
+    goals = []
+    for text in goal or []:
+        x, y, z = _place(text)
+        goals.append(Goal((x / scale, y / scale, z / scale), speed=speed / pace))
+    seconds = seconds / pace
     spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
     bundle = open_bundle(model, threads)
     world = bundle.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
@@ -182,23 +198,27 @@ def generate(
     if own is None:
         write_clip(target, clip, options)
     else:
-        target.write_bytes(on_character(clip, own, options, target.stem))
+        target.write_bytes(on_character(clip, own, options, target.stem, scale))
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
     kept = ", of which the file has one cycle" if loop else ""
-    typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}{kept}")
+    size = f", for a character of {scale:.2f} times a person's size" if scale != 1.0 else ""
+    typer.echo(f"{target}: {clip.frames} frames, {pace * clip.seconds:.1f} s{reached}{kept}{size}")
 
 
 def _body(
     gender: str | None, height: float | None, character: Character | None
-) -> tuple[str, tuple[float, ...]]:
-    """Gender and betas of the person. Raises InvalidArgument, NotFound."""
+) -> tuple[str, tuple[float, ...], float]:
+    """Gender and betas of the person, and the character's scale. Raises InvalidArgument,
+    NotFound.
+    """
+    fit = None if character is None else body_of(character, gender)
+    scale = 1.0 if fit is None else fit.scale
     if height is not None:
         gender = gender or "female"
-        return gender, tuple(betas_from_phenotype(gender, height))
-    if character is not None:
-        fit = body_of(character, gender)
-        return fit.gender, fit.betas
-    return gender or "female", (0.0,) * BETAS
+        return gender, tuple(betas_from_phenotype(gender, height)), scale
+    if fit is not None:
+        return fit.gender, fit.betas, scale
+    return gender or "female", (0.0,) * BETAS, 1.0
 
 
 def _beam(

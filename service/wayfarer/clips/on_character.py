@@ -1,5 +1,7 @@
 """Clips on a user's own character: its file with the motion in it."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +10,10 @@ from wayfarer.body.library import load_body
 from wayfarer.body.proportions import BodyFit, fit_betas
 from wayfarer.body.rotation import GLTF_FROM_CORE, gltf_quaternion
 from wayfarer.characters.character import Character
-from wayfarer.characters.retarget import character_joints
 from wayfarer.clips.clip import Clip
 from wayfarer.clips.files import FileFormat, FileOptions, RootMotion, edited
 from wayfarer.errors import InvalidArgument, NotFound
+from wayfarer.spec import FPS
 
 
 def read_character(path: Path, options: FileOptions) -> Character:
@@ -27,21 +29,31 @@ def read_character(path: Path, options: FileOptions) -> Character:
 
 def body_of(character: Character, gender: str | None = None) -> BodyFit:
     """The body with its proportions. Raises InvalidArgument."""
-    joints, floor = character_joints(character.bones)
+    joints, floor = character.joints()
     # of glTF's axes into ours, which is the same map as back
     return fit_betas({b: GLTF_FROM_CORE @ place for b, place in joints.items()}, floor, gender)
 
 
-def on_character(clip: Clip, character: Character, options: FileOptions, title: str) -> bytes:
-    """The character's file with the clip as its first animation. Raises InvalidArgument."""
+def on_character(
+    clip: Clip, character: Character, options: FileOptions, title: str, scale: float = 1.0
+) -> bytes:
+    """The character's file with the clip as its first animation. Raises InvalidArgument.
+
+    `scale`: size of the character by that of the clip's body. Lengths are multiplied by it and
+    times by its root, as pendulums swing: so do the legs of people and animals of any size.
+    """
+    if scale != 1.0:
+        clip = replace(clip, fps=clip.fps / math.sqrt(scale))
+        options = replace(options, fps=options.fps or FPS)
     clip, _ = edited(clip, options)
     body = load_body(clip.body, clip.gender)
     rest = body.rest_joints(np.asarray(clip.betas))
     rest[1:] -= rest[body.parents[1:]]
     return character.animate(
-        clip.translation @ GLTF_FROM_CORE.T,
+        scale * clip.translation @ GLTF_FROM_CORE.T,
         gltf_quaternion(np.asarray(clip.rotations, np.float64)),
-        rest @ GLTF_FROM_CORE.T,
+        scale * rest @ GLTF_FROM_CORE.T,
         clip.fps,
         title,
+        ground=0.0,
     )

@@ -184,7 +184,7 @@ def test_samples_differ_and_seeds_repeat(url, model):
                 | {"joints": skeleton_of(GLTF[0].rig)["joints"][:3]}
             },
             "invalid_skeleton",
-            "tell its",
+            "no node was found",
         ),
         ({"model": "kimodo"}, "unknown_model", "kimodo"),
         ({"speed": 3}, "schema_validation", ""),

@@ -12,4 +12,5 @@
 #include "wayfarer/retarget.hpp"
 #include "wayfarer/rig.hpp"
 #include "wayfarer/root.hpp"
+#include "wayfarer/soles.hpp"
 #include "wayfarer/tiers.hpp"

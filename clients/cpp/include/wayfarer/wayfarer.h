@@ -114,6 +114,10 @@ WF_API int32_t wf_map_node(const wf_map *map, int32_t bone);
 /* Say which node a bone is (NULL: none). 0, or WF_ERROR with the map as before. */
 WF_API int32_t wf_map_correct(wf_map *map, const char *bone, const char *node_name);
 
+/* What the mesh at rest tells of the soles: vertices [count][3] in the rig's space, and the node that moves each most. All
+   that is made of the map afterwards counts with them. 1; 0: a foot has no vertices; or WF_ERROR. */
+WF_API int32_t wf_map_soles(wf_map *map, const char *basis, const double *places, const int32_t *nodes, size_t count);
+
 /* Places [22][3] of the joints at rest, upright in the basis (of the rig's handedness), and the height of the floor (NAN:
    not known): what POST /v1/bodies:fit asks for, to make an agent with the character's proportions. */
 WF_API int32_t wf_map_joints(const wf_map *map, const char *basis, double *places, double *floor);
@@ -130,7 +134,10 @@ WF_API int32_t wf_retarget_pose(wf_retarget *retarget, const float *frame, size_
    to the nodes' parents, [22][4]; the same in the world; places in the world, [22][3]. */
 WF_API void wf_retarget_local(const wf_retarget *retarget, double *rotations);
 WF_API void wf_retarget_world(const wf_retarget *retarget, double *rotations, double *places);
-/* Place of the hips' node relative to its parent. */
+/* Place of a bone's node relative to its parent: 1 where it is to be set, as of the hips and of bones that hang from
+   another bone than they follow; 0 where it stays. */
+WF_API int32_t wf_retarget_moved(const wf_retarget *retarget, int32_t bone, double place[3]);
+/* The same of the hips. */
 WF_API void wf_retarget_hips(const wf_retarget *retarget, double place[3]);
 /* Height of the character's thigh joints by that of the agent's. */
 WF_API double wf_retarget_ratio(const wf_retarget *retarget);

@@ -37,6 +37,8 @@ var retarget: WayfarerRetarget
 var root: WayfarerSmoothRoot
 
 var _bone_of: Dictionary[int, int] = {}  # node of the rig → bone of the skeleton
+var _rest: Array[Transform3D] = []  # of each bone in the skeleton's space, as the skin was bound
+var _soles: WayfarerSoles
 var _size := Vector3.ONE
 var _seen := ""  # the session that the rest belongs to
 var _creating := false
@@ -145,7 +147,7 @@ func _create(source: WayfarerSession) -> void:
 	spec.heading = character.global_rotation.y - source.global_rotation.y
 	var failure := ""
 	if fit_body:
-		var joints := WayfarerCharacterJoints.new(map, WayfarerBasis.new())
+		var joints := WayfarerCharacterJoints.new(map, WayfarerBasis.new(), _soles)
 		var fit: WayfarerApi.Reply = await source.api.fit_body(joints)
 		failure = fit.error
 		if failure == "":
@@ -168,7 +170,8 @@ func _find_agent(source: WayfarerSession) -> void:
 	for found: WayfarerMotionPlayer.PlayedAgent in source.player.agents.values():
 		if found.agent.id == id:
 			played = found
-			retarget = WayfarerRetarget.new(map, found.agent.rest_offsets)
+			var offsets := found.agent.rest_offsets
+			retarget = WayfarerRetarget.new(map, offsets, WayfarerBasis.new(), NAN, _soles)
 			root = WayfarerSmoothRoot.new(WayfarerBasis.new())
 
 
@@ -191,14 +194,25 @@ func _pose(source: WayfarerSession) -> void:
 	for b in retarget.mapped:
 		if b > 0:
 			skeleton.set_bone_pose_rotation(_bone_of[map.node(b)], retarget.local[b])
-	var hips := _bone_of[map.node(0)]
+	for b in retarget.loose:
+		if retarget.hangs(b) >= 0:  # from another bone than it follows
+			skeleton.set_bone_pose_position(_bone_of[map.node(b)], retarget.moved[b])
+		else:
+			_put(skeleton, _bone_of[map.node(b)], space * _world_of(b))
+
+
+func _world_of(b: int) -> Transform3D:
+	return Transform3D(Basis(retarget.rotations[b]), retarget.places[b])
+
+
+## Put a bone that hangs from what does not move, by its place in the scene.
+func _put(skeleton: Skeleton3D, bone: int, wanted: Transform3D) -> void:
 	var above := skeleton.global_transform
-	if skeleton.get_bone_parent(hips) >= 0:
-		above *= skeleton.get_bone_global_pose(skeleton.get_bone_parent(hips))
-	var wanted := space * Transform3D(Basis(retarget.rotations[0]), retarget.places[0])
+	if skeleton.get_bone_parent(bone) >= 0:
+		above *= skeleton.get_bone_global_pose(skeleton.get_bone_parent(bone))
 	var turned := above.basis.get_rotation_quaternion().inverse()
-	skeleton.set_bone_pose_rotation(hips, turned * wanted.basis.get_rotation_quaternion())
-	skeleton.set_bone_pose_position(hips, above.affine_inverse() * wanted.origin)
+	skeleton.set_bone_pose_rotation(bone, turned * wanted.basis.get_rotation_quaternion())
+	skeleton.set_bone_pose_position(bone, above.affine_inverse() * wanted.origin)
 
 
 ## The skeleton at rest as the core's rig; the character itself is taken to stand at the origin.
@@ -208,15 +222,88 @@ func _read_rig(skeleton: Skeleton3D) -> void:
 	rig.add("character", -1, Vector3.ZERO, Quaternion.IDENTITY, _size)
 	var between := character.global_transform.affine_inverse() * skeleton.global_transform
 	_add(rig, "skeleton", 0, between)
+	var meshes := skeleton.find_children("*", "MeshInstance3D", true, false)
+	_find_rest(skeleton, meshes)
 	for bone in skeleton.get_parentless_bones():
 		_collect(rig, skeleton, bone, 1)
 	map = WayfarerBoneMap.of(rig)
 	if not corrections.is_empty():
 		map = map.corrected(corrections)
+	if map.error == "":
+		_measure_soles(skeleton, meshes, Transform3D(Basis.from_scale(_size)) * between)
+
+
+## Rest is what the skin was bound to, where the skeleton's own rest is a frame of an animation.
+func _find_rest(skeleton: Skeleton3D, meshes: Array[Node]) -> void:
+	_rest.clear()
+	for bone in skeleton.get_bone_count():
+		_rest.append(skeleton.get_bone_global_rest(bone))
+	for mesh: MeshInstance3D in meshes:
+		if mesh.skin == null:
+			continue
+		var moves: Array[Transform3D] = []
+		for k in mesh.skin.get_bind_count():
+			var bone := _bind_bone(skeleton, mesh.skin, k)
+			if bone >= 0:
+				moves.append(skeleton.get_bone_global_rest(bone) * mesh.skin.get_bind_pose(k))
+		var alike := func(move: Transform3D) -> bool: return _near(move, moves[0])
+		if moves.is_empty() or moves.all(alike):
+			continue
+		for k in mesh.skin.get_bind_count():
+			var bone := _bind_bone(skeleton, mesh.skin, k)
+			if bone >= 0:
+				_rest[bone] = mesh.skin.get_bind_pose(k).affine_inverse()
+
+
+static func _near(a: Transform3D, b: Transform3D) -> bool:
+	var off := a.origin.distance_to(b.origin)
+	return off < 0.01 and a.basis.x.distance_to(b.basis.x) < 0.01 * b.basis.x.length() + 0.001
+
+
+static func _bind_bone(skeleton: Skeleton3D, skin: Skin, bind: int) -> int:
+	var name := skin.get_bind_name(bind)
+	return skeleton.find_bone(name) if name != &"" else skin.get_bind_bone(bind)
+
+
+## The vertices of its skins at rest, with the bone that moves each most.
+func _measure_soles(skeleton: Skeleton3D, meshes: Array[Node], space: Transform3D) -> void:
+	var places := PackedVector3Array()
+	var nodes := PackedInt32Array()
+	for mesh: MeshInstance3D in meshes:
+		if mesh.skin == null or mesh.mesh == null:
+			continue
+		var moves: Array[Transform3D] = []
+		var movers := PackedInt32Array()
+		for k in mesh.skin.get_bind_count():
+			var bone := _bind_bone(skeleton, mesh.skin, k)
+			moves.append(Transform3D() if bone < 0 else _rest[bone] * mesh.skin.get_bind_pose(k))
+			movers.append(-1 if bone < 0 else _bone_of.find_key(bone))
+		for surface in mesh.mesh.get_surface_count():
+			var arrays := mesh.mesh.surface_get_arrays(surface)
+			if arrays[Mesh.ARRAY_BONES] == null or arrays[Mesh.ARRAY_WEIGHTS] == null:
+				continue
+			var vertices: PackedVector3Array = arrays[Mesh.ARRAY_VERTEX]
+			var weights: PackedFloat32Array = arrays[Mesh.ARRAY_WEIGHTS]
+			@warning_ignore("integer_division")
+			var count := weights.size() / maxi(1, vertices.size())
+			for v in vertices.size():
+				var most := count * v
+				for k in range(count * v, count * v + count):
+					most = k if weights[k] > weights[most] else most
+				var bind: int = arrays[Mesh.ARRAY_BONES][most]
+				if movers[bind] >= 0:
+					places.append(space * (moves[bind] * vertices[v]))
+					nodes.append(movers[bind])
+	_soles = WayfarerSoles.measure(map, places, nodes)
 
 
 func _collect(rig: WayfarerRig, skeleton: Skeleton3D, bone: int, parent: int) -> void:
-	var node := _add(rig, skeleton.get_bone_name(bone), parent, skeleton.get_bone_rest(bone))
+	var above := skeleton.get_bone_parent(bone)
+	var rest := _rest[bone] if above < 0 else _rest[above].affine_inverse() * _rest[bone]
+	if not rest.is_equal_approx(skeleton.get_bone_rest(bone)):
+		skeleton.set_bone_rest(bone, rest)
+		skeleton.set_bone_pose(bone, rest)
+	var node := _add(rig, skeleton.get_bone_name(bone), parent, rest)
 	_bone_of[node] = bone
 	for child in skeleton.get_bone_children(bone):
 		_collect(rig, skeleton, child, node)

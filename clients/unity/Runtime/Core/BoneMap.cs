@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using System.Globalization;
 using System.Linq;
 
 namespace Wayfarer
@@ -14,6 +15,11 @@ namespace Wayfarer
         {
             "pelvis", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
         };
+
+        private const double Uneven = 1.01; // what the scales of a node's axes may be of each other at most
+
+        private static readonly string[] TrunkBones = { "pelvis", "spine1", "spine2", "spine3", "neck", "head" };
+        private static readonly string[] Branching = { "hip", "collar", "shoulder" }; // from any bone of the trunk
 
         private readonly Dictionary<string, int> bones;
 
@@ -43,14 +49,21 @@ namespace Wayfarer
         /// letter) → nodes, or null; <paramref name="basis"/>: of the rig's space, for its up; <paramref name="correct"/>: as
         /// <see cref="Corrected(IReadOnlyDictionary{string, int})"/>, also of what would be refused without.
         /// </summary>
-        /// <exception cref="ArgumentException">It names the hips or legs that are missing.</exception>
+        /// <exception cref="ArgumentException">
+        /// It says what is missing, or why this is nothing that walks on two legs.
+        /// </exception>
         public static BoneMap Of(
             Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis, IReadOnlyDictionary<string, int> correct = null)
         {
             string foundBy;
             Dictionary<string, int> found = Find(rig, humanoid, basis, out foundBy);
-            bool asFound = correct == null || correct.Count == 0;
-            return asFound ? new BoneMap(rig, found, foundBy) : new BoneMap(rig, Changed(found, correct));
+            if (correct != null && correct.Count > 0)
+            {
+                return new BoneMap(rig, Changed(found, correct));
+            }
+            var map = new BoneMap(rig, Kept(rig, found), foundBy);
+            BipedCheck.Check(map, basis);
+            return map;
         }
 
         /// <summary>What is found, enough or not, and how.</summary>
@@ -140,40 +153,80 @@ namespace Wayfarer
             string[] lacking = Required.Where(bone => !bones.ContainsKey(bone)).ToArray();
             if (lacking.Length > 0)
             {
+                IEnumerable<string> known = lacking.Select(Role).Distinct()
+                    .Select(role => role + ": " + string.Join(", ", BoneNames.Roles[role]));
                 throw new ArgumentException(
-                    "neither names nor shape of this rig tell its " + string.Join(", ", lacking)
-                    + ": say which nodes these are, by a correction");
-            }
-            foreach (string side in Sides)
-            {
-                MustHang(side + "_hip", "pelvis");
-                MustHang(side + "_knee", side + "_hip");
-                MustHang(side + "_ankle", side + "_knee");
-            }
-            var boneOf = new Dictionary<int, string>();
-            foreach (string bone in Bones.Names.Where(bones.ContainsKey))
-            {
-                boneOf[bones[bone]] = bone;
+                    "no node was found for " + string.Join(", ", lacking)
+                    + ", neither by names nor by shape: say which they are, by a correction. Known names, with sides as in LeftFoot, "
+                    + "foot_l, foot.L: " + string.Join("; ", known.ToArray()));
             }
             foreach (string bone in Bones.Names.Where(bones.ContainsKey))
             {
-                string above = Rig.Ancestors(bones[bone]).Where(boneOf.ContainsKey).Select(n => boneOf[n]).FirstOrDefault();
-                bool right = bone == "pelvis" ? above == null : above != null && Bones.IndexOf(above) < Bones.IndexOf(bone);
-                if (!right)
+                string other = Misplaced(Rig, bones, bone);
+                if (other != null)
                 {
+                    string said = bones[other] == bones[bone] ? "is " + other + ", too" : "hangs from " + other;
+                    throw new ArgumentException(bone + ": \"" + Rig.Name(bones[bone]) + "\" " + said);
+                }
+            }
+            foreach (int node in bones.Values.SelectMany(Rig.Ancestors).Distinct())
+            {
+                double[] scale = Rig.OwnScale(node);
+                if (!(scale.Max() > 0 && scale.Max() <= Uneven * scale.Min()))
+                {
+                    string[] sizes = scale.Select(size => size.ToString("G6", CultureInfo.InvariantCulture)).ToArray();
                     throw new ArgumentException(
-                        bone + ": \"" + Rig.Name(bones[bone]) + "\" hangs from " + (above ?? "no bone"));
+                        "\"" + Rig.Name(node) + "\" is scaled by " + string.Join(", ", sizes)
+                        + ": bones below it would be sheared or mirrored as they turn. Apply its scale to the model, and export it again");
                 }
             }
         }
 
-        private void MustHang(string lower, string upper)
+        /// <summary>Without bones that are not needed and cannot be where they were found.</summary>
+        private static Dictionary<string, int> Kept(Rig rig, Dictionary<string, int> found)
         {
-            if (!Rig.Ancestors(bones[lower]).Contains(bones[upper]))
+            var kept = new Dictionary<string, int>(found);
+            foreach (string bone in Bones.Names)
             {
-                throw new ArgumentException(
-                    lower + ": \"" + Rig.Name(bones[lower]) + "\" does not hang from the " + upper);
+                if (kept.ContainsKey(bone) && !Required.Contains(bone) && Misplaced(rig, kept, bone) != null)
+                {
+                    kept.Remove(bone);
+                }
             }
+            return kept;
+        }
+
+        /// <summary>Another bone that a bone hangs from, or is, and should not; null: none.</summary>
+        private static string Misplaced(Rig rig, Dictionary<string, int> bones, string bone)
+        {
+            int node = bones[bone];
+            string twin = Bones.Names.FirstOrDefault(b => b != bone && bones.ContainsKey(b) && bones[b] == node);
+            if (twin != null)
+            {
+                return twin;
+            }
+            string above = rig.Ancestors(node)
+                .Select(k => Bones.Names.FirstOrDefault(b => bones.ContainsKey(b) && bones[b] == k)).FirstOrDefault(b => b != null);
+            if (above == null || Line(bone).Contains(above))
+            {
+                return null;
+            }
+            bool branches = Branching.Contains(Role(bone)) || TrunkBones.Contains(bone);
+            return branches && TrunkBones.Contains(above) && !Line(above).Contains(bone) ? null : above;
+        }
+
+        /// <summary>The bones above one, to the pelvis.</summary>
+        private static IEnumerable<string> Line(string bone)
+        {
+            for (int k = Bones.Parent(Bones.IndexOf(bone)); k >= 0; k = Bones.Parent(k))
+            {
+                yield return Bones.Names[k];
+            }
+        }
+
+        private static string Role(string bone)
+        {
+            return Sides.Contains(bone.Split('_')[0]) ? bone.Substring(bone.IndexOf('_') + 1) : bone;
         }
     }
 }

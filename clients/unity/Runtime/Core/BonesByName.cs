@@ -11,6 +11,8 @@ namespace Wayfarer
         private static readonly Regex Breaks = new Regex(
             "(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Za-z])(?=[0-9])|(?<=[0-9])(?=[A-Za-z])");
 
+        private static readonly Regex Tokens = new Regex("[A-Za-z]+|[^\\u0000-\\u007f]+");
+
         private static readonly string[][] Limbs = // role, and the role of the bone that it hangs from
         {
             new[] { "hip", "" }, new[] { "knee", "hip" }, new[] { "ankle", "knee" }, new[] { "foot", "ankle" },
@@ -46,28 +48,34 @@ namespace Wayfarer
                     Take(which + "_" + limb[0], limb[0], which, Node(which + "_" + limb[1]));
                 }
             }
-            Take("pelvis", "pelvis", "", -1);
-            int left = Node("left_hip"), right = Node("right_hip");
-            if (left >= 0 && right >= 0)
-            {
-                List<int> shared = above[left].Where(above[right].Contains).ToList();
-                if (shared.Count > 0 && !shared.Contains(Node("pelvis")))
-                {
-                    bones["pelvis"] = shared[0];
-                }
-            }
             Take("neck", "neck", "", -1);
             Take("head", "head", "", Node("neck"));
-            int low = Node("pelvis"), top = Node("neck") >= 0 ? Node("neck") : Node("head");
-            if (low >= 0 && top < 0)
-            {
-                FindTrunk(low);
-            }
-            else if (low >= 0 && above[top].Contains(low))
-            {
-                BonesByTable.SpreadSpine(Between(low, top), bones);
-            }
+            Take("pelvis", "pelvis", "", -1);
+            FindPelvis();
+            FindSpine();
             return bones;
+        }
+
+        /// <summary>A node of a limb whose name tells the other side than its bone; -1: none, or most tell the one found.</summary>
+        public static int Contradicted(BoneMap map)
+        {
+            var names = new BonesByName(map.Rig);
+            int against = -1, told = 0;
+            foreach (string bone in Bones.Names)
+            {
+                int node = map.Node(bone);
+                string which = bone.Split('_')[0];
+                if (node < 0 || !BoneMap.Sides.Contains(which) || names.side[node] == "")
+                {
+                    continue;
+                }
+                told += names.side[node] == which ? 1 : -1;
+                if (names.side[node] != which && against < 0)
+                {
+                    against = node;
+                }
+            }
+            return told < 0 ? against : -1;
         }
 
         private int Node(string bone)
@@ -81,70 +89,132 @@ namespace Wayfarer
         {
             side[node] = rest[node] = "";
             string last = (rig.Name(node) ?? "").Split(':', '|').Last();
-            string[] tokens = Regex.Split(Breaks.Replace(last, " "), "[^A-Za-z]+")
-                .Where(token => token.Length > 0).Select(token => token.ToLowerInvariant()).ToArray();
+            string[] tokens = Tokens.Matches(Breaks.Replace(last, " ")).Cast<Match>()
+                .Select(match => match.Value.ToLowerInvariant()).ToArray();
             if (tokens.Any(BoneNames.Helpers.Contains))
             {
                 return;
             }
-            foreach (string token in tokens)
+            foreach (string each in tokens)
             {
-                if (BoneNames.Left.Contains(token))
-                {
-                    side[node] = "left";
-                }
-                else if (BoneNames.Right.Contains(token))
-                {
-                    side[node] = "right";
-                }
-                else if (!BoneNames.Noise.Contains(token))
+                string token = Unsided(Unsided(each, BoneNames.Left, "left", node), BoneNames.Right, "right", node);
+                if (!BoneNames.Noise.Contains(token))
                 {
                     rest[node] += token;
                 }
             }
         }
 
-        /// <summary>The uppermost node of a role's first word that any has, below <paramref name="inside"/> (-1: all).</summary>
+        /// <summary>A token without a word for a side, with which words begin in scripts without spaces.</summary>
+        private string Unsided(string token, IEnumerable<string> marks, string which, int node)
+        {
+            foreach (string mark in marks)
+            {
+                if (token == mark || (mark[0] > 127 && token.StartsWith(mark, StringComparison.Ordinal)))
+                {
+                    side[node] = which;
+                    return token.Substring(mark.Length);
+                }
+            }
+            return token;
+        }
+
+        /// <summary>
+        /// The uppermost node of a role's first word that any has; below <paramref name="inside"/>, if any is there. Otherwise
+        /// anywhere: feet of IK rigs hang from the root. A word that stands for two roles, as foot, is not looked for there.
+        /// </summary>
         private void Take(string bone, string role, string which, int inside)
         {
-            foreach (string word in BoneNames.Roles[role])
+            foreach (int within in inside < 0 ? new[] { -1 } : new[] { inside, -1 })
             {
-                int first = -1;
-                for (int k = 0; k < rig.Count; k++)
+                foreach (string word in BoneNames.Roles[role])
                 {
-                    bool fits = rest[k] == word && side[k] == which && !taken.Contains(k)
-                        && (inside < 0 || above[k].Contains(inside));
-                    if (fits && (first < 0 || above[k].Count < above[first].Count))
+                    int first = -1;
+                    bool shared = within < 0 && inside >= 0 && role == "foot" && word == "foot";
+                    for (int k = 0; k < rig.Count && !shared; k++)
                     {
-                        first = k;
+                        bool fits = rest[k] == word && side[k] == which && !taken.Contains(k)
+                            && (within < 0 || above[k].Contains(within));
+                        if (fits && (first < 0 || above[k].Count < above[first].Count))
+                        {
+                            first = k;
+                        }
+                    }
+                    if (first >= 0)
+                    {
+                        bones[bone] = first;
+                        taken.Add(first);
+                        return;
                     }
                 }
-                if (first >= 0)
+            }
+        }
+
+        /// <summary>What the trunk leads to: the neck, or the head, or both arms.</summary>
+        private int[] Top()
+        {
+            int one = Node("neck") >= 0 ? Node("neck") : Node("head");
+            if (one >= 0)
+            {
+                return new[] { one };
+            }
+            int[] arms = BoneMap.Sides.Select(
+                which => Node(which + "_collar") >= 0 ? Node(which + "_collar") : Node(which + "_shoulder")).ToArray();
+            return arms.Min() >= 0 ? arms : new int[0];
+        }
+
+        private int[] Thighs()
+        {
+            return BoneMap.Sides.Select(which => Node(which + "_hip")).Where(node => node >= 0).ToArray();
+        }
+
+        /// <summary>It carries both legs and the trunk: else it is the lowest node that does.</summary>
+        private void FindPelvis()
+        {
+            int[] legs = Thighs();
+            if (legs.Length < 2)
+            {
+                return;
+            }
+            foreach (int[] carried in new[] { legs.Concat(Top()).ToArray(), legs })
+            {
+                List<int> shared = Shared(carried);
+                if (shared.Contains(Node("pelvis")))
                 {
-                    bones[bone] = first;
-                    taken.Add(first);
+                    return;
+                }
+                if (shared.Count > 0)
+                {
+                    bones["pelvis"] = shared[0];
                     return;
                 }
             }
         }
 
-        /// <summary>Nodes with a name between two, from below.</summary>
-        private List<int> Between(int low, int top)
+        /// <summary>The nodes from which all of these hang, from below.</summary>
+        private List<int> Shared(int[] nodes)
         {
-            return above[top].TakeWhile(k => k != low).Reverse().Where(k => rest[k] != "").ToList();
+            return above[nodes[0]].Where(k => nodes.All(n => above[n].Contains(k))).ToList();
         }
 
-        /// <summary>Spine, neck and head of a rig that only numbers them, as Rigify: by where arms branch off.</summary>
-        private void FindTrunk(int pelvis)
+        /// <summary>
+        /// The trunk's bones, from which no thigh hangs; those of rigs that only number them, as Rigify, with neck and head: by
+        /// where arms branch off.
+        /// </summary>
+        private void FindSpine()
         {
-            int[] arms = BoneMap.Sides.Select(
-                which => Node(which + "_collar") >= 0 ? Node(which + "_collar") : Node(which + "_shoulder")).ToArray();
-            if (arms.Min() < 0)
+            int[] top = Top();
+            if (top.Length == 0 || Node("pelvis") < 0)
             {
                 return;
             }
-            List<int> shared = above[arms[0]].Where(above[arms[1]].Contains).ToList();
-            if (shared.Count == 0 || !above[shared[0]].Contains(pelvis))
+            if (top.Length == 1)
+            {
+                BonesByTable.SpreadSpine(Trunk(top[0]), bones);
+                return;
+            }
+            List<int> shared = Shared(top);
+            if (shared.Count == 0 || !above[shared[0]].Contains(Node("pelvis")))
             {
                 return;
             }
@@ -154,7 +224,7 @@ namespace Wayfarer
             {
                 chain.Add(next[0]);
             }
-            List<int> line = Between(pelvis, chest);
+            List<int> line = Trunk(chest);
             line.Add(chest);
             BonesByTable.SpreadSpine(line, bones);
             List<int> joints = BonesByShape.Joints(rig, chain, 0.01 * Extent());
@@ -166,6 +236,14 @@ namespace Wayfarer
             {
                 bones["head"] = joints[joints.Count - 1];
             }
+        }
+
+        /// <summary>Nodes with a name below this one, from the lowest: none that a thigh hangs from.</summary>
+        private List<int> Trunk(int top)
+        {
+            int[] legs = Thighs();
+            return above[top].TakeWhile(k => !legs.Any(leg => above[leg].Contains(k)))
+                .Where(k => rest[k] != "" && side[k] == "").Reverse().ToList();
         }
 
         private List<int> Onward(int node)

@@ -7,55 +7,78 @@ namespace Wayfarer
     /// <summary>Bones of a rig by its shape: legs end lowest, the spine goes up between them, arms branch to both sides.</summary>
     internal sealed class BonesByShape
     {
+        private const double Low = 0.1; // of the rig's height: a branch that ends so low reaches the ground
+        private const double Apart = 0.05; // of that height: the ends of two legs stand apart at least so far
+        private const double Toes = 0.02; // of that height: toes lie at least so far before the ankle
+        private const double Far = 0.25; // of that height: a second pair of legs hangs so far from the first
         private static readonly string[] LegBones = { "hip", "knee", "ankle", "foot" };
         private static readonly string[] ArmBones = { "collar", "shoulder", "elbow", "wrist" };
 
         private readonly Rig rig;
         private readonly Basis basis;
         private readonly Dictionary<string, int> bones = new Dictionary<string, int>();
-        private double[] height;
-        private double tall;
-        private List<int>[] below;
+        private readonly double[] height;
+        private readonly double tall;
+        private readonly List<int>[] below;
+        private readonly List<Pair> pairs = new List<Pair>();
 
         public BonesByShape(Rig rig, Basis basis)
         {
             this.rig = rig;
             this.basis = basis;
-        }
-
-        public Dictionary<string, int> Find()
-        {
-            if (rig.Count == 0)
-            {
-                return bones;
-            }
             height = Enumerable.Range(0, rig.Count).Select(k => Vectors.Dot(rig.Place(k), basis.UpAxis)).ToArray();
-            double floor = height.Min();
-            tall = height.Max() - floor;
-            below = Enumerable.Range(0, rig.Count).Select(Subtree).ToArray();
+            below = Enumerable.Range(0, rig.Count).Select(rig.Subtree).ToArray();
+            double floor = rig.Count == 0 ? 0 : height.Min();
+            tall = rig.Count == 0 ? 0 : height.Max() - floor;
             int[] lowest = below.Select(nodes => nodes.Aggregate((low, k) => height[k] < height[low] ? k : low)).ToArray();
-            int pelvis = -1;
-            var legs = new int[2];
             for (int k = 0; k < rig.Count && tall > 0; k++)
             {
-                List<int> feet = rig.Children(k).Where(child => height[lowest[child]] < floor + 0.1 * tall).ToList();
+                List<int> feet = rig.Children(k).Where(child => height[lowest[child]] < floor + Low * tall).ToList();
+                List<int>[] chains = feet.Select(leg => Joints(rig, Path(leg, lowest[leg]), 0.03 * tall)).ToArray();
                 for (int a = 0; a < feet.Count; a++)
                 {
                     for (int b = a + 1; b < feet.Count; b++)
                     {
-                        if (Vectors.Length(Level(Gap(lowest[feet[b]], lowest[feet[a]]))) > 0.05 * tall)
+                        double apart = Vectors.Length(Level(Gap(lowest[feet[b]], lowest[feet[a]])));
+                        if (Math.Min(chains[a].Count, chains[b].Count) >= 3 && apart > Apart * tall)
                         {
-                            pelvis = k; // parents come first: the deepest stays
-                            legs = new[] { feet[a], feet[b] };
+                            pairs.Add(new Pair { Above = k, Chains = new[] { chains[a], chains[b] } });
                         }
                     }
                 }
             }
-            if (pelvis >= 0)
+        }
+
+        /// <summary>What the shape tells, enough for a humanoid or not.</summary>
+        public Dictionary<string, int> Find()
+        {
+            Pair pair = pairs.LastOrDefault(each => each.Chains.All(chain => Vectors.Length(ToesOf(chain)) >= Toes * tall));
+            if (pair != null) // parents come first: the deepest. Without toes nothing tells a leg from a skirt
             {
-                FindAll(pelvis, legs, legs.Select(leg => Joints(rig, Path(leg, lowest[leg]), 0.03 * tall)).ToArray());
+                FindAll(pair.Above, pair.Chains.ToArray());
             }
             return bones;
+        }
+
+        /// <summary>A pair of legs of the same body that hangs far from these two thighs; null: none does.</summary>
+        public int[] OtherLegs(int pelvis, int[] hips)
+        {
+            var line = new HashSet<int>(below[pelvis].Concat(rig.Ancestors(pelvis)));
+            var own = new HashSet<int>(hips.Concat(hips.SelectMany(rig.Ancestors)));
+            foreach (Pair pair in pairs)
+            {
+                int[] tops = pair.Chains.Select(chain => chain[0]).ToArray();
+                if (!line.Contains(pair.Above) || tops.Any(own.Contains))
+                {
+                    continue;
+                }
+                double[] away = Vectors.Plus(Gap(hips[0], tops[0]), Gap(hips[1], tops[1]));
+                if (Vectors.Length(Level(away)) / 2 > Far * tall)
+                {
+                    return tops;
+                }
+            }
+            return null;
         }
 
         /// <summary>Of a path, those at least so far from the one before.</summary>
@@ -74,20 +97,15 @@ namespace Wayfarer
             return found;
         }
 
-        private void FindAll(int pelvis, int[] legs, List<int>[] chains)
+        private void FindAll(int pelvis, List<int>[] chains)
         {
-            if (chains.Any(chain => chain.Count < 3))
+            double[] forward = Vectors.Plus(ToesOf(chains[0]), ToesOf(chains[1]));
+            if (Vectors.Length(forward) < 0.01 * tall)
             {
                 return;
             }
-            double[][] toes = chains.Select(chain => Gap(chain[2], chain[Math.Min(3, chain.Count - 1)])).ToArray();
-            double[] forward = Level(Vectors.Plus(toes[0], toes[1]));
-            if (Vectors.Length(forward) < 0.01 * tall)
-            {
-                return; // no toes: nothing tells front from back
-            }
             double[] left = Vectors.Times(basis.Handed, Vectors.Cross(basis.UpAxis, forward));
-            if (Vectors.Dot(Level(Gap(legs[1], legs[0])), left) < 0)
+            if (Vectors.Dot(Level(Gap(chains[1][0], chains[0][0])), left) < 0)
             {
                 Array.Reverse(chains);
             }
@@ -162,15 +180,10 @@ namespace Wayfarer
             return Vectors.Without(v, basis.UpAxis);
         }
 
-        /// <summary>A node and all below it, level by level.</summary>
-        private List<int> Subtree(int node)
+        /// <summary>Where the toes of a leg point, level.</summary>
+        private double[] ToesOf(List<int> chain)
         {
-            var found = new List<int> { node };
-            for (int k = 0; k < found.Count; k++)
-            {
-                found.AddRange(rig.Children(found[k]));
-            }
-            return found;
+            return Level(Gap(chain[2], chain[Math.Min(3, chain.Count - 1)]));
         }
 
         /// <summary>From a node down to one below it.</summary>
@@ -183,6 +196,13 @@ namespace Wayfarer
             }
             line.Reverse();
             return line;
+        }
+
+        /// <summary>A node, and the joints of two branches of at least three that hang from it and reach the ground apart.</summary>
+        private sealed class Pair
+        {
+            public int Above;
+            public List<int>[] Chains;
         }
     }
 }

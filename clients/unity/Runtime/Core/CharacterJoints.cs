@@ -14,7 +14,10 @@ namespace Wayfarer
 
         private readonly double[][] places = new double[Bones.Count][];
 
-        public CharacterJoints(BoneMap map, Basis basis)
+        /// <param name="map">Of the character.</param>
+        /// <param name="basis">Of its space.</param>
+        /// <param name="soles">What its mesh tells of its soles, or null.</param>
+        public CharacterJoints(BoneMap map, Basis basis, Soles soles = null)
         {
             Turn = Alignment(map, basis);
             for (int b = 0; b < Bones.Count; b++)
@@ -28,12 +31,14 @@ namespace Wayfarer
             }
             Lowest = RetargetRest.Legs.SelectMany(leg => leg.Skip(2)).Where(b => places[b] != null)
                 .Min(b => Vectors.Dot(places[b], basis.UpAxis));
-            double above = Vectors.Dot(places[0], basis.UpAxis) - Lowest;
-            Floor = Lowest >= 0 && Lowest <= 0.25 * above ? 0 : double.NaN;
+            int[][] legs = RetargetRest.Legs;
+            double[] thighs = Vectors.Times(0.5, Vectors.Plus(places[legs[0][0]], places[legs[1][0]]));
+            double above = Vectors.Dot(thighs, basis.UpAxis) - Lowest;
+            Floor = soles != null ? soles.Floor : Lowest >= 0 && Lowest <= 0.25 * above ? 0 : double.NaN;
         }
 
         /// <summary>
-        /// Height of its floor: 0 where its feet are near over the origin's level; else NaN: its file does not say.
+        /// Height of its floor: where its mesh ends, or 0 where its feet are near over the origin's level; else NaN.
         /// </summary>
         public double Floor { get; }
 

@@ -31,6 +31,7 @@ namespace Wayfarer
         private readonly double[] places = new double[3 * Bones.Count];
         private readonly double[] local = new double[4 * Bones.Count];
         private readonly double[] hips = new double[3];
+        private readonly double[] moved = new double[3 * Bones.Count];
         private readonly double[] turns = new double[4 * Bones.Count]; // of the agent, in the world
         private readonly double[] source = new double[3 * Bones.Count];
         private readonly double[] scratch = new double[More + 3];
@@ -40,12 +41,14 @@ namespace Wayfarer
         /// <param name="restOffsets">Of the agent, three numbers a bone, in the stream's basis and unit.</param>
         /// <param name="basis">Of the stream, and of the character's own space.</param>
         /// <param name="floor">Height of the character's soles at rest; NaN: 0, or below its feet where they are not near 0.</param>
+        /// <param name="soles">What the character's mesh tells of its soles, or null.</param>
         /// <exception cref="ArgumentException">Rest offsets are lacking.</exception>
-        public Retarget(BoneMap boneMap, IReadOnlyList<double> restOffsets, Basis basis, double floor = double.NaN)
+        public Retarget(
+            BoneMap boneMap, IReadOnlyList<double> restOffsets, Basis basis, double floor = double.NaN, Soles soles = null)
         {
             Map = boneMap;
             Basis = basis;
-            rest = new RetargetRest(boneMap, restOffsets, basis, floor);
+            rest = new RetargetRest(boneMap, restOffsets, basis, floor, soles);
             mapped = rest.Mapped;
             up = basis.UpAxis;
             forward = basis.ForwardAxis;
@@ -58,6 +61,12 @@ namespace Wayfarer
 
         /// <summary>Numbers of the bones that the character has, parents first.</summary>
         public IReadOnlyList<int> Mapped => mapped;
+
+        /// <summary>Bones whose places are to be set, too: the hips, and those that hang from another bone than they follow.</summary>
+        public IReadOnlyList<int> Loose => rest.Loose;
+
+        /// <summary>Places of the loose bones' nodes relative to their parents: x, y, z a bone.</summary>
+        public double[] Moved => moved;
 
         /// <summary>Height of the character's thigh joints by that of the agent's.</summary>
         public double Ratio => rest.Ratio;
@@ -85,7 +94,7 @@ namespace Wayfarer
 
         /// <summary>
         /// A frame of the stream (hips x, y, z, then x, y, z, w of the 22 bones and any more) on the character: fills
-        /// rotations, places, local and hips. Allocates nothing.
+        /// rotations, places, local, moved and hips. Allocates nothing.
         /// </summary>
         /// <param name="frame">A PlayedAgent's, of the profile body or full.</param>
         /// <param name="ground">Height of the ground there; NaN: that of the lower sole.</param>
@@ -125,7 +134,7 @@ namespace Wayfarer
             double sunk = 0;
             for (int leg = 0; leg < 2; leg++)
             {
-                double lifted = (clear[leg] - ground) * rest.Ratio;
+                double lifted = Math.Max(0, clear[leg] - ground) * rest.Ratio;
                 FindGoal(leg, ground + lifted);
                 sunk = Math.Max(sunk, Lacks(leg, lifted));
             }
@@ -175,15 +184,31 @@ namespace Wayfarer
         }
 
         /// <summary>Height of the lowest point of a foot over its ankle; Ball: the ball from the ankle.</summary>
-        private double Lowest(double[] sole, int leg)
+        private double Lowest(RetargetRest.Sole sole, int leg)
         {
             double[] s = scratch;
             int ankle = 4 * RetargetRest.Legs[leg][2], toe = 4 * RetargetRest.Legs[leg][3];
-            Quaternions.Rotate(turns, ankle, sole, 0, s, From);
-            Quaternions.Rotate(turns, ankle, sole, 3, s, Ball);
-            Quaternions.Rotate(turns, toe, sole, 6, s, To);
-            double ball = High(Ball);
-            return Math.Min(High(From), Math.Min(ball, ball + High(To)));
+            Quaternions.Rotate(turns, ankle, sole.Ball, 0, s, Ball);
+            Quaternions.Rotate(turns, ankle, sole.Joint, 0, s, From);
+            double joint = High(From), low = double.PositiveInfinity;
+            Quaternions.RotateBack(turns, ankle, up, 0, s, From);
+            for (int k = 0; k < sole.Fixed.Length; k += 3)
+            {
+                low = Math.Min(low, Along3(sole.Fixed, k));
+            }
+            Quaternions.RotateBack(turns, toe, up, 0, s, From);
+            for (int k = 0; k < sole.Toes.Length; k += 3)
+            {
+                low = Math.Min(low, joint + Along3(sole.Toes, k));
+            }
+            return low;
+        }
+
+        /// <summary>Of a point, how far it lies along From.</summary>
+        private double Along3(double[] points, int k)
+        {
+            double[] s = scratch;
+            return s[From] * points[k] + s[From + 1] * points[k + 1] + s[From + 2] * points[k + 2];
         }
 
         /// <summary>Places of the bones below the hips.</summary>
@@ -224,12 +249,13 @@ namespace Wayfarer
         /// </summary>
         private void RaiseHeel(int leg)
         {
-            double[] s = scratch, sole = rest.Soles[leg];
+            double[] s = scratch;
+            RetargetRest.Sole sole = rest.Soles[leg];
             int[] bones = RetargetRest.Legs[leg];
             int start = 3 * bones[0], bend = 3 * bones[1], ankle = bones[2], goal = Goals + 3 * leg;
             double most = Reach * (Gap(places, bend, places, start) + Gap(places, 3 * ankle, places, bend));
-            Quaternions.Rotate(turns, 4 * ankle, sole, 0, s, From); // the heel
-            Quaternions.Rotate(turns, 4 * ankle, sole, 3, s, Ball);
+            Quaternions.Rotate(turns, 4 * ankle, sole.Heel, 0, s, From);
+            Quaternions.Rotate(turns, 4 * ankle, sole.Ball, 0, s, Ball);
             Quaternions.Rotate(turns, 4 * ankle, left, 0, s, Ahead); // the axis
             Without(Ahead, up, 0);
             double length = Size(Ahead), along = 0;
@@ -288,7 +314,13 @@ namespace Wayfarer
             Without(Side, s, Along);
             Quaternions.Rotate(turns, 4 * hip, forward, 0, s, Front);
             Without(Front, s, Along);
-            double lacking = Math.Max(0, Bend * thigh - Size(Side)) / Math.Max(Size(Front), 1e-6);
+            double length = Math.Max(Size(Front), 1e-6), bent = 0;
+            for (int n = 0; n < 3; n++)
+            {
+                s[Front + n] /= length;
+                bent += s[Side + n] * s[Front + n];
+            }
+            double lacking = Math.Max(0, Bend * thigh - bent);
             for (int n = 0; n < 3; n++)
             {
                 s[Side + n] += lacking * s[Front + n];
@@ -325,7 +357,7 @@ namespace Wayfarer
             }
             Quaternions.Arc(forward, 0, s, Ahead, s, Turn);
             Quaternions.Rotate(s, Turn, rest.Stance[leg], 0, s, Beside);
-            Quaternions.Rotate(turns, 4 * ankle, rest.SourceSoles[leg], 3, s, goal);
+            Quaternions.Rotate(turns, 4 * ankle, rest.SourceSoles[leg].Ball, 0, s, goal);
             double low = Lowest(rest.Soles[leg], leg);
             for (int n = 0; n < 3; n++)
             {
@@ -371,25 +403,57 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Rotations relative to the nodes' parents.</summary>
+        /// <summary>Rotations relative to the nodes' parents, and places of loose bones.</summary>
         private void Relate()
         {
             double[] s = scratch;
-            Quaternions.Relative(rest.BaseTurn, 0, rotations, 0, local, 0);
-            for (int n = 1; n < mapped.Length; n++)
+            for (int n = 0; n < mapped.Length; n++)
             {
                 int b = 4 * mapped[n];
-                Quaternions.Multiply(rotations, 4 * rest.Above[mapped[n]], rest.Gaps, b, s, Turn);
+                TurnParent(mapped[n]);
                 Quaternions.Relative(s, Turn, rotations, b, local, b);
             }
-            for (int n = 0; n < 3; n++)
+            for (int n = 0; n < rest.Loose.Length; n++)
             {
-                s[From + n] = places[n] - rest.BasePlace[n];
+                int b = rest.Loose[n], a = rest.Hangs[b];
+                TurnParent(b);
+                for (int k = 0; k < 3; k++)
+                {
+                    s[To + k] = rest.ParentPlaces[3 * b + k];
+                }
+                if (a >= 0)
+                {
+                    Quaternions.Rotate(rotations, 4 * a, rest.ParentPlaces, 3 * b, s, To);
+                }
+                for (int k = 0; k < 3; k++)
+                {
+                    s[From + k] = places[3 * b + k] - s[To + k] - (a < 0 ? 0 : places[3 * a + k]);
+                }
+                Quaternions.RotateBack(s, Turn, s, From, moved, 3 * b);
+                for (int k = 0; k < 3; k++)
+                {
+                    moved[3 * b + k] /= rest.ParentScales[3 * b + k];
+                }
             }
-            Quaternions.RotateBack(rest.BaseTurn, 0, s, From, hips, 0);
             for (int n = 0; n < 3; n++)
             {
-                hips[n] /= rest.BaseScale[n];
+                hips[n] = moved[n];
+            }
+        }
+
+        /// <summary>Turn: rotation in the world of the parent of a bone's node.</summary>
+        private void TurnParent(int bone)
+        {
+            double[] s = scratch;
+            int a = rest.Hangs[bone];
+            if (a >= 0)
+            {
+                Quaternions.Multiply(rotations, 4 * a, rest.ParentTurns, 4 * bone, s, Turn);
+                return;
+            }
+            for (int k = 0; k < 4; k++)
+            {
+                s[Turn + k] = rest.ParentTurns[4 * bone + k];
             }
         }
 

@@ -14,8 +14,8 @@ namespace Wayfarer
         internal static readonly int[][] Legs = Limbs("hip", "knee", "ankle", "foot");
 
         private static readonly int[][] Arms = Limbs("shoulder", "elbow", "wrist");
-        private const double Heel = 0.35; // of the way from ankle to ball: how far the heel is behind the ankle
-        private const double Tip = 0.45; // of the way from ankle to ball: how far the tip of the toes is before the ball
+        private const double Heel = 0.34; // of the way from ankle to ball: how far the heel is behind the ankle
+        private const double Tip = 0.38; // of the way from ankle to ball: how far the tip of the toes is before the ball
 
         /// <summary>Node of each bone, or -1.</summary>
         public readonly int[] Nodes;
@@ -23,8 +23,14 @@ namespace Wayfarer
         /// <summary>Bones that there are, parents first.</summary>
         public readonly int[] Mapped;
 
-        /// <summary>The bone above, of those that there are, or -1.</summary>
+        /// <summary>The bone that each follows, of those that there are, or -1.</summary>
         public readonly int[] Above = new int[Bones.Count];
+
+        /// <summary>The bone that each one's node hangs from in the file, or -1.</summary>
+        public readonly int[] Hangs = new int[Bones.Count];
+
+        /// <summary>Bones whose places are to be set, too: the hips, and those that hang from another bone than they follow.</summary>
+        public readonly int[] Loose;
 
         /// <summary>Of each node in the T-pose.</summary>
         public readonly double[] Rotations = new double[4 * Bones.Count];
@@ -32,19 +38,19 @@ namespace Wayfarer
         /// <summary>Of each bone, in the axes of the one above.</summary>
         public readonly double[] Offsets = new double[3 * Bones.Count];
 
-        /// <summary>Rest rotation of the node's parent, in the axes of the bone above.</summary>
-        public readonly double[] Gaps = new double[4 * Bones.Count];
+        /// <summary>Of each node's parent, in the axes of the bone that it hangs from: rotation, place and scale.</summary>
+        public readonly double[] ParentTurns = new double[4 * Bones.Count];
+
+        public readonly double[] ParentPlaces = new double[3 * Bones.Count];
+        public readonly double[] ParentScales = new double[3 * Bones.Count];
 
         /// <summary>Of the agent.</summary>
         public readonly double[] SourceOffsets = new double[3 * Bones.Count];
 
-        /// <summary>What the hips' node hangs from.</summary>
-        public readonly double[] BaseTurn, BasePlace, BaseScale;
+        /// <summary>Of feet in the T-pose.</summary>
+        public readonly Sole[] Soles = new Sole[2];
 
-        /// <summary>Of feet that stand: heel and ball from the ankle, tip of the toes from the ball.</summary>
-        public readonly double[][] Soles = { new double[9], new double[9] };
-
-        public readonly double[][] SourceSoles = { new double[9], new double[9] };
+        public readonly Sole[] SourceSoles = new Sole[2];
 
         /// <summary>How far the balls stand beside the agent's.</summary>
         public readonly double[][] Stance = new double[2][];
@@ -61,7 +67,7 @@ namespace Wayfarer
         private readonly double[][] place = new double[Bones.Count][]; // of each bone at rest, in the basis; null: not there
         private readonly double[][] correct = new double[Bones.Count][]; // what turns it into the T-pose
 
-        public RetargetRest(BoneMap map, IReadOnlyList<double> restOffsets, Basis basis, double floor)
+        public RetargetRest(BoneMap map, IReadOnlyList<double> restOffsets, Basis basis, double floor, Soles soles)
         {
             rig = map.Rig;
             this.basis = basis;
@@ -80,29 +86,39 @@ namespace Wayfarer
             foreach (int b in Mapped)
             {
                 List<int> ancestors = rig.Ancestors(Nodes[b]);
-                Above[b] = Array.IndexOf(Nodes, ancestors.Where(Nodes.Contains).DefaultIfEmpty(-2).First());
+                Hangs[b] = Array.IndexOf(Nodes, ancestors.Where(Nodes.Contains).DefaultIfEmpty(-2).First());
+                Above[b] = Bones.Parent(b);
+                while (Above[b] >= 0 && Nodes[Above[b]] < 0)
+                {
+                    Above[b] = Bones.Parent(Above[b]);
+                }
                 rotation[b] = Product(joints.Turn, rig.Rotation(Nodes[b]));
                 place[b] = joints.Place(b);
             }
+            Loose = Mapped.Where(b => b == 0 || Hangs[b] != Above[b]).ToArray();
             FindCorrections();
             foreach (int b in Mapped)
             {
                 Product(correct[b], rotation[b]).CopyTo(Rotations, 4 * b);
-                int a = Above[b];
-                if (a < 0)
+                if (Above[b] >= 0)
                 {
-                    continue;
+                    double[] way = Vectors.Minus(place[b], place[Above[b]]);
+                    Quaternions.RotateBack(rotation[Above[b]], 0, way, 0, Offsets, 3 * b);
                 }
-                Quaternions.RotateBack(rotation[a], 0, Vectors.Minus(place[b], place[a]), 0, Offsets, 3 * b);
-                double[] over = rig.Rotation(rig.Parent(Nodes[b]));
-                Quaternions.Relative(rig.Rotation(Nodes[a]), 0, over, 0, Gaps, 4 * b);
+                int parent = rig.Parent(Nodes[b]);
+                double[] turned = rig.Rotation(parent), at = rig.Place(parent);
+                if (Hangs[b] >= 0)
+                {
+                    double[] back = rig.Rotation(Nodes[Hangs[b]]);
+                    Quaternions.Relative(back, 0, turned, 0, turned, 0);
+                    Quaternions.RotateBack(back, 0, Vectors.Minus(at, rig.Place(Nodes[Hangs[b]])), 0, at, 0);
+                }
+                turned.CopyTo(ParentTurns, 4 * b);
+                at.CopyTo(ParentPlaces, 3 * b);
+                rig.Scale(parent).CopyTo(ParentScales, 3 * b);
             }
-            int parent = rig.Parent(Nodes[0]);
-            BaseTurn = rig.Rotation(parent);
-            BasePlace = rig.Place(parent);
-            BaseScale = rig.Scale(parent);
             Quaternions.RotateBack(rotation[0], 0, Vectors.Minus(Middle(place), place[0]), 0, Thighs, 0);
-            Ratio = FindLegs(floor);
+            Ratio = FindLegs(floor, soles);
         }
 
         /// <summary>What turns each bone from the character's rest pose into a T-pose.</summary>
@@ -143,7 +159,7 @@ namespace Wayfarer
         }
 
         /// <summary>Soles, stance, and the ratio of heights.</summary>
-        private double FindLegs(double floor)
+        private double FindLegs(double floor, Soles soles)
         {
             double[] up = basis.UpAxis;
             var stand = new double[Bones.Count][]; // joint places in the T-pose
@@ -161,6 +177,10 @@ namespace Wayfarer
             }
             double legs = Legs.Sum(leg => Vectors.Dot(Vectors.Minus(stand[leg[0]], stand[leg[2]]), up));
             double scale = legs / Legs.Sum(leg => Vectors.Dot(Vectors.Minus(source[leg[0]], source[leg[2]]), up));
+            if (double.IsNaN(floor) && soles != null)
+            {
+                floor = soles.Floor;
+            }
             if (double.IsNaN(floor))
             {
                 double sole = Legs.SelectMany(leg => leg.Skip(2)).Min(b => Vectors.Dot(source[b], up));
@@ -172,13 +192,19 @@ namespace Wayfarer
             {
                 int ankle = Legs[leg][2], toe = Legs[leg][3];
                 double[] ball = Vectors.Minus(source[toe], source[ankle]);
-                FillSole(ball, Vectors.Dot(source[ankle], up), SourceSoles[leg]);
+                SourceSoles[leg] = SoleOf(ball, Vectors.Dot(source[ankle], up));
                 double[] own = place[toe] == null // without toes, where a foot of this size would have them
                     ? Vectors.Times(scale, ball)
                     : Turned(correct[ankle], Vectors.Minus(place[toe], place[ankle]));
                 double height = Vectors.Dot(place[ankle], up) - floor;
                 high += height / 2;
-                FillSole(own, height, Soles[leg]);
+                Soles[leg] = SoleOf(own, height);
+                if (soles != null)
+                {
+                    Soles[leg].Joint = own;
+                    Soles[leg].Fixed = AllTurned(correct[ankle], soles.Fixed[leg]);
+                    Soles[leg].Toes = place[toe] == null ? new double[0] : AllTurned(correct[ankle], soles.Toes[leg]);
+                }
                 double[] beside = Vectors.Minus(
                     Vectors.Minus(Vectors.Plus(stand[ankle], own), thighs), Vectors.Minus(source[toe], sourceThighs));
                 Stance[leg] = Vectors.Times(Vectors.Dot(beside, basis.LeftAxis), basis.LeftAxis);
@@ -192,12 +218,26 @@ namespace Wayfarer
             return Vectors.Times(0.5, Vectors.Plus(at[Legs[0][0]], at[Legs[1][0]]));
         }
 
-        private void FillSole(double[] ball, double height, double[] sole)
+        /// <summary>A foot of which only the joints are known: the toes' from the ankle, which is at this height.</summary>
+        private Sole SoleOf(double[] toe, double height)
         {
-            double[] ahead = Level(ball), down = Vectors.Times(-height, basis.UpAxis);
-            Vectors.Minus(down, Vectors.Times(Heel, ahead)).CopyTo(sole, 0);
-            Vectors.Plus(down, ahead).CopyTo(sole, 3);
-            Vectors.Times(Tip, ahead).CopyTo(sole, 6);
+            double[] ahead = Level(toe), down = Vectors.Times(-height, basis.UpAxis);
+            double[] ball = Vectors.Plus(down, ahead), heel = Vectors.Minus(down, Vectors.Times(Heel, ahead));
+            double[] under = Vectors.Minus(ball, toe), tip = Vectors.Plus(under, Vectors.Times(Tip, ahead));
+            return new Sole
+            {
+                Ball = ball, Heel = heel, Joint = toe, Fixed = heel.Concat(ball).ToArray(), Toes = under.Concat(tip).ToArray(),
+            };
+        }
+
+        private static double[] AllTurned(double[] turn, double[] points)
+        {
+            var turned = new double[points.Length];
+            for (int k = 0; k < points.Length; k += 3)
+            {
+                Quaternions.Rotate(turn, 0, points, k, turned, k);
+            }
+            return turned;
         }
 
         private double[] Level(double[] v)
@@ -230,6 +270,15 @@ namespace Wayfarer
             var arc = new double[4];
             Quaternions.Arc(a, 0, b, 0, arc, 0);
             return arc;
+        }
+
+        /// <summary>
+        /// A foot from the ankle's joint: Ball and Heel are on the ground; Fixed turn with the ankle, Toes turn with the toes
+        /// about Joint, and are relative to it. x, y, z each.
+        /// </summary>
+        internal sealed class Sole
+        {
+            public double[] Ball, Heel, Joint, Fixed, Toes;
         }
     }
 }

@@ -31,6 +31,7 @@ namespace Wayfarer
         private readonly List<int>[] children;
         private readonly double[] rotations;
         private readonly double[] places;
+        private readonly double[] own; // scales of the nodes by themselves
         private readonly double[] scales; // products from the top: right where each is the same along all axes
 
         /// <exception cref="ArgumentException">A parent does not stand before its child.</exception>
@@ -43,6 +44,7 @@ namespace Wayfarer
             rotations = new double[4 * Count];
             places = new double[3 * Count];
             scales = new double[3 * Count];
+            own = new double[3 * Count];
             for (int k = 0; k < Count; k++)
             {
                 Put(nodes[k], k);
@@ -86,6 +88,23 @@ namespace Wayfarer
             return node < 0 ? (double[])NoScale.Clone() : Cut(scales, 3 * node, 3);
         }
 
+        /// <summary>Scale of a node relative to its parent.</summary>
+        public double[] OwnScale(int node)
+        {
+            return Cut(own, 3 * node, 3);
+        }
+
+        /// <summary>A node and all below it, level by level.</summary>
+        public List<int> Subtree(int node)
+        {
+            var found = new List<int> { node };
+            for (int k = 0; k < found.Count; k++)
+            {
+                found.AddRange(children[found[k]]);
+            }
+            return found;
+        }
+
         /// <summary>From its parent to the top.</summary>
         public List<int> Ancestors(int node)
         {
@@ -117,6 +136,7 @@ namespace Wayfarer
             }
             Array.Copy(position, 0, places, 3 * k, 3);
             Array.Copy(scale, 0, scales, 3 * k, 3);
+            Array.Copy(scale, 0, own, 3 * k, 3);
             int p = node.Parent;
             if (p < 0)
             {

@@ -40,7 +40,7 @@ namespace Wayfarer
         private readonly List<RigNode> rest = new List<RigNode>();
         private readonly HashSet<Transform> skin;
 
-        /// <param name="root">The character's object. Its bones stand as in its file: nothing has moved them yet.</param>
+        /// <param name="root">The character's object. Its bones are put into the pose that their skin was bound in.</param>
         /// <param name="animator">Its Animator, or null; one with a Humanoid avatar tells its bones.</param>
         /// <param name="choices">Corrections of the map that is found.</param>
         /// <exception cref="ArgumentException">It is no humanoid; the message says what is missing.</exception>
@@ -68,10 +68,26 @@ namespace Wayfarer
                 skin.UnionWith(chosen.Where(choice => choice.node != null).Select(choice => choice.node));
             }
             Collect(root, -1);
+            Skin[] skins = root.GetComponentsInChildren<SkinnedMeshRenderer>(true).Where(HasSkin).Select(SkinOf).ToArray();
+            RigNode[] bound = Skins.Bound(rest, skins);
+            for (int k = 0; k < bound.Length; k++)
+            {
+                if (bound[k].Position != rest[k].Position) // another array: it stands elsewhere
+                {
+                    Put(nodes[k], rest[k] = bound[k]);
+                }
+            }
             Map = Find(humanoid.ToDictionary(pair => pair.Key, pair => nodes.IndexOf(pair.Value)), chosen);
+            var places = new List<double>();
+            var movers = new List<int>();
+            Skins.Points(rest, skins, places, movers);
+            Soles = Soles.Measure(Map, places, movers, Basis.Unity);
         }
 
         public BoneMap Map { get; }
+
+        /// <summary>What its meshes tell of its soles; null: they have no feet, or cannot be read.</summary>
+        public Soles Soles { get; }
 
         /// <summary>Node of the map's number.</summary>
         public Transform Node(int number)
@@ -95,22 +111,71 @@ namespace Wayfarer
             return BoneMap.Of(rig, humanoid, Basis.Unity, changes);
         }
 
-        private void Collect(Transform node, int parent)
+        private static bool HasSkin(SkinnedMeshRenderer renderer)
         {
-            bool top = parent < 0;
+            Mesh mesh = renderer.sharedMesh;
+            return mesh != null && mesh.isReadable && mesh.bindposes.Length == renderer.bones.Length;
+        }
+
+        private Skin SkinOf(SkinnedMeshRenderer renderer)
+        {
+            Mesh mesh = renderer.sharedMesh;
+            double[] space = Skins.Local(rest[0]);
+            var line = new List<Transform>();
+            for (Transform k = renderer.transform; k != nodes[0] && k != null; k = k.parent)
+            {
+                line.Add(k);
+            }
+            for (int k = line.Count - 1; k >= 0; k--)
+            {
+                space = Skins.Product(space, Skins.Local(Read(line[k], -1, false)));
+            }
+            return new Skin
+            {
+                Joints = renderer.bones.Select(bone => bone == null ? -1 : nodes.IndexOf(bone)).ToArray(),
+                Inverses = mesh.bindposes.Select(m => Enumerable.Range(0, 16).Select(k => (double)m[k]).ToArray()).ToArray(),
+                Space = space,
+                Vertices = mesh.vertices.SelectMany(v => new double[] { v.x, v.y, v.z }).ToArray(),
+                Movers = mesh.boneWeights.Select(Heaviest).ToArray(),
+            };
+        }
+
+        private static int Heaviest(BoneWeight weight)
+        {
+            float most = Math.Max(Math.Max(weight.weight0, weight.weight1), Math.Max(weight.weight2, weight.weight3));
+            return most == weight.weight0 ? weight.boneIndex0
+                : most == weight.weight1 ? weight.boneIndex1
+                : most == weight.weight2 ? weight.boneIndex2 : weight.boneIndex3;
+        }
+
+        private static void Put(Transform node, RigNode own)
+        {
+            double[] p = own.Position, q = own.Rotation, s = own.Scale;
+            node.localPosition = new Vector3((float)p[0], (float)p[1], (float)p[2]);
+            node.localRotation = new Quaternion((float)q[0], (float)q[1], (float)q[2], (float)q[3]);
+            node.localScale = new Vector3((float)s[0], (float)s[1], (float)s[2]);
+        }
+
+        private static RigNode Read(Transform node, int parent, bool top)
+        {
             Vector3 place = top ? Vector3.zero : node.localPosition;
             Quaternion turn = top ? Quaternion.identity : node.localRotation;
             Vector3 scale = top ? node.lossyScale : node.localScale;
-            int number = nodes.Count;
-            nodes.Add(node);
-            rest.Add(new RigNode
+            return new RigNode
             {
                 Name = node.name,
                 Parent = parent,
                 Position = new double[] { place.x, place.y, place.z },
                 Rotation = new double[] { turn.x, turn.y, turn.z, turn.w },
                 Scale = new double[] { scale.x, scale.y, scale.z },
-            });
+            };
+        }
+
+        private void Collect(Transform node, int parent)
+        {
+            int number = nodes.Count;
+            nodes.Add(node);
+            rest.Add(Read(node, parent, parent < 0));
             for (int k = 0; k < node.childCount; k++)
             {
                 if (HoldsBones(node.GetChild(k)))

@@ -7,7 +7,7 @@ using UnityEngine;
 namespace Wayfarer
 {
     /// <summary>
-    /// Lets a character walk: Humanoid, or any rig with legs. Its bones must stand as in its file when it awakes. It moves
+    /// Lets a character walk: Humanoid, or any rig with legs. It moves
     /// the transforms of the bones, and its own object along with them; it needs no animation clips.
     /// </summary>
     [AddComponentMenu("Wayfarer/Wayfarer Character")]
@@ -42,7 +42,7 @@ namespace Wayfarer
         [Tooltip("Leave the Animator on: for fingers and face. It must not move other bones.")]
         public bool keepAnimator;
 
-        [Tooltip("Height of the soles in the character's file, where they are not at 0: high heels, say.")]
+        [Tooltip("Height of the soles in the character's file, where they are not where its mesh ends.")]
         public float soleHeight;
 
         [Tooltip("Other nodes than those that are found.")]
@@ -216,7 +216,7 @@ namespace Wayfarer
         {
             if (fitBody)
             {
-                spec.TakeBody(await api.FitBody(new CharacterJoints(rig.Map, Basis.Unity)).ConfigureAwait(false));
+                spec.TakeBody(await api.FitBody(new CharacterJoints(rig.Map, Basis.Unity, rig.Soles)).ConfigureAwait(false));
             }
             JArray made = await api.CreateAgents(sessionId, spec).ConfigureAwait(false);
             return (string)made[0]["agent_id"];
@@ -233,7 +233,7 @@ namespace Wayfarer
                 }
                 played = found;
                 double floor = soleHeight == 0 ? double.NaN : soleHeight;
-                Retarget = new Retarget(rig.Map, found.Agent.RestOffsets, Basis.Unity, floor);
+                Retarget = new Retarget(rig.Map, found.Agent.RestOffsets, Basis.Unity, floor, rig.Soles);
                 Root = new SmoothRoot(Basis.Unity);
             }
         }
@@ -269,6 +269,14 @@ namespace Wayfarer
             for (int n = 1; n < mapped.Count; n++)
             {
                 rig.Node(Retarget.Node(mapped[n])).localRotation = Turn(Retarget.Local, 4 * mapped[n]);
+            }
+            for (int n = 1; n < Retarget.Loose.Count; n++) // bones that hang from another than they follow
+            {
+                int b = Retarget.Loose[n];
+                double[] at = Retarget.Places, turn = Retarget.Rotations;
+                rig.Node(Retarget.Node(b)).SetPositionAndRotation(
+                    space.TransformPoint(new Vector3((float)at[3 * b], (float)at[3 * b + 1], (float)at[3 * b + 2])),
+                    space.rotation * Turn(turn, 4 * b));
             }
         }
 

@@ -31,6 +31,8 @@ namespace Wayfarer.Tests
             Assert.AreEqual((string)wanted["found_by"], map.FoundBy);
             CollectionAssert.AreEquivalent(wanted["map"].ToObject<Dictionary<string, string>>(), map.Table());
             Retarget retarget = Of(wanted, map);
+            string[] loose = retarget.Loose.Select(b => Bones.Names[b]).ToArray();
+            CollectionAssert.AreEqual(((JObject)wanted["poses"][0]["moved"]).Properties().Select(each => each.Name).ToArray(), loose);
             Golden.Near(retarget.Ratio, (double)wanted["ratio"], 1e-5, "ratio");
             double unit = basis.Name.StartsWith("unreal") ? 100 : 1;
             EachFrame(basis, (k, frame) =>
@@ -52,6 +54,11 @@ namespace Wayfarer.Tests
                     }
                     double[] turn = Golden.Doubles(pose["rotations"][bone]);
                     Golden.NearTurn(Golden.Part(retarget.Rotations, 4 * b, 4), turn, 1e-4, bone + " of frame " + k);
+                    for (int n = 0; n < 3 && pose["moved"][bone] != null; n++)
+                    {
+                        double within = 1e-4 * ((string)wanted["name"] == "centimetres" ? 100 : unit);
+                        Golden.Near(retarget.Moved[3 * b + n], (double)pose["moved"][bone][n], within, bone + " of frame " + k);
+                    }
                 }
             });
         }
@@ -69,7 +76,10 @@ namespace Wayfarer.Tests
                 {
                     posed[retarget.Node(b)].Rotation = Golden.Part(retarget.Local, 4 * b, 4);
                 }
-                posed[retarget.Node(0)].Position = (double[])retarget.Hips.Clone();
+                foreach (int b in retarget.Loose)
+                {
+                    posed[retarget.Node(b)].Position = Golden.Part(retarget.Moved, 3 * b, 3);
+                }
                 var rig = new Rig(posed);
                 foreach (int b in retarget.Mapped)
                 {
@@ -105,6 +115,56 @@ namespace Wayfarer.Tests
         }
 
         [Test]
+        public void Rest_is_what_the_skin_was_bound_to()
+        {
+            RigNode[] bound = Golden.Nodes(Own["nodes"]).ToArray();
+            var rig = new Rig(bound);
+            int[] joints = Enumerable.Range(1, bound.Length - 1).ToArray();
+            var skin = new Skin
+            {
+                Joints = joints,
+                Space = Skins.Local(new RigNode()),
+                Inverses = joints.Select(k => Skins.Local(new RigNode { Position = rig.Place(k).Select(x => -x).ToArray() })).ToArray(),
+                Vertices = new double[] { 0.1, 0.2, 0.3 },
+                Movers = new[] { 3 },
+            };
+            for (int k = 1; k < bound.Length; k++)
+            {
+                Golden.Near(Math.Abs(rig.Rotation(k)[3]), 1, 1e-6, "the case has bones without turns");
+            }
+            RigNode[] posed = Golden.Nodes(Own["nodes"]).ToArray();
+            CollectionAssert.AreEqual(posed, Skins.Bound(posed, new[] { skin }));
+            posed[1].Position = new[] { 0.3, 0.4, 0.2 };
+            posed[2].Rotation = new[] { 0.6, 0, 0, 0.8 };
+            var rest = new Rig(Skins.Bound(posed, new[] { skin }));
+            for (int k = 1; k < bound.Length; k++)
+            {
+                for (int n = 0; n < 3; n++)
+                {
+                    Golden.Near(rest.Place(k)[n], rig.Place(k)[n], 1e-6, rig.Name(k));
+                }
+            }
+            var places = new List<double>();
+            var movers = new List<int>();
+            Skins.Points(bound, new[] { skin }, places, movers);
+            CollectionAssert.AreEqual(new[] { joints[3] }, movers);
+            Golden.Near(places[0], 0.1, 1e-6, "x of a vertex");
+        }
+
+        public static IEnumerable<TestCaseData> Creatures()
+        {
+            return Document["refused"].Select(found => new TestCaseData(found).SetName("refused " + found["name"]));
+        }
+
+        [TestCaseSource("Creatures")]
+        public void What_cannot_walk_on_two_legs_is_refused(JToken refused)
+        {
+            var rig = new Rig(Golden.Nodes(refused["nodes"]));
+            var error = Assert.Throws<ArgumentException>(() => BoneMap.Of(rig, null, Basis.Gltf));
+            StringAssert.Contains((string)refused["says"], error.Message);
+        }
+
+        [Test]
         public void Feet_stand_at_a_height_that_is_given_also_on_stairs()
         {
             Retarget retarget = Of(Own, Map(Own));
@@ -131,9 +191,9 @@ namespace Wayfarer.Tests
             Assert.AreEqual("head", other.Table()["neck"]);
             Refused(map, "no node \"nose\"", "head", "nose");
             Refused(map, "\"tail\" is no bone", "tail", "head");
-            Refused(map, "tell its left_knee", "left_knee", null);
-            Refused(map, "left_knee: \"head\" does not hang from the left_hip", "left_knee", "head");
-            Refused(map, "hangs from", "spine3", "head");
+            Refused(map, "no node was found for left_knee, neither", "left_knee", null);
+            Refused(map, "left_knee: \"head\" is head, too", "left_knee", "head");
+            Refused(map, "spine3: \"head\" is head, too", "spine3", "head");
         }
 
         [Test]
@@ -145,7 +205,7 @@ namespace Wayfarer.Tests
                 Name = named.Name(k).Replace("left_knee", "x"), Parent = named.Parent(k),
             }).ToArray());
             var error = Assert.Throws<ArgumentException>(() => BoneMap.Of(rig, null, Basis.Gltf));
-            StringAssert.Contains("tell its left_knee: say", error.Message);
+            StringAssert.Contains("no node was found for left_knee, neither", error.Message);
             int knee = Enumerable.Range(0, rig.Count).Single(k => rig.Name(k) == "x");
             BoneMap found = BoneMap.Of(rig, null, Basis.Gltf, new Dictionary<string, int> { ["left_knee"] = knee });
             Assert.AreEqual("user", found.FoundBy);
@@ -162,9 +222,9 @@ namespace Wayfarer.Tests
                 new RigNode { Name = "leg2", Parent = 0, Position = new double[] { 1, -1, 0 } },
             });
             var error = Assert.Throws<ArgumentException>(() => BoneMap.Of(table, null, Basis.Unity));
-            StringAssert.Contains("neither names nor shape of this rig tell its pelvis, left_hip", error.Message);
+            StringAssert.Contains("no node was found for pelvis, left_hip", error.Message);
             error = Assert.Throws<ArgumentException>(() => BoneMap.Of(new Rig(new RigNode[0]), null, Basis.Unity));
-            StringAssert.Contains("neither names nor shape", error.Message);
+            StringAssert.Contains("neither by names nor by shape", error.Message);
             error = Assert.Throws<ArgumentException>(() => new Rig(new[] { new RigNode { Name = "a" } }));
             StringAssert.Contains("node 0 (a): its parent must stand before it", error.Message);
             error = Assert.Throws<ArgumentException>(() => new Retarget(Map(Own), new double[3], Basis.Gltf));
@@ -197,7 +257,14 @@ namespace Wayfarer.Tests
         {
             string basis = (string)found["basis"];
             double[] offsets = Golden.Doubles(Document["walk"][basis]["rest_offsets"]);
-            return new Retarget(map, offsets, Basis.Of(basis));
+            Soles soles = null;
+            if (found["mesh"].HasValues)
+            {
+                double[] places = found["mesh"]["places"].SelectMany(place => Golden.Doubles(place)).ToArray();
+                soles = Soles.Measure(map, places, found["mesh"]["nodes"].ToObject<int[]>(), Basis.Of(basis));
+                Golden.Near(soles.Floor, (double)found["floor"], 1e-5, "floor");
+            }
+            return new Retarget(map, offsets, Basis.Of(basis), double.NaN, soles);
         }
 
         private static void Refused(BoneMap map, string said, string bone, string node)

@@ -109,7 +109,31 @@ namespace UnityEngine
 
     public class Renderer : Component { public Material material { get; } = new Material(); }
 
-    public class SkinnedMeshRenderer : Renderer { public Transform[] bones { get; set; } = new Transform[0]; }
+    public struct BoneWeight
+    {
+        public float weight0, weight1, weight2, weight3;
+        public int boneIndex0, boneIndex1, boneIndex2, boneIndex3;
+    }
+
+    public struct Matrix4x4
+    {
+        public float[] Values; // the stub's own: by columns
+        public float this[int index] => Values[index];
+    }
+
+    public class Mesh : Object
+    {
+        public bool isReadable => true;
+        public Vector3[] vertices { get; set; } = new Vector3[0];
+        public BoneWeight[] boneWeights { get; set; } = new BoneWeight[0];
+        public Matrix4x4[] bindposes { get; set; } = new Matrix4x4[0];
+    }
+
+    public class SkinnedMeshRenderer : Renderer
+    {
+        public Transform[] bones { get; set; } = new Transform[0];
+        public Mesh sharedMesh { get; set; }
+    }
 
     public class Camera : Behaviour { public static Camera main => null; }
 

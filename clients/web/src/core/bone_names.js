@@ -8,7 +8,14 @@ export const WORDS = {
    "legupper",
    "thigh",
    "femur",
-   "hip"
+   "hip",
+   "upperthigh",
+   "\u8db3d",
+   "\u5927\u817f",
+   "\u592a\u3082\u3082",
+   "\u8db3",
+   "\u811a",
+   "leg"
   ],
   "knee": [
    "lowerleg",
@@ -16,19 +23,35 @@ export const WORDS = {
    "leglower",
    "calf",
    "shin",
+   "shank",
    "knee",
+   "\u3072\u3056d",
+   "\u5c0f\u817f",
+   "\u3072\u3056",
+   "\u819d",
+   "\u30d2\u30b6",
    "leg"
   ],
   "ankle": [
    "ankle",
-   "foot"
+   "foot",
+   "\u8db3\u9996d",
+   "\u8db3\u9996",
+   "\u811a\u8e1d",
+   "\u811a",
+   "\u8db3"
   ],
   "foot": [
    "toebase",
    "toe",
    "toes",
    "ball",
-   "foot"
+   "foot",
+   "\u8db3\u5148ex",
+   "\u3064\u307e\u5148",
+   "\u722a\u5148",
+   "\u8db3\u5148",
+   "\u811a\u8dbe"
   ],
   "shoulder": [
    "upperarm",
@@ -37,50 +60,74 @@ export const WORDS = {
    "arm",
    "humerus",
    "shldr",
-   "shoulder"
+   "shoulder",
+   "\u4e0a\u8155",
+   "\u4e0a\u81c2",
+   "\u5927\u81c2",
+   "\u8155"
   ],
   "collar": [
    "clavicle",
    "collar",
    "collarbone",
    "scapula",
-   "shoulder"
+   "shoulder",
+   "\u80a9",
+   "\u9396\u9aa8",
+   "\u9501\u9aa8"
   ],
   "elbow": [
    "lowerarm",
    "forearm",
    "lowarm",
    "armlower",
-   "elbow"
+   "elbow",
+   "\u3072\u3058",
+   "\u8098",
+   "\u524d\u81c2",
+   "\u5c0f\u81c2"
   ],
   "wrist": [
    "hand",
-   "wrist"
+   "wrist",
+   "\u624b\u9996",
+   "\u624b"
   ],
   "pelvis": [
    "hips",
    "pelvis",
-   "hip"
+   "hip",
+   "\u4e0b\u534a\u8eab",
+   "\u9aa8\u76e4",
+   "\u9aa8\u76c6",
+   "\u8170"
   ],
   "neck": [
    "neck",
-   "necklower"
+   "necklower",
+   "\u9996",
+   "\u9888",
+   "\u8116\u5b50"
   ],
   "head": [
-   "head"
+   "head",
+   "\u982d",
+   "\u5934"
   ]
  },
  "left": [
   "left",
   "l",
   "lf",
-  "lft"
+  "lft",
+  "\u5de6"
  ],
  "right": [
   "right",
   "r",
   "rt",
-  "rgt"
+  "rgt",
+  "\u53f3"
  ],
  "noise": [
   "mixamorig",
@@ -98,7 +145,13 @@ export const WORDS = {
   "armature",
   "character",
   "valvebiped",
-  "rig"
+  "rig",
+  "bend",
+  "stretch",
+  "m",
+  "x",
+  "skin",
+  "bind"
  ],
  "helpers": [
   "twist",

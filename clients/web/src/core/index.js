@@ -10,5 +10,6 @@ export { ENCODING, frameBytes, unpackPoses } from "./poses.js";
 export { multiply, rotate } from "./quaternions.js";
 export { Retarget } from "./retarget.js";
 export { BONES, PARENTS, Rig } from "./rig.js";
+export { measureSoles } from "./soles.js";
 export { SmoothRoot } from "./root.js";
 export { TierUnpacker } from "./tiers.js";

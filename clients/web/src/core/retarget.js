@@ -3,7 +3,7 @@
 
 import { BASES } from "./bases.js";
 import { arc, multiply, relative, rotate, rotateBack } from "./quaternions.js";
-import { COUNT, FOOT, LEGS, Rest } from "./retarget_rest.js";
+import { COUNT, LEGS, Rest } from "./retarget_rest.js";
 import { PARENTS } from "./rig.js";
 
 const REACH = 0.999; // of a leg's length: how far it is stretched at most
@@ -24,14 +24,13 @@ export class Retarget {
   #rest;
 
   /**
-   * `restOffsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest. Both in the
-   * stream's basis and unit, as is the character's own space. `foot`: how far its heel is behind the ankle and the tip
-   * of its toes before the ball, in lengths from ankle to ball.
+   * `restOffsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest; `soles`: what
+   * its mesh tells of them (`measureSoles`). All in the stream's basis and unit, as is the character's own space.
    * @param {import("./bone_map.js").BoneMap} boneMap @param {ArrayLike<number>} restOffsets
-   * @param {import("./bases.js").Basis} [basis] @param {number} [floor] @param {{ heel: number, tip: number }} [foot]
+   * @param {import("./bases.js").Basis} [basis] @param {number} [floor] @param {import("./soles.js").Soles | null} [soles]
    */
-  constructor(boneMap, restOffsets, basis = BASES.gltf, floor = NaN, foot = FOOT) {
-    const rest = new Rest(boneMap, restOffsets, basis, floor, foot);
+  constructor(boneMap, restOffsets, basis = BASES.gltf, floor = NaN, soles = null) {
+    const rest = new Rest(boneMap, restOffsets, basis, floor, soles);
     this.#rest = rest;
     this.basis = basis;
     /** Node of each bone, -1 for those that the character lacks. */
@@ -45,18 +44,29 @@ export class Retarget {
     this.places = new Float64Array(3 * COUNT);
     /** Relative to the nodes' parents. */
     this.local = new Float64Array(4 * COUNT);
+    /** Bones whose nodes are to be moved, too: the hips, and those that hang from another bone than they follow. */
+    this.loose = rest.loose;
+    /** The bone that each one's node hangs from in the file; -1: none. */
+    this.hangs = rest.hangs;
+    /** Places of the loose bones' nodes relative to their parents, x, y, z a bone. */
+    this.moved = new Float64Array(3 * COUNT);
     /** Place of the hips' node relative to its parent. */
-    this.hips = new Float64Array(3);
+    this.hips = this.moved.subarray(0, 3);
+    /** The rotation from the character's axes to the basis, and the point of the ground below it at rest. */
+    this.turn = rest.turn;
+    this.origin = rest.origin;
     /** Of the agent in the world: rotations, places, heights of the two soles. */
     this.turns = new Float64Array(4 * COUNT);
     this.source = new Float64Array(3 * COUNT);
     this.clear = new Float64Array(2);
     this.scratch = new Float64Array(SUNK + 1);
+    /** Height of the ground that the last pose stands on, in an array of one. */
+    this.ground = this.scratch.subarray(GROUND, GROUND + 1);
   }
 
   /**
    * A frame of the stream (hips x, y, z, then x, y, z, w of the 22 bones and any more) on the character: fills
-   * `rotations`, `places`, `local` and `hips`. `ground`: height of the ground there; NaN: that of the lower sole.
+   * `rotations`, `places`, `local`, `moved` and `hips`. `ground`: height of the ground there; NaN: that of the lower sole.
    * @param {ArrayLike<number>} frame @param {number} [ground]
    */
   pose(frame, ground = NaN) {
@@ -89,7 +99,7 @@ export class Retarget {
     this.#put();
     s[SUNK] = 0;
     for (let leg = 0; leg < 2; leg += 1) {
-      s[SOLE] = (clear[leg] - s[GROUND]) * ratio;
+      s[SOLE] = Math.max(0, clear[leg] - s[GROUND]) * ratio;
       this.#goal(leg);
       this.#sink(leg);
     }
@@ -121,18 +131,24 @@ export class Retarget {
     }
   }
 
-  /** LOW: height of the lowest point of a foot over its ankle; BALL: the ball from the ankle. @param {Float64Array} sole @param {number} leg */
+  /**
+   * LOW: height of the lowest point of a foot over its ankle; BALL: the ball from the ankle.
+   * @param {import("./retarget_rest.js").Sole} sole @param {number} leg
+   */
   #lowest(sole, leg) {
     const { turns, scratch: s } = this;
     const { up } = this.basis;
+    const { fixed, toes } = sole;
     const ankle = 4 * LEGS[leg][2], toe = 4 * LEGS[leg][3];
-    rotate(turns, ankle, sole, 0, s, FROM);
-    rotate(turns, ankle, sole, 3, s, BALL);
-    rotate(turns, toe, sole, 6, s, TO);
-    const heel = s[FROM] * up[0] + s[FROM + 1] * up[1] + s[FROM + 2] * up[2];
-    const ball = s[BALL] * up[0] + s[BALL + 1] * up[1] + s[BALL + 2] * up[2];
-    const tip = ball + s[TO] * up[0] + s[TO + 1] * up[1] + s[TO + 2] * up[2];
-    s[LOW] = Math.min(heel, ball, tip);
+    rotate(turns, ankle, sole.ball, 0, s, BALL);
+    rotate(turns, ankle, sole.joint, 0, s, FROM);
+    const joint = s[FROM] * up[0] + s[FROM + 1] * up[1] + s[FROM + 2] * up[2];
+    rotateBack(turns, ankle, up, 0, s, FROM);
+    let low = Infinity;
+    for (let k = 0; k < fixed.length; k += 3) low = Math.min(low, s[FROM] * fixed[k] + s[FROM + 1] * fixed[k + 1] + s[FROM + 2] * fixed[k + 2]);
+    rotateBack(turns, toe, up, 0, s, FROM);
+    for (let k = 0; k < toes.length; k += 3) low = Math.min(low, joint + s[FROM] * toes[k] + s[FROM + 1] * toes[k + 1] + s[FROM + 2] * toes[k + 2]);
+    s[LOW] = low;
   }
 
   /** Places of the bones below the hips. */
@@ -164,7 +180,7 @@ export class Retarget {
     }
     arc(forward, 0, s, AHEAD, s, TURN);
     rotate(s, TURN, stance[leg], 0, s, BESIDE);
-    rotate(turns, 4 * ankle, sourceSoles[leg], 3, s, goal);
+    rotate(turns, 4 * ankle, sourceSoles[leg].ball, 0, s, goal);
     this.#lowest(soles[leg], leg);
     for (let n = 0; n < 3; n += 1) s[goal + n] += source[3 * ankle + n] + s[BESIDE + n] - s[BALL + n];
     flatten(s, goal, up);
@@ -201,8 +217,8 @@ export class Retarget {
     gap(places, bend, places, start, s, LENGTH);
     gap(places, end, places, bend, s, MOST);
     const most = REACH * (s[LENGTH] + s[MOST]);
-    rotate(turns, 4 * ankle, sole, 0, s, FROM); // the heel
-    rotate(turns, 4 * ankle, sole, 3, s, BALL);
+    rotate(turns, 4 * ankle, sole.heel, 0, s, FROM);
+    rotate(turns, 4 * ankle, sole.ball, 0, s, BALL);
     rotate(turns, 4 * ankle, left, 0, s, AHEAD); // the axis
     flatten(s, AHEAD, up);
     size(s, AHEAD, LENGTH);
@@ -256,9 +272,11 @@ export class Retarget {
     without(s, SIDE, s, ALONG);
     rotate(turns, 4 * hip, forward, 0, s, FRONT);
     without(s, FRONT, s, ALONG);
-    size(s, SIDE, LENGTH);
     size(s, FRONT, MOST);
-    const lacking = Math.max(0, BEND * thigh - s[LENGTH]) / Math.max(s[MOST], 1e-6);
+    const inFront = 1 / Math.max(s[MOST], 1e-6);
+    for (let n = 0; n < 3; n += 1) s[FRONT + n] *= inFront;
+    const bent = s[SIDE] * s[FRONT] + s[SIDE + 1] * s[FRONT + 1] + s[SIDE + 2] * s[FRONT + 2];
+    const lacking = Math.max(0, BEND * thigh - bent);
     for (let n = 0; n < 3; n += 1) s[SIDE + n] += lacking * s[FRONT + n];
     size(s, SIDE, LENGTH);
     const wide = Math.max(s[LENGTH], 1e-9);
@@ -300,19 +318,33 @@ export class Retarget {
     for (let n = 0; n < 3; n += 1) s[goal + n] = places[start + n] + share * s[SIDE + n] + down * up[n];
   }
 
-  /** Rotations relative to the nodes' parents. */
+  /** Rotations relative to the nodes' parents, and places of loose bones. */
   #relate() {
-    const { mapped, rotations, places, local, hips, scratch: s } = this;
-    const { above, base, gap: gaps } = this.#rest;
-    relative(base.turn, 0, rotations, 0, local, 0);
-    for (let n = 1; n < mapped.length; n += 1) {
-      const b = 4 * mapped[n];
-      multiply(rotations, 4 * above[mapped[n]], gaps, b, s, TURN);
+    const { mapped, loose, hangs, rotations, places, local, moved, scratch: s } = this;
+    const { parentTurn, parentPlace, parentScale } = this.#rest;
+    for (let n = 0; n < mapped.length; n += 1) {
+      const b = 4 * mapped[n], a = hangs[mapped[n]];
+      if (a < 0) {
+        relative(parentTurn, b, rotations, b, local, b);
+        continue;
+      }
+      multiply(rotations, 4 * a, parentTurn, b, s, TURN);
       relative(s, TURN, rotations, b, local, b);
     }
-    for (let n = 0; n < 3; n += 1) s[FROM + n] = places[n] - base.place[n];
-    rotateBack(base.turn, 0, s, FROM, hips, 0);
-    for (let n = 0; n < 3; n += 1) hips[n] /= base.scale[n];
+    for (let n = 0; n < loose.length; n += 1) {
+      const bone = loose[n], b = 3 * bone, a = hangs[bone];
+      for (let k = 0; k < 3; k += 1) s[TO + k] = parentPlace[b + k];
+      if (a >= 0) {
+        rotate(rotations, 4 * a, parentPlace, b, s, TO);
+        for (let k = 0; k < 3; k += 1) s[TO + k] += places[3 * a + k];
+        multiply(rotations, 4 * a, parentTurn, 4 * bone, s, TURN);
+      } else {
+        for (let k = 0; k < 4; k += 1) s[TURN + k] = parentTurn[4 * bone + k];
+      }
+      for (let k = 0; k < 3; k += 1) s[FROM + k] = places[b + k] - s[TO + k];
+      rotateBack(s, TURN, s, FROM, moved, b);
+      for (let k = 0; k < 3; k += 1) moved[b + k] /= parentScale[b + k];
+    }
   }
 }
 

@@ -10,7 +10,8 @@ from wayfarer.body.proportions import BodyFit, fit_betas
 from wayfarer.body.rotation import GLTF_FROM_CORE, gltf_quaternion
 from wayfarer.body.skeleton import bone_names
 from wayfarer.characters.bone_map import BoneMap, map_bones
-from wayfarer.characters.retarget import Retarget, character_joints
+from wayfarer.characters.joints import character_joints
+from wayfarer.characters.retarget import Retarget
 from wayfarer.characters.rig import Node, Rig
 from wayfarer.clips.clip import Array, Clip
 from wayfarer.errors import InvalidArgument
@@ -62,13 +63,17 @@ def body_for(bones: BoneMap) -> BodyFit:
 def retargeted(clip: Clip, bones: BoneMap) -> tuple[Array, Array]:
     """Rotations [N, J, 4] of all joints, local to the parent, and places of the root [N, 3].
 
-    Where the root is above the hips, it carries them, and does not turn.
+    Where the root is above the hips, it carries them, and does not turn. Raises InvalidArgument
+    when a bone hangs from another than it moves with.
     """
     body = load_body(clip.body, clip.gender)
     rest = body.rest_joints(np.asarray(clip.betas))
     rest[1:] -= rest[body.parents[1:]]
     retarget = Retarget(bones, rest @ GLTF_FROM_CORE.T)
     rig = bones.rig
+    if len(retarget.loose) > 1:  # the protocol has places of the root alone
+        name = rig.nodes[retarget.nodes[retarget.loose[1]]].name
+        raise InvalidArgument(f"{name!r} hangs from another bone than it moves with")
     own = np.array([node.rotation for node in rig.nodes], float)
     rotations = np.tile(own / np.linalg.norm(own, axis=1, keepdims=True), (clip.frames, 1, 1))
     roots = np.empty((clip.frames, 3))

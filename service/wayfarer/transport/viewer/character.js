@@ -1,8 +1,8 @@
 // A character of the user's: a VRM or GLB file. It is read on this page and sent nowhere.
 
 import { Box3, GLTFLoader, Vector3, cloneSkinned } from "./vendor/three.min.js";
-import { BASES, BoneMapError, Character, mapBones, readRig } from "./client/index.js";
-import { THREE_NODES, joinSkeleton, measureFeet } from "./client/three.js";
+import { BASES, BoneMapError, Character, mapBones, measureSoles, readRig } from "./client/index.js";
+import { THREE_NODES } from "./client/three.js";
 import { readGlb } from "./glb.js";
 
 const SIZES = [0.4, 4]; // metres: a character out of that range is of another unit
@@ -44,7 +44,6 @@ export class CharacterFile {
     const all = nodesOf(scene);
     const objects = new Map([...parser.associations].flatMap(([object, from]) => (all.includes(object) ? [[from?.nodes, object]] : [])));
     this.humanoid = new Map([...humanoid].flatMap(([bone, number]) => (objects.has(number) ? [[bone, all.indexOf(objects.get(number))]] : [])));
-    this.named = null; // numbers of the nodes that may be bones, where not all may
     this.correct = JSON.parse(localStorage.getItem(this.key) ?? "{}");
     this.#look();
     if (!this.problem || !Object.keys(this.correct).length) return;
@@ -88,8 +87,8 @@ export class CharacterFile {
   /** A body of its own for an agent: { object, character, height, pose(frame), hide(), remove() }. */
   body(restOffsets) {
     const object = cloneSkinned(this.source);
-    const { engine, humanoid } = this.#reading(object);
-    const character = new Character(engine, [object], restOffsets, { ...this.feet, correct: this.correct }, humanoid);
+    const humanoid = this.#humanoidOf(object);
+    const character = new Character(THREE_NODES, [object], restOffsets, { correct: this.correct }, humanoid);
     return {
       object, character, height: this.height,
       pose: (frame) => character.pose(frame),
@@ -126,43 +125,27 @@ export class CharacterFile {
     this.height = heightOf(this.source);
   }
 
-  /** How the nodes of the source, or of a copy of it, are read: which may be bones, and which are VRM's. */
-  #reading(scene) {
+  /** VRM's bones in the source, or in a copy of it. */
+  #humanoidOf(scene) {
     const nodes = nodesOf(scene);
-    const humanoid = new Map([...this.humanoid].map(([bone, number]) => [bone, nodes[number]]));
-    if (!this.named) return { engine: THREE_NODES, humanoid };
-    const named = new Set([...this.named].map((number) => nodes[number]));
-    const read = (node) => ({ ...THREE_NODES.read(node), ...(!named.has(node) && { name: "" }) });
-    return { engine: { ...THREE_NODES, read }, humanoid };
+    return new Map([...this.humanoid].map(([bone, number]) => [bone, nodes[number]]));
   }
 
-  /** Find the map: of all nodes by their names; where that tells no trunk, of those that move skin, made one tree. */
+  /** Find the map: `rig`, `bones`, `foundBy`, `floor` and `problem` say which, or why not. */
   #look() {
-    if (this.#map() || this.named || this.humanoid.size) return;
-    const bones = joinSkeleton(this.source);
-    this.named = new Set(nodesOf(this.source).flatMap((node, k) => (bones.has(node) ? [k] : [])));
-    if (this.#map()) return;
-    this.named = null;
-    this.#map();
-  }
-
-  /** Whether a map with a trunk is found; `rig`, `bones`, `foundBy`, `problem` say which, or why not. */
-  #map() {
-    const { engine, humanoid } = this.#reading(this.source);
-    const { rig, nodes, table } = readRig(engine, [this.source], humanoid);
+    const { rig, nodes, table } = readRig(THREE_NODES, [this.source], this.#humanoidOf(this.source));
     this.rig = rig;
     this.problem = "";
     try {
       const map = mapBones(rig, table, BASES.gltf, this.correct);
+      const mesh = THREE_NODES.mesh([this.source], nodes);
       this.bones = map.bones;
-      this.feet = measureFeet(this.source, map, nodes);
+      this.floor = measureSoles(map, mesh.places, mesh.nodes)?.floor;
       this.foundBy = map.foundBy;
-      return map.bones.has("head") || map.bones.has("spine3");
     } catch (error) {
       if (!(error instanceof BoneMapError)) throw error;
       this.bones = error.bones;
       this.problem = error.message;
-      return false;
     }
   }
 }

@@ -52,7 +52,7 @@ export class Wardrobe {
   /** A body with the proportions of the character: nothing but its joints goes to the server. */
   async #shape() {
     try {
-      const { gender, betas, scale } = await this.api.fitBody(this.look.joints, 0);
+      const { gender, betas, scale } = await this.api.fitBody(this.look.joints, this.look.floor);
       this.scale = scale;
       return { gender, betas };
     } catch (error) {

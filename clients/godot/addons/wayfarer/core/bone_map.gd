@@ -7,6 +7,17 @@ const SIDES: Array[String] = ["left", "right"]
 const REQUIRED: Array[String] = [
 	"pelvis", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle"
 ]
+const _TRUNK: Array[String] = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
+## They may hang from any bone of the trunk: they move with their own.
+const _BRANCHING: Array[String] = ["hip", "collar", "shoulder"]
+const _UNEVEN := 1.01  # what the scales of a node's axes may be of each other at most
+const _BACKWARD := 0.2  # cosine up to which toes may point backwards
+## Of a thigh's height over the lowest node of its leg: an ankle that is higher is none.
+const _HEELS := 0.3
+const _HIND_LEGS := (
+	"legs as animals' hind legs, whose heels are off the ground, are not found by their shape. "
+	+ "Say which bones these are, by a correction"
+)
 
 ## Why this rig is no humanoid; "": it is one.
 var error := ""
@@ -21,15 +32,20 @@ var found_by := ""
 static func of(
 	of_rig: WayfarerRig, humanoid: Dictionary = {}, basis: WayfarerBasis = WayfarerBasis.new()
 ) -> WayfarerBoneMap:
-	if not humanoid.is_empty():
-		return from_bones(of_rig, _by_vrm(humanoid), "vrm")
-	var named := WayfarerBonesByName.new(of_rig).find()
-	if named.has_all(REQUIRED):
-		return from_bones(of_rig, named, "names")
-	var shaped := WayfarerBonesByShape.new(of_rig, basis).find()
-	if shaped.has_all(REQUIRED):
-		return from_bones(of_rig, shaped, "shape")
-	return from_bones(of_rig, named, "names")
+	var by := "vrm"
+	var found := _by_vrm(humanoid)
+	if humanoid.is_empty():
+		by = "names"
+		found = WayfarerBonesByName.new(of_rig).find()
+		if not found.has_all(REQUIRED):
+			var shaped := WayfarerBonesByShape.new(of_rig, basis).find()
+			if shaped.has_all(REQUIRED):
+				by = "shape"
+				found = shaped
+	var map := from_bones(of_rig, _kept(of_rig, found), by)
+	if map.error == "":
+		map.error = map._check_biped(basis)
+	return map
 
 
 ## A map of your own: bone → node.
@@ -88,31 +104,128 @@ func _take(table_of: Dictionary[String, int]) -> String:
 			bones[bone] = table_of[bone]
 	var lacking := REQUIRED.filter(func(bone: String) -> bool: return not bones.has(bone))
 	if not lacking.is_empty():
-		return (
-			"neither names nor shape of this rig tell its %s: say which nodes these are, by a correction"
-			% ", ".join(lacking)
-		)
-	for side in SIDES:
-		for pair: Array in [
-			[side + "_hip", "pelvis"], [side + "_knee", side + "_hip"],
-			[side + "_ankle", side + "_knee"],
-		]:
-			if not bones[pair[1]] in rig.ancestors(bones[pair[0]]):
-				var below := rig.names[bones[pair[0]]]
-				return '%s: "%s" does not hang from the %s' % [pair[0], below, pair[1]]
-	var bone_of: Dictionary[int, String] = {}
+		return _unknown(lacking)
+	var line: Dictionary[int, bool] = {}
 	for bone in bones:
-		bone_of[bones[bone]] = bone
-	for bone in bones:
-		var above := ""
 		for k in rig.ancestors(bones[bone]):
-			if bone_of.has(k):
-				above = bone_of[k]
-				break
-		var order := WayfarerBones.NAMES
-		if (above == "") != (bone == "pelvis") or order.find(above) > order.find(bone):
-			var name := rig.names[bones[bone]]
-			return '%s: "%s" hangs from %s' % [bone, name, "no bone" if above == "" else above]
+			line[k] = true
+		var other := _misplaced(rig, bones, bone)
+		if other != "":
+			var is_twin := bones[other] == bones[bone]
+			var said := "is %s, too" % other if is_twin else "hangs from %s" % other
+			return '%s: "%s" %s' % [bone, rig.names[bones[bone]], said]
+	for k in line:
+		var scale := rig.own_scales[k]
+		var most := scale[scale.max_axis_index()]
+		if most > 0.0 and most <= _UNEVEN * scale[scale.min_axis_index()]:
+			continue
+		return (
+			'"%s" is scaled by %s, %s, %s: bones below it would be sheared or mirrored as they turn. '
+			% [rig.names[k], _short(scale.x), _short(scale.y), _short(scale.z)]
+			+ "Apply its scale to the model, and export it again"
+		)
+	return ""
+
+
+static func _short(value: float) -> String:
+	return String.num(value, 5).trim_suffix(".0")
+
+
+## What is said of bones that were not found.
+static func _unknown(lacking: Array) -> String:
+	var known := PackedStringArray()
+	for bone: String in lacking:
+		var role := _role(bone)
+		var row := "%s: %s" % [role, ", ".join(WayfarerBoneNames.ROLES[role])]
+		if not row in known:
+			known.append(row)
+	return (
+		"no node was found for %s, neither by names nor by shape: " % ", ".join(lacking)
+		+ "say which they are, by a correction. "
+		+ "Known names, with sides as in LeftFoot, foot_l, foot.L: %s" % "; ".join(known)
+	)
+
+
+static func _role(bone: String) -> String:
+	return bone.trim_prefix("left_").trim_prefix("right_")
+
+
+## Without bones that are not needed and cannot be where they were found.
+static func _kept(
+	of_rig: WayfarerRig, found: Dictionary[String, int]
+) -> Dictionary[String, int]:
+	var kept := found.duplicate()
+	for bone in WayfarerBones.NAMES:
+		if kept.has(bone) and not bone in REQUIRED and _misplaced(of_rig, kept, bone) != "":
+			kept.erase(bone)
+	return kept
+
+
+## Another bone that a bone hangs from, or is, and should not; "": none.
+static func _misplaced(
+	of_rig: WayfarerRig, found: Dictionary[String, int], bone: String
+) -> String:
+	for other in WayfarerBones.NAMES:
+		if other != bone and found.get(other, -1) == found[bone]:
+			return other
+	var above := ""
+	for k in of_rig.ancestors(found[bone]):
+		var name: Variant = found.find_key(k)
+		if name != null:
+			above = name
+			break
+	if above == "" or _leads_to(above, bone):
+		return ""
+	var branches := _role(bone) in _BRANCHING or bone in _TRUNK
+	return "" if branches and above in _TRUNK and not _leads_to(bone, above) else above
+
+
+## Whether a bone is above another on the way to the pelvis.
+static func _leads_to(upper: String, bone: String) -> bool:
+	var k := WayfarerBones.PARENTS[WayfarerBones.NAMES.find(bone)]
+	while k >= 0:
+		if WayfarerBones.NAMES[k] == upper:
+			return true
+		k = WayfarerBones.PARENTS[k]
+	return false
+
+
+## What is said of animals, and of sides that contradict each other; "": nothing.
+func _check_biped(basis: WayfarerBasis) -> String:
+	var hips := PackedInt32Array([bones["left_hip"], bones["right_hip"]])
+	var others := WayfarerBonesByShape.new(rig, basis).other_legs(bones["pelvis"], hips)
+	if not others.is_empty():
+		var legs := Array(hips + others).map(func(k: int) -> String: return '"%s"' % rig.names[k])
+		return "it has four legs (%s): only what walks on two can be animated" % ", ".join(legs)
+	var against := WayfarerBonesByName.contradicted(self)
+	if against != "":
+		return (
+			'"%s" is on the other side than its name tells, by where the feet point: %s'
+			% [against, _HIND_LEGS]
+		)
+	var up := Vector3.ZERO
+	var toes := Vector3.ZERO
+	for side in SIDES:
+		var ankle := rig.places[bones[side + "_ankle"]]
+		up += rig.places[bones[side + "_hip"]] - ankle
+		if bones.has(side + "_foot"):
+			toes += rig.places[bones[side + "_foot"]] - ankle
+	for side in SIDES:
+		var ankle := bones[side + "_ankle"]
+		var low := INF
+		for k in rig.subtree(ankle):
+			low = minf(low, rig.places[k].dot(up))
+		var thigh := rig.places[bones[side + "_hip"]].dot(up)
+		if rig.places[ankle].dot(up) - low > _HEELS * (thigh - low):
+			return (
+				'"%s" is high above the ground for an ankle: %s' % [rig.names[ankle], _HIND_LEGS]
+			)
+	var forward := basis.handed * (rig.places[hips[0]] - rig.places[hips[1]]).cross(up)
+	if toes.dot(forward) < -_BACKWARD * toes.length() * forward.length():
+		return (
+			"its toes point backwards: left and right are exchanged, or these are no feet "
+			+ '("%s" counts as left)' % rig.names[hips[0]]
+		)
 	return ""
 
 

@@ -22,9 +22,10 @@ var _taken: Dictionary[int, bool] = {}
 func _init(rig: WayfarerRig) -> void:
 	_rig = rig
 	var breaks := RegEx.create_from_string(_BREAKS)
-	var others := RegEx.create_from_string("[^A-Za-z]+")
+	var tokens := RegEx.create_from_string("[A-Za-z]+|[^\\x{0}-\\x{7f}]+")
 	for k in rig.names.size():
-		_split(others.sub(breaks.sub(_last(rig.names[k]), " ", true), " ", true))
+		var found := tokens.search_all(breaks.sub(_last(rig.names[k]), " ", true))
+		_split(found.map(func(token: RegExMatch) -> String: return token.get_string()))
 		_above.append(rig.ancestors(k))
 
 
@@ -33,20 +34,29 @@ func find() -> Dictionary[String, int]:
 		for limb in _LIMBS:
 			var inside: int = _bones.get(which + "_" + limb[1], -1)
 			_take(which + "_" + limb[0], limb[0], which, inside)
-	_take("pelvis", "pelvis", "", -1)
-	if _bones.has("left_hip") and _bones.has("right_hip"):
-		var shared := _shared(_bones["left_hip"], _bones["right_hip"])
-		if not shared.is_empty() and not _bones.get("pelvis", -1) in shared:
-			_bones["pelvis"] = shared[0]
 	_take("neck", "neck", "", -1)
 	_take("head", "head", "", _bones.get("neck", -1))
-	var low: int = _bones.get("pelvis", -1)
-	var top: int = _bones.get("neck", _bones.get("head", -1))
-	if low >= 0 and top < 0:
-		_find_trunk(low)
-	elif low >= 0 and low in _above[top]:
-		WayfarerBoneMap.spread_spine(_between(low, top), _bones)
+	_take("pelvis", "pelvis", "", -1)
+	_find_pelvis()
+	_find_spine()
 	return _bones
+
+
+## A node of a limb whose name tells the other side than its bone; "": none does, or most tell the
+## side that was found.
+static func contradicted(map: WayfarerBoneMap) -> String:
+	var names := WayfarerBonesByName.new(map.rig)
+	var against := ""
+	var told := 0
+	for bone in map.bones:
+		var which := bone.get_slice("_", 0)
+		var has := names._side[map.bones[bone]]
+		if not which in WayfarerBoneMap.SIDES or has == "":
+			continue
+		told += 1 if has == which else -1
+		if has != which and against == "":
+			against = map.rig.names[map.bones[bone]]
+	return against if told < 0 else ""
 
 
 ## What follows the last ":" or "|".
@@ -55,66 +65,102 @@ static func _last(name: String) -> String:
 
 
 ## Side and the rest of a name; a helper has no rest.
-func _split(words: String) -> void:
-	var side := ""
-	var rest := ""
-	for word in words.to_lower().split(" ", false):
-		if word in WayfarerBoneNames.HELPERS:
-			side = ""
-			rest = ""
-			break
-		if word in WayfarerBoneNames.LEFT:
-			side = "left"
-		elif word in WayfarerBoneNames.RIGHT:
-			side = "right"
-		elif not word in WayfarerBoneNames.NOISE:
-			rest += word
-	_side.append(side)
-	_rest.append(rest)
+func _split(tokens: Array) -> void:
+	_side.append("")
+	_rest.append("")
+	var words := tokens.map(func(token: String) -> String: return token.to_lower())
+	if words.any(func(word: String) -> bool: return word in WayfarerBoneNames.HELPERS):
+		return
+	for each: String in words:
+		var word := _unsided(each, WayfarerBoneNames.LEFT, "left")
+		word = _unsided(word, WayfarerBoneNames.RIGHT, "right")
+		if not word in WayfarerBoneNames.NOISE:
+			_rest[-1] += word
 
 
-## The uppermost node of a role's first word that any has, below `inside` (-1: all).
+## A token without a word for a side, with which words begin in scripts without spaces.
+func _unsided(token: String, marks: Array, side: String) -> String:
+	for mark: String in marks:
+		if token == mark or (mark.unicode_at(0) > 127 and token.begins_with(mark)):
+			_side[-1] = side
+			return token.substr(mark.length())
+	return token
+
+
+## The uppermost node of a role's first word that any has; below `inside`, if any is there.
+## Otherwise anywhere: feet of IK rigs hang from the root. A word that stands for two roles, as
+## "foot", is not looked for there again.
 func _take(bone: String, role: String, which: String, inside: int) -> void:
-	for word: String in WayfarerBoneNames.ROLES[role]:
-		var first := -1
-		for k in _rest.size():
-			var fits := _rest[k] == word and _side[k] == which and not _taken.has(k)
-			if not fits or (inside >= 0 and not inside in _above[k]):
+	for within: int in [-1] if inside < 0 else [inside, -1]:
+		for word: String in WayfarerBoneNames.ROLES[role]:
+			if within < 0 and inside >= 0 and role == "foot" and word == "foot":
 				continue
-			if first < 0 or _above[k].size() < _above[first].size():
-				first = k
-		if first >= 0:
-			_bones[bone] = first
-			_taken[first] = true
-			return
+			var first := -1
+			for k in _rest.size():
+				var fits := _rest[k] == word and _side[k] == which and not _taken.has(k)
+				if not fits or (within >= 0 and not within in _above[k]):
+					continue
+				if first < 0 or _above[k].size() < _above[first].size():
+					first = k
+			if first >= 0:
+				_bones[bone] = first
+				_taken[first] = true
+				return
 
 
-## Nodes with a name between two, from below.
-func _between(low: int, top: int) -> PackedInt32Array:
-	var found := PackedInt32Array()
-	for k in _above[top]:
-		if k == low:
-			break
-		if _rest[k] != "":
-			found.append(k)
-	found.reverse()
-	return found
-
-
-## Ancestors of both, from below.
-func _shared(a: int, b: int) -> Array:
-	return Array(_above[a]).filter(func(k: int) -> bool: return k in _above[b])
-
-
-## Spine, neck and head of a rig that only numbers them, as Rigify: by where arms branch off.
-func _find_trunk(pelvis: int) -> void:
+## What the trunk leads to: the neck, or the head, or both arms.
+func _top() -> Array[int]:
+	for bone: String in ["neck", "head"]:
+		if _bones.has(bone):
+			return [_bones[bone]]
 	var arms: Array[int] = []
 	for which in WayfarerBoneMap.SIDES:
 		arms.append(_bones.get(which + "_collar", _bones.get(which + "_shoulder", -1)))
 	if arms.min() < 0:
+		arms.clear()
+	return arms
+
+
+func _thighs() -> Array[int]:
+	var found: Array[int] = []
+	for which in WayfarerBoneMap.SIDES:
+		if _bones.has(which + "_hip"):
+			found.append(_bones[which + "_hip"])
+	return found
+
+
+## It carries both legs and the trunk: else it is the lowest node that does.
+func _find_pelvis() -> void:
+	var legs := _thighs()
+	if legs.size() < 2:
 		return
-	var shared := _shared(arms[0], arms[1])
-	if shared.is_empty() or not pelvis in _above[shared[0]]:
+	for carried: Array[int] in [legs + _top(), legs]:
+		var shared := _shared(carried)
+		if _bones.get("pelvis", -1) in shared:
+			return
+		if not shared.is_empty():
+			_bones["pelvis"] = shared[0]
+			return
+
+
+## The nodes from which all of these hang, from below.
+func _shared(nodes: Array[int]) -> Array:
+	return Array(_above[nodes[0]]).filter(
+		func(k: int) -> bool: return nodes.all(func(n: int) -> bool: return k in _above[n])
+	)
+
+
+## The trunk's bones, from which no thigh hangs; those of rigs that only number them, as Rigify,
+## with neck and head: by where arms branch off.
+func _find_spine() -> void:
+	var top := _top()
+	if top.is_empty() or not _bones.has("pelvis"):
+		return
+	if top.size() == 1:
+		WayfarerBoneMap.spread_spine(_trunk(top[0]), _bones)
+		return
+	var shared := _shared(top)
+	if shared.is_empty() or not _bones["pelvis"] in _above[shared[0]]:
 		return
 	var chest: int = shared[0]
 	var chain := PackedInt32Array()
@@ -122,7 +168,7 @@ func _find_trunk(pelvis: int) -> void:
 	while onward.size() == 1:
 		chain.append(onward[0])
 		onward = _onward(onward[0])
-	var line := _between(pelvis, chest)
+	var line := _trunk(chest)
 	line.append(chest)
 	WayfarerBoneMap.spread_spine(line, _bones)
 	var box := AABB(_rig.places[0], Vector3.ZERO)
@@ -133,6 +179,19 @@ func _find_trunk(pelvis: int) -> void:
 		_bones["neck"] = joints[0]
 	if not joints.is_empty():
 		_bones["head"] = joints[-1]
+
+
+## Nodes with a name below this one, from the lowest: none that a thigh hangs from.
+func _trunk(top: int) -> PackedInt32Array:
+	var legs := _thighs()
+	var found := PackedInt32Array()
+	for k in _above[top]:
+		if legs.any(func(leg: int) -> bool: return k in _above[leg]):
+			break
+		if _rest[k] != "" and _side[k] == "":
+			found.append(k)
+	found.reverse()
+	return found
 
 
 func _onward(node: int) -> Array:

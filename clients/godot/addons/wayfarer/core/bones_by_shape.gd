@@ -6,61 +6,90 @@ extends RefCounted
 const _LEG: Array[String] = ["hip", "knee", "ankle", "foot"]
 const _ARM: Array[String] = ["collar", "shoulder", "elbow", "wrist"]
 
+const _LOW := 0.1  # of the rig's height: a branch that ends so low reaches the ground
+const _APART := 0.05  # of that height: the ends of two legs stand apart at least so far
+const _TOES := 0.02  # of that height: toes lie at least so far before the ankle
+const _FAR := 0.25  # of that height: a second pair of legs hangs so far from the first
+
 var _rig: WayfarerRig
 var _basis: WayfarerBasis
 var _height := PackedFloat64Array()
 var _tall := 0.0
 var _below: Array[PackedInt32Array] = []
 var _bones: Dictionary[String, int] = {}
+# a node, and the joints of two branches of at least three that reach the ground apart: [k, a, b]
+var _pairs: Array[Array] = []
 
 
 func _init(rig: WayfarerRig, basis: WayfarerBasis) -> void:
 	_rig = rig
 	_basis = basis
-
-
-func find() -> Dictionary[String, int]:
-	var lowest := PackedInt32Array()
 	for k in _rig.places.size():
 		_height.append(_rig.places[k].dot(_basis.up))
 		_below.append(_rig.subtree(k))
 	if _height.is_empty():
-		return _bones
-	for k in _height.size():
-		lowest.append(_most(_below[k], func(n: int) -> float: return -_height[n]))
+		return
 	var floor_height: float = Array(_height).min()
 	_tall = Array(_height).max() - floor_height
-	var pelvis := -1
-	var legs := PackedInt32Array()
+	var lowest := PackedInt32Array()
 	for k in _height.size():
+		lowest.append(_most(_below[k], func(n: int) -> float: return -_height[n]))
+	for k in _height.size() if _tall > 0.0 else 0:
 		var feet := Array(_rig.children[k]).filter(
-			func(n: int) -> bool: return _height[lowest[n]] < floor_height + 0.1 * _tall
+			func(n: int) -> bool: return _height[lowest[n]] < floor_height + _LOW * _tall
 		)
 		for a in feet.size():
 			for b in range(a + 1, feet.size()):
 				var gap := _rig.places[lowest[feet[a]]] - _rig.places[lowest[feet[b]]]
-				if _tall > 0.0 and _basis.level(gap).length() > 0.05 * _tall:
-					pelvis = k  # parents come first: the deepest stays
-					legs = PackedInt32Array([feet[a], feet[b]])
-	if pelvis < 0:
-		return _bones
-	var chains: Array[PackedInt32Array] = []
-	for leg in legs:
-		chains.append(_rig.joints(_rig.path(leg, lowest[leg]), 0.03 * _tall))
-	if mini(chains[0].size(), chains[1].size()) >= 3:
-		_find_all(pelvis, legs, chains)
+				if _basis.level(gap).length() <= _APART * _tall:
+					continue
+				var chains := [feet[a], feet[b]].map(
+					func(leg: int) -> PackedInt32Array:
+						return _rig.joints(_rig.path(leg, lowest[leg]), 0.03 * _tall)
+				)
+				if mini(chains[0].size(), chains[1].size()) >= 3:
+					_pairs.append([k, chains[0], chains[1]])
+
+
+## What the shape tells, enough for a humanoid or not.
+func find() -> Dictionary[String, int]:
+	var walking := _pairs.filter(
+		func(pair: Array) -> bool:
+			return minf(_toes(pair[1]).length(), _toes(pair[2]).length()) >= _TOES * _tall
+	)
+	# parents come first: the deepest. Without toes nothing tells a leg from a skirt
+	if not walking.is_empty():
+		var chains: Array[PackedInt32Array] = [walking[-1][1], walking[-1][2]]
+		_find_all(walking[-1][0], chains)
 	return _bones
 
 
-func _find_all(pelvis: int, legs: PackedInt32Array, chains: Array[PackedInt32Array]) -> void:
-	var toes := Vector3.ZERO
-	for chain in chains:
-		toes += _rig.places[chain[mini(3, chain.size() - 1)]] - _rig.places[chain[2]]
-	var forward := _basis.level(toes)
+## A pair of legs of the same body that hangs far from these two thighs; empty: none does.
+func other_legs(pelvis: int, hips: PackedInt32Array) -> PackedInt32Array:
+	var line := _below[pelvis] + _rig.ancestors(pelvis)
+	var own := hips + _rig.ancestors(hips[0]) + _rig.ancestors(hips[1])
+	for pair in _pairs:
+		var a: int = pair[1][0]
+		var b: int = pair[2][0]
+		if not pair[0] in line or a in own or b in own:
+			continue
+		var away := _rig.places[a] + _rig.places[b] - _rig.places[hips[0]] - _rig.places[hips[1]]
+		if _basis.level(away).length() / 2.0 > _FAR * _tall:
+			return PackedInt32Array([a, b])
+	return PackedInt32Array()
+
+
+## Where the toes of a leg point, level.
+func _toes(chain: PackedInt32Array) -> Vector3:
+	return _basis.level(_rig.places[chain[mini(3, chain.size() - 1)]] - _rig.places[chain[2]])
+
+
+func _find_all(pelvis: int, chains: Array[PackedInt32Array]) -> void:
+	var forward := _toes(chains[0]) + _toes(chains[1])
 	if forward.length() < 0.01 * _tall:
-		return  # no toes: nothing tells front from back
+		return
 	var left := _basis.handed * _basis.up.cross(forward)
-	if _basis.level(_rig.places[legs[0]] - _rig.places[legs[1]]).dot(left) < 0.0:
+	if _basis.level(_rig.places[chains[0][0]] - _rig.places[chains[1][0]]).dot(left) < 0.0:
 		chains.reverse()
 	_bones["pelvis"] = pelvis
 	for s in 2:

@@ -7,7 +7,8 @@ const _SNAP := 0.9063077870366499  # cos 25°: an axis so near to one of the fil
 
 ## By number of the bone.
 var places: Dictionary[int, Vector3] = {}
-## Height of its floor: 0 where its feet are near over the origin's level; else NAN: unknown.
+## Height of its floor: where its mesh ends, or 0 where its feet are near over the origin's level;
+## else NAN: unknown.
 var floor_height := NAN
 ## Height of the lowest ankle or ball.
 var lowest := INF
@@ -17,7 +18,7 @@ var turn: Quaternion
 var _basis: WayfarerBasis
 
 
-func _init(map: WayfarerBoneMap, basis: WayfarerBasis) -> void:
+func _init(map: WayfarerBoneMap, basis: WayfarerBasis, soles: WayfarerSoles = null) -> void:
 	_basis = basis
 	turn = _alignment(map)
 	for b in WayfarerBones.COUNT:
@@ -27,7 +28,10 @@ func _init(map: WayfarerBoneMap, basis: WayfarerBasis) -> void:
 		for b: int in [leg[2], leg[3]]:
 			if places.has(b):
 				lowest = minf(lowest, places[b].dot(basis.up))
-	if lowest >= 0.0 and lowest <= 0.25 * (places[0].dot(basis.up) - lowest):
+	var thighs := (places[1] + places[2]) / 2.0
+	if soles != null:
+		floor_height = soles.floor_height
+	elif lowest >= 0.0 and lowest <= 0.25 * (thighs.dot(basis.up) - lowest):
 		floor_height = 0.0
 
 

@@ -17,8 +17,8 @@ const _LEAVES := 0.06
 ## Radians: how far a heel rises at most for a foot to reach its print.
 const _TIPTOE := 0.25
 const _BEND := 0.1  # of the thigh's length: a knee that bends less than this bends forwards
-const _HEEL := 0.35  # of the way from ankle to ball: how far the heel is behind the ankle
-const _TIP := 0.45  # of the way from ankle to ball: how far the tip is before the ball
+const _HEEL := 0.34  # of the way from ankle to ball: how far the heel is behind the ankle
+const _TIP := 0.38  # of the way from ankle to ball: how far the tip is before the ball
 
 var map: WayfarerBoneMap
 var basis: WayfarerBasis
@@ -33,33 +33,41 @@ var rotations: Array[Quaternion] = []
 var places := PackedVector3Array()
 ## Relative to the nodes' parents.
 var local: Array[Quaternion] = []
+## Bones whose places are to be set, too: the hips, and those that hang from another bone than they
+## follow.
+var loose := PackedInt32Array()
+## Places of their nodes relative to the nodes' parents, by number of the bone.
+var moved := PackedVector3Array()
 ## Place of the hips' node relative to its parent.
 var hips := Vector3.ZERO
 
 var _up: Vector3
-var _above := PackedInt32Array()
+var _above := PackedInt32Array()  # the bone that each follows
+var _hangs := PackedInt32Array()  # the bone that each one's node hangs from in the file; -1: none
 var _rest: Array[Quaternion] = []  # of each node in the T-pose
 var _offset := PackedVector3Array()  # of each bone, in the axes of the one above
-var _gap: Array[Quaternion] = []  # rest rotation of the node's parent, by that of the bone above
+# of each node's parent, in the axes of the bone that it hangs from
+var _parent_turn: Array[Quaternion] = []
+var _parent_place := PackedVector3Array()
+var _parent_scale := PackedVector3Array()
 var _source_offset := PackedVector3Array()  # of the agent
-var _base_turn := Quaternion.IDENTITY  # what the hips' node hangs from
-var _base_place := Vector3.ZERO
-var _base_scale := Vector3.ONE
 var _thighs := Vector3.ZERO  # the middle of the thigh joints from the hips' node, in its axes
-var _soles: Array[PackedVector3Array] = []  # of a foot that stands: heel, ball, tip
-var _source_soles: Array[PackedVector3Array] = []
+var _soles: Array[Sole] = []
+var _source_soles: Array[Sole] = []
 var _stance := PackedVector3Array()
 var _turns: Array[Quaternion] = []  # of the agent, in the world
 var _source := PackedVector3Array()
 
 
 ## `rest_offsets` of the agent, three numbers a bone, in the stream's basis and unit, as is the
-## character's own space; `floor_height`: of its soles at rest, NAN: 0, or below its feet.
+## character's own space; `floor_height`: of its soles at rest, NAN: 0, or below its feet; `soles`:
+## what its mesh tells of them.
 func _init(
 	bone_map: WayfarerBoneMap,
 	rest_offsets: PackedFloat64Array,
 	of_basis: WayfarerBasis = WayfarerBasis.new(),
-	floor_height: float = NAN
+	floor_height: float = NAN,
+	soles: WayfarerSoles = null
 ) -> void:
 	assert(rest_offsets.size() >= 3 * WayfarerBones.COUNT, "rest offsets of 22 bones are needed")
 	assert(bone_map.error == "", bone_map.error)
@@ -76,13 +84,17 @@ func _init(
 	rotations = _no_turns()
 	local = _no_turns()
 	_rest = _no_turns()
-	_gap = _no_turns()
+	_parent_turn = _no_turns()
+	_parent_place.resize(WayfarerBones.COUNT)
+	_parent_scale.resize(WayfarerBones.COUNT)
+	moved.resize(WayfarerBones.COUNT)
 	_turns = _no_turns()
 	places.resize(WayfarerBones.COUNT)
 	_offset.resize(WayfarerBones.COUNT)
 	_source.resize(WayfarerBones.COUNT)
 	_above.resize(WayfarerBones.COUNT)
-	_find_rest(floor_height)
+	_hangs.resize(WayfarerBones.COUNT)
+	_find_rest(floor_height, soles)
 
 
 static func _no_turns() -> Array[Quaternion]:
@@ -90,6 +102,11 @@ static func _no_turns() -> Array[Quaternion]:
 	turns.resize(WayfarerBones.COUNT)
 	turns.fill(Quaternion.IDENTITY)
 	return turns
+
+
+## The bone that a bone's node hangs from in the file; -1: none.
+func hangs(bone: int) -> int:
+	return _hangs[bone]
 
 
 ## A frame of the stream on the character: fills rotations, places, local and hips. `at_ground`:
@@ -109,7 +126,7 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	var goals := PackedVector3Array()
 	var sunk := 0.0
 	for leg in 2:
-		var high := (clear[leg] - ground) * ratio
+		var high := maxf(0.0, clear[leg] - ground) * ratio
 		goals.append(_goal(leg, ground + high))
 		sunk = maxf(sunk, _lacks(leg, goals[leg], high))
 	for b in mapped:
@@ -120,34 +137,44 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	_relate()
 
 
-func _find_rest(floor_height: float) -> void:
+func _find_rest(floor_height: float, soles: WayfarerSoles) -> void:
 	var rig := map.rig
 	var joints := WayfarerCharacterJoints.new(map, basis)
 	var at_rest: Dictionary[int, Quaternion] = {}
 	for b in mapped:
 		at_rest[b] = joints.turn * rig.rotations[map.node(b)]
-		_above[b] = -1
+		_above[b] = WayfarerBones.PARENTS[b]
+		while _above[b] >= 0 and map.node(_above[b]) < 0:
+			_above[b] = WayfarerBones.PARENTS[_above[b]]
+		_hangs[b] = -1
 		for node in rig.ancestors(map.node(b)):
 			var bone: Variant = map.bones.find_key(node)
 			if bone != null:
-				_above[b] = WayfarerBones.NAMES.find(bone)
+				_hangs[b] = WayfarerBones.NAMES.find(bone)
 				break
+		if b == 0 or _hangs[b] != _above[b]:
+			loose.append(b)
 	var place := joints.places
 	var correct := _corrections(place)
 	for b in mapped:
 		_rest[b] = correct[b] * at_rest[b]
-		var a := _above[b]
-		if a < 0:
+		if _above[b] >= 0:
+			var a := _above[b]
+			_offset[b] = at_rest[a].inverse() * (place[b] - place[a])
+		var parent := rig.parents[map.node(b)]
+		_parent_scale[b] = Vector3.ONE
+		if parent < 0:
 			continue
-		_offset[b] = at_rest[a].inverse() * (place[b] - place[a])
-		_gap[b] = rig.rotations[map.node(a)].inverse() * rig.rotations[rig.parents[map.node(b)]]
-	var parent := rig.parents[map.node(0)]
-	if parent >= 0:
-		_base_turn = rig.rotations[parent]
-		_base_place = rig.places[parent]
-		_base_scale = rig.scales[parent]
+		_parent_turn[b] = rig.rotations[parent]
+		_parent_place[b] = rig.places[parent]
+		_parent_scale[b] = rig.scales[parent]
+		if _hangs[b] >= 0:
+			var node := map.node(_hangs[b])
+			var back := rig.rotations[node].inverse()
+			_parent_turn[b] = back * _parent_turn[b]
+			_parent_place[b] = back * (_parent_place[b] - rig.places[node])
 	_thighs = at_rest[0].inverse() * (_middle(place) - place[0])
-	_find_legs(joints, correct, floor_height)
+	_find_legs(joints, correct, floor_height, soles)
 
 
 ## Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it.
@@ -184,7 +211,10 @@ func _corrections(place: Dictionary[int, Vector3]) -> Dictionary[int, Quaternion
 
 ## Soles, stance, and the ratio of heights.
 func _find_legs(
-	joints: WayfarerCharacterJoints, correct: Dictionary[int, Quaternion], floor_height: float
+	joints: WayfarerCharacterJoints,
+	correct: Dictionary[int, Quaternion],
+	floor_height: float,
+	soles: WayfarerSoles
 ) -> void:
 	var place := joints.places
 	var stand: Dictionary[int, Vector3] = {0: place[0]}  # joint places in the T-pose
@@ -205,7 +235,7 @@ func _find_legs(
 		sole = minf(sole, minf(source[leg[2]].dot(_up), source[leg[3]].dot(_up)))
 	var scale := legs / source_legs
 	if is_nan(floor_height):
-		floor_height = joints.floor_height
+		floor_height = joints.floor_height if soles == null else soles.floor_height
 	if is_nan(floor_height):
 		floor_height = joints.lowest - scale * sole
 	var thighs := _middle(stand)
@@ -221,17 +251,37 @@ func _find_legs(
 			own = correct[ankle] * (place[toe] - place[ankle])
 		var height := place[ankle].dot(_up) - floor_height
 		high += height / 2.0
-		_soles.append(_sole(own, height))
+		var foot := _sole(own, height)
+		if soles != null:
+			var turn := correct[ankle]
+			foot.joint = own
+			foot.fixed = _turned(turn, soles.fixed[_soles.size()])
+			foot.toes = PackedVector3Array()
+			if place.has(toe):
+				foot.toes = _turned(turn, soles.toes[_soles.size()])
+		_soles.append(foot)
 		var beside: Vector3 = stand[ankle] + own - thighs - (source[toe] - source_thighs)
 		_stance.append(beside.dot(basis.left) * basis.left)
 	ratio = (legs / 2.0 + high) / source_thighs.dot(_up)
 
 
-## Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball.
-func _sole(ball: Vector3, height: float) -> PackedVector3Array:
-	var ahead := basis.level(ball)
-	var down := -height * _up
-	return PackedVector3Array([down - _HEEL * ahead, down + ahead, _TIP * ahead])
+## A foot of which only the joints are known: the toes' from the ankle, which is at this height.
+func _sole(toe: Vector3, height: float) -> Sole:
+	var ahead := basis.level(toe)
+	var foot := Sole.new()
+	foot.ball = ahead - height * _up
+	foot.heel = -_HEEL * ahead - height * _up
+	foot.joint = toe
+	foot.fixed = PackedVector3Array([foot.heel, foot.ball])
+	foot.toes = PackedVector3Array([foot.ball - toe, foot.ball - toe + _TIP * ahead])
+	return foot
+
+
+static func _turned(turn: Quaternion, points: PackedVector3Array) -> PackedVector3Array:
+	var turned := PackedVector3Array()
+	for point in points:
+		turned.append(turn * point)
+	return turned
 
 
 ## Rotations and places of the agent's bones in the world.
@@ -245,11 +295,16 @@ func _find_agent(frame: WayfarerPose) -> void:
 
 
 ## Height of the lowest point of a foot over its ankle.
-func _lowest(sole: PackedVector3Array, leg: int) -> float:
-	var ankle := _turns[LEGS[leg][2]]
-	var ball := (ankle * sole[1]).dot(_up)
-	var tip := ball + (_turns[LEGS[leg][3]] * sole[2]).dot(_up)
-	return minf((ankle * sole[0]).dot(_up), minf(ball, tip))
+func _lowest(sole: Sole, leg: int) -> float:
+	var up := _turns[LEGS[leg][2]].inverse() * _up
+	var low := INF
+	for point in sole.fixed:
+		low = minf(low, point.dot(up))
+	var joint := sole.joint.dot(up)
+	up = _turns[LEGS[leg][3]].inverse() * _up
+	for point in sole.toes:
+		low = minf(low, joint + point.dot(up))
+	return low
 
 
 ## Places of the bones below the hips.
@@ -266,9 +321,9 @@ func _goal(leg: int, sole: float) -> Vector3:
 	var ahead := basis.level(_turns[ankle] * basis.forward)
 	if ahead.length() < 0.1:  # it points straight down
 		ahead = basis.level(_turns[0] * basis.forward)
-	var print_at := _source[ankle] + _turns[ankle] * _source_soles[leg][1]
+	var print_at := _source[ankle] + _turns[ankle] * _source_soles[leg].ball
 	var beside := arc(basis.forward, ahead) * _stance[leg]
-	var goal := basis.level(print_at + beside - _turns[ankle] * _soles[leg][1])
+	var goal := basis.level(print_at + beside - _turns[ankle] * _soles[leg].ball)
 	return goal + (sole - _lowest(_soles[leg], leg)) * _up
 
 
@@ -290,8 +345,8 @@ func _raised(leg: int, goal: Vector3) -> Vector3:
 	var start := places[LEGS[leg][0]]
 	var knee := places[LEGS[leg][1]]
 	var most := _REACH * (start.distance_to(knee) + knee.distance_to(places[ankle]))
-	var heel := _turns[ankle] * _soles[leg][0]
-	var ball := _turns[ankle] * _soles[leg][1]
+	var heel := _turns[ankle] * _soles[leg].heel
+	var ball := _turns[ankle] * _soles[leg].ball
 	var axis := basis.level(_turns[ankle] * basis.left).normalized()
 	var raises := ball.cross(axis)  # which way the ankle goes
 	if raises.dot(_up) < 0.0:
@@ -329,7 +384,8 @@ func _bend(leg: int, goal: Vector3) -> void:
 	var side := bend - bend.dot(along) * along
 	var front := _turns[hip] * basis.forward
 	front -= front.dot(along) * along
-	side += maxf(0.0, _BEND * thigh - side.length()) / maxf(front.length(), 1e-6) * front
+	front /= maxf(front.length(), 1e-6)
+	side += maxf(0.0, _BEND * thigh - side.dot(front)) * front
 	side /= maxf(side.length(), 1e-9)
 	var reach := (thigh * thigh + far * far - shin * shin) / (2.0 * far)
 	var knee_at := reach * along + sqrt(maxf(0.0, thigh * thigh - reach * reach)) * side
@@ -350,13 +406,19 @@ func _within(start: Vector3, goal: Vector3, most: float, least: float) -> Vector
 	return start + away + down * _up
 
 
-## Rotations relative to the nodes' parents.
+## Rotations relative to the nodes' parents, and places of loose bones.
 func _relate() -> void:
-	local[0] = _base_turn.inverse() * rotations[0]
 	for b in mapped:
-		if b > 0:
-			local[b] = (rotations[_above[b]] * _gap[b]).inverse() * rotations[b]
-	hips = (_base_turn.inverse() * (places[0] - _base_place)) / _base_scale
+		var a := _hangs[b]
+		var turn := _parent_turn[b]
+		var place := _parent_place[b]
+		if a >= 0:
+			turn = rotations[a] * turn
+			place = places[a] + rotations[a] * place
+		local[b] = turn.inverse() * rotations[b]
+		if b == 0 or a != _above[b]:
+			moved[b] = (turn.inverse() * (places[b] - place)) / _parent_scale[b]
+	hips = moved[0]
 
 
 ## The least rotation that turns the direction of a into that of b.
@@ -371,3 +433,12 @@ static func arc(a: Vector3, b: Vector3) -> Quaternion:
 		return Quaternion(axis.x, axis.y, axis.z, 0.0)
 	var across := a.cross(b) / n
 	return Quaternion(across.x, across.y, across.z, w).normalized()
+
+
+## A foot in the T-pose, from the ankle's joint.
+class Sole:
+	var ball: Vector3  # on the ground
+	var heel: Vector3  # on the ground
+	var joint: Vector3  # about which the toes turn
+	var fixed := PackedVector3Array()  # points that turn with the ankle
+	var toes := PackedVector3Array()  # points that turn with the toes, from `joint`

@@ -9,6 +9,8 @@ var parents := PackedInt32Array()
 var children: Array[PackedInt32Array] = []
 var rotations: Array[Quaternion] = []
 var places := PackedVector3Array()
+## Scales of the nodes by themselves.
+var own_scales := PackedVector3Array()
 ## Products of scales from the top: right where each is the same along all axes.
 var scales := PackedVector3Array()
 
@@ -28,6 +30,7 @@ func add(
 	names.append(name)
 	parents.append(parent)
 	children.append(PackedInt32Array())
+	own_scales.append(scale)
 	var turn := rotation.normalized()
 	if parent < 0:
 		rotations.append(turn)

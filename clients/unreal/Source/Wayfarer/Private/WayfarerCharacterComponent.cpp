@@ -11,6 +11,9 @@
 #include "Engine/World.h"
 #include "GameFramework/Actor.h"
 #include "ReferenceSkeleton.h"
+#include "Rendering/SkeletalMeshLODRenderData.h"
+#include "Rendering/SkeletalMeshRenderData.h"
+#include "Rendering/SkinWeightVertexBuffer.h"
 #include "WayfarerAnimInstance.h"
 #include "WayfarerSubsystem.h"
 #include "wayfarer/wayfarer.h"
@@ -24,7 +27,8 @@ void FWayfarerPose::ApplyTo(FCompactPose& Pose) const
 		const FCompactPoseBoneIndex Index = Container.MakeCompactPoseIndex(FMeshPoseBoneIndex(MeshBones[N]));
 		if (Index.GetInt() == INDEX_NONE) continue;
 		Pose[Index].SetRotation(Rotations[N]);
-		if (N == 0) Pose[Index].SetTranslation(Hips);
+		for (int32 K = 0; K < Placed.Num(); ++K)
+			if (Placed[K] == N) Pose[Index].SetTranslation(Places[K]);
 	}
 }
 
@@ -143,7 +147,37 @@ bool UWayfarerCharacterComponent::FindBones()
 	wf_rig_destroy(Rig);
 	const bool bRight = Map != nullptr;
 	if (!bRight) Why = UTF8_TO_TCHAR(wf_error());
+	else MeasureSoles();
 	return bRight;
+}
+
+/** What the mesh's vertices in its reference pose tell of its soles: where the processor may read them (Allow CPU Access). */
+void UWayfarerCharacterComponent::MeasureSoles()
+{
+	const FSkeletalMeshRenderData* Render = Mesh->GetSkeletalMeshAsset()->GetResourceForRendering();
+	if (!Render || Render->LODRenderData.Num() == 0) return;
+	const FSkeletalMeshLODRenderData& Level = Render->LODRenderData[0];
+	const FPositionVertexBuffer& Vertices = Level.StaticVertexBuffers.PositionVertexBuffer;
+	const FSkinWeightVertexBuffer* Weights = Level.GetSkinWeightVertexBuffer();
+	if (!Vertices.GetVertexData() || !Weights || Weights->GetNumVertices() != Vertices.GetNumVertices()) return;
+	const FVector Size = Mesh->GetComponentScale();
+	TArray<double> Found;
+	TArray<int32> Movers;
+	for (const FSkelMeshRenderSection& Section : Level.RenderSections)
+	{
+		for (uint32 Vertex = Section.BaseVertexIndex; Vertex < Section.BaseVertexIndex + Section.NumVertices; ++Vertex)
+		{
+			uint32 Most = 0;
+			for (uint32 K = 1; K < Weights->GetMaxBoneInfluences(); ++K)
+				if (Weights->GetBoneWeight(Vertex, K) > Weights->GetBoneWeight(Vertex, Most)) Most = K;
+			const FVector3f At = Vertices.VertexPosition(Vertex);
+			Found.Add(At.X * Size.X);
+			Found.Add(At.Y * Size.Y);
+			Found.Add(At.Z * Size.Z);
+			Movers.Add(Section.BoneMap[Weights->GetBoneIndex(Vertex, Most)] + 1); // a bone's node is its index + 1
+		}
+	}
+	wf_map_soles(Map, "unreal", Found.GetData(), Movers.GetData(), Movers.Num());
 }
 
 /** What POST /v1/bodies:fit asks for. */
@@ -192,8 +226,22 @@ bool UWayfarerCharacterComponent::Prepare(const UWayfarerSubsystem& Subsystem, u
 		Current.MeshBones.Add(Node - 1);
 	}
 	Current.Rotations.SetNum(Bones.Num());
-	HipsParent = FTransform::Identity;
-	for (int32 Bone = Skeleton.GetParentIndex(Current.MeshBones[0]); Bone >= 0; Bone = Skeleton.GetParentIndex(Bone)) HipsParent = HipsParent * Rest[Bone];
+	for (int32 N = 0; N < Bones.Num(); ++N)
+	{
+		double Place[3];
+		if (!wf_retarget_moved(Retarget, Bones[N], Place)) continue;
+		FTransform Above = FTransform::Identity;
+		bool bHangs = false;
+		for (int32 Bone = Skeleton.GetParentIndex(Current.MeshBones[N]); Bone >= 0; Bone = Skeleton.GetParentIndex(Bone))
+		{
+			Above = Above * Rest[Bone];
+			bHangs = bHangs || Current.MeshBones.Contains(Bone);
+		}
+		Current.Placed.Add(N);
+		Parents.Add(Above);
+		Hanging.Add(bHangs ? 1 : 0);
+	}
+	Current.Places.SetNum(Current.Placed.Num());
 	Why.Reset();
 	return true;
 }
@@ -220,10 +268,20 @@ void UWayfarerCharacterComponent::Show(const float* Frame, size_t Count, double 
 		Current.Rotations[N] = FQuat(Q[0], Q[1], Q[2], Q[3]);
 	}
 	// the hips are placed in the world: bring them to the component, which may stand and face anywhere, and to their parent
+	// as well as others that hang from no bone that moves
 	const FTransform Component = Mesh->GetComponentTransform();
-	const FQuat Turn(World[0], World[1], World[2], World[3]);
-	Current.Rotations[0] = HipsParent.GetRotation().Inverse() * (Component.GetRotation().Inverse() * Turn);
-	Current.Hips = HipsParent.InverseTransformPosition(Component.InverseTransformPosition(FVector(Places[0], Places[1], Places[2])));
+	for (int32 K = 0; K < Current.Placed.Num(); ++K)
+	{
+		const int32 N = Current.Placed[K], Bone = Bones[N];
+		double Own[3];
+		wf_retarget_moved(Retarget, Bone, Own);
+		Current.Places[K] = FVector(Own[0], Own[1], Own[2]);
+		if (Hanging[K]) continue;
+		const double *Q = World + 4 * Bone, *P = Places + 3 * Bone;
+		const FTransform& Above = Parents[K];
+		Current.Rotations[N] = Above.GetRotation().Inverse() * (Component.GetRotation().Inverse() * FQuat(Q[0], Q[1], Q[2], Q[3]));
+		Current.Places[K] = Above.InverseTransformPosition(Component.InverseTransformPosition(FVector(P[0], P[1], P[2])));
+	}
 	Current.bValid = true;
 }
 
@@ -237,6 +295,8 @@ void UWayfarerCharacterComponent::Forget()
 	Map = nullptr;
 	ShownAlias = 0;
 	Bones.Reset();
+	Parents.Reset();
+	Hanging.Reset();
 	Current = FWayfarerPose(); // the mesh stands in its rest pose until an agent comes
 	Why = TEXT("the agent has not come yet");
 }

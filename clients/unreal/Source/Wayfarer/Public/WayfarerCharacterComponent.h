@@ -60,6 +60,7 @@ public:
 
 private:
 	bool FindBones();
+	void MeasureSoles();
 	TSharedPtr<FJsonObject> Proportions() const;
 	bool Prepare(const UWayfarerSubsystem& Subsystem, uint32 Alias);
 	void Forget();
@@ -70,7 +71,8 @@ private:
 	FWayfarerPose Current;
 	FString Why;
 	TArray<int32> Bones; // canonical numbers, in the order of Current.MeshBones
-	FTransform HipsParent; // in the component's space, at rest
+	TArray<FTransform> Parents; // of each that is placed, in the component's space, at rest
+	TArray<uint8> Hanging;      // of each that is placed: from a bone that moves, not from what stays
 	uint32 ShownAlias = 0, ShownGeneration = 0;
 	bool bFailed = false, bCreated = false;
 	TOptional<TPair<FVector, double>> WaitingGoal;

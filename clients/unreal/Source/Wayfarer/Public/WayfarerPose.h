@@ -5,12 +5,13 @@
 
 struct FCompactPose;
 
-/** What an animation writes: rotations of bones relative to their parents, and the place of the hips. */
+/** What an animation writes: rotations of bones relative to their parents, and places of some. */
 struct WAYFARER_API FWayfarerPose
 {
 	TArray<int32> MeshBones;  // of the reference skeleton; the hips first
 	TArray<FQuat> Rotations;  // of each, relative to its parent
-	FVector Hips = FVector::ZeroVector; // relative to their parent
+	TArray<int32> Placed;     // those, by number above, whose places are set, too: the hips first
+	TArray<FVector> Places;   // of each of these, relative to its parent
 	bool bValid = false;
 
 	/** Onto a pose; bones that the level of detail lacks are left out. Any thread. */

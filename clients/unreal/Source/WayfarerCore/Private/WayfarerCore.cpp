@@ -2,6 +2,8 @@
 
 #include "bases.cpp"
 #include "bone_map.cpp"
+#include "bones_by_name.cpp"
+#include "bones_by_shape.cpp"
 #include "homes.cpp"
 #include "messages.cpp"
 #include "player.cpp"
@@ -10,5 +12,6 @@
 #include "retarget.cpp"
 #include "rig.cpp"
 #include "root.cpp"
+#include "soles.cpp"
 #include "tiers.cpp"
 #include "wayfarer_c.cpp"

@@ -1,0 +1,81 @@
+"""What the mesh of a character at rest tells of its soles: clients/README.md, "Retargeting", 5."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from .bases import BASES, Basis
+from .bone_map import BoneMap
+from .joints import LEGS, alignment
+from .quaternions import Array, rotate
+from .rig import BONES
+
+STEEP: Final = (0.0, 45.0, 75.0)
+"""Degrees off straight down of the directions in which the outermost points are looked for."""
+ROUND: Final = 8
+"""Of these directions, how many there are round about."""
+
+
+@dataclass(frozen=True)
+class Soles:
+    """Points of the mesh that may touch the ground, in the basis, at rest."""
+
+    floor: float
+    """Height of the lowest of them."""
+    feet: tuple[tuple[Array, Array], tuple[Array, Array]] = field(repr=False)
+    """Of the left and the right foot: [N, 3] from the ankle's joint of what the ankle moves, and
+    [M, 3] from the toes' joint of what the toes move.
+    """
+
+
+def measure_soles(
+    bone_map: BoneMap, places: Array, nodes: Array, basis: Basis = BASES["gltf"]
+) -> Soles | None:
+    """The soles of a character whose mesh has vertices at `places` [V, 3], in its own space at
+    rest, each of which the node `nodes` [V] of the rig moves most.
+
+    None: a foot has no vertices, or they end above its ankle.
+    """
+    rig = bone_map.rig
+    turn = alignment(bone_map, basis)
+    numbers = {node: BONES.index(bone) for bone, node in bone_map.bones.items()}
+    owner = np.array(
+        [
+            next((numbers[n] for n in (node, *rig.ancestors(node)) if n in numbers), -1)
+            for node in range(len(rig.nodes))
+        ]
+    )
+    moved = owner[nodes]
+    directions = _directions(basis)
+    feet, floor = [], np.inf
+    for _, _, ankle, toe in LEGS:
+        parts = []
+        for bone in (ankle, toe):
+            if BONES[bone] not in bone_map.bones:
+                parts.append(np.zeros((0, 3)))
+                continue
+            joint = rotate(turn, rig.places[bone_map.bones[BONES[bone]]])
+            # rows are turned as by `rotate`: its matrix has the turned axes as columns
+            found = places[moved == bone] @ np.stack([rotate(turn, axis) for axis in np.eye(3)])
+            if len(found):
+                floor = min(floor, float((found @ basis.up).min()))
+                found = found[np.unique((directions @ found.T).argmax(1))]
+            parts.append(found - joint)
+        ankle_at = float(rotate(turn, rig.places[bone_map.bones[BONES[ankle]]]) @ basis.up)
+        if not any(map(len, parts)) or floor >= ankle_at:
+            return None
+        feet.append((parts[0], parts[1]))
+    return Soles(floor, (feet[0], feet[1]))
+
+
+def _directions(basis: Basis) -> Array:
+    """[D, 3]: down, and obliquely down all round."""
+    found = [-basis.up]
+    for degrees in STEEP[1:]:
+        steep = np.radians(degrees)
+        for k in range(ROUND):
+            angle = 2 * np.pi * k / ROUND
+            beside = np.cos(angle) * basis.forward + np.sin(angle) * basis.left
+            found.append(np.sin(steep) * beside - np.cos(steep) * basis.up)
+    return np.stack(found)

@@ -1,0 +1,348 @@
+"""What a player shows of a GLB with one animation, as figures: joints, skin and soles.
+
+    python -m tests.characters.measure [--seconds 8] [CHARACTER.glb ...]
+
+puts the motion of `wayfarer generate --goal 3,2` on each file (default: all of
+tests/characters/cases) and prints a row for each, or the refusal.
+"""
+
+import argparse
+import contextlib
+import io
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from wayfarer.characters.character import Character
+from wayfarer.clips import generate as command
+from wayfarer.clips.clip import Clip
+from wayfarer.clips.on_character import on_character
+from wayfarer.errors import WayfarerError
+from wayfarer.model_bundle import open_bundle
+
+CASES = Path(__file__).with_name("cases")
+NEAR = 0.01
+"""Metres within which skin touches the ground, for a person's size."""
+PERSON = 0.85
+"""Metres from a person's thigh joints to the ankles: lengths are scaled with it."""
+KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+Array = np.ndarray
+Json = dict[str, Any]
+
+
+def accessor(document: Json, binary: bytes, number: int) -> Array:
+    """[N, C] of an accessor of the binary chunk, tightly packed or strided."""
+    found = document["accessors"][number]
+    view = document["bufferViews"][found["bufferView"]]
+    kind, width = np.dtype(KINDS[found["componentType"]]), WIDTHS[found["type"]]
+    start = view.get("byteOffset", 0) + found.get("byteOffset", 0)
+    stride = view.get("byteStride", kind.itemsize * width)
+    rows = np.lib.stride_tricks.as_strided(
+        np.frombuffer(binary, kind, offset=start, count=1),
+        (found["count"], width),
+        (stride, kind.itemsize),
+    )
+    return rows.astype(float if kind.kind == "f" else int)
+
+
+def matrices(turns: Array) -> Array:
+    """[..., 3, 3] of quaternions x, y, z, w."""
+    x, y, z, w = np.moveaxis(turns / np.linalg.norm(turns, axis=-1, keepdims=True), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
+
+
+class Played:
+    """A GLB at each frame of its first animation."""
+
+    def __init__(self, data: bytes) -> None:
+        character = Character.read(data)
+        self.document, self.binary = character.document, character.binary
+        self.bones = {bone: character.numbers[node] for bone, node in character.bones.bones.items()}
+        self.channels: dict[tuple[int, str], Array] = {}
+        self.frames = 1
+        if self.document.get("animations"):
+            animation = self.document["animations"][0]
+            for channel in animation["channels"]:
+                values = self._read(animation["samplers"][channel["sampler"]]["output"])
+                target = channel["target"]
+                self.channels[target["node"], target["path"]] = values
+                self.frames = max(self.frames, len(values))
+        self.world = self._worlds()
+
+    def _read(self, number: int) -> Array:
+        return accessor(self.document, self.binary, number)
+
+    def _worlds(self) -> dict[int, Array]:
+        """[F, 4, 4] of every node of the scene."""
+        nodes, found = self.document["nodes"], {}
+        top = np.broadcast_to(np.eye(4), (self.frames, 4, 4))
+        scene = self.document["scenes"][self.document.get("scene", 0)]
+        waiting = [(number, top) for number in scene["nodes"]]
+        for number, above in waiting:
+            found[number] = above @ self._local(number, nodes[number])
+            waiting += [(child, found[number]) for child in nodes[number].get("children", [])]
+        return found
+
+    def _local(self, number: int, node: Json) -> Array:
+        if "matrix" in node:
+            return np.array(node["matrix"], float).reshape(4, 4).T
+        values = {
+            path: self.channels.get((number, path), np.array([node.get(path, rest)], float))
+            for path, rest in (
+                ("translation", [0, 0, 0]),
+                ("rotation", [0, 0, 0, 1]),
+                ("scale", [1, 1, 1]),
+            )
+        }
+        local = np.broadcast_to(np.eye(4), (self.frames, 4, 4)).copy()
+        local[:, :3, :3] = matrices(values["rotation"]) * values["scale"][:, None, :]
+        local[:, :3, 3] = values["translation"]
+        return local
+
+    def place(self, bone: str) -> Array:
+        """[F, 3] of a joint."""
+        return self.world[self.bones[bone]][:, :3, 3]
+
+    def skins(self) -> Iterator[tuple[Array, Array, Array, Array, Array]]:
+        """Of each skinned primitive: posed vertices [F, V, 3], bound ones [V, 3], nodes [V, 4] and
+        weights [V, 4], and edges [E, 2].
+        """
+        for node in self.document["nodes"]:
+            if "mesh" not in node or "skin" not in node:
+                continue
+            skin = self.document["skins"][node["skin"]]
+            joints = np.array(skin["joints"])
+            bind = self._read(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+            moves = np.stack([self.world[k] for k in joints], 1) @ bind
+            for primitive in self.document["meshes"][node["mesh"]]["primitives"]:
+                attributes = primitive["attributes"]
+                bound = self._read(attributes["POSITION"])
+                which = self._read(attributes["JOINTS_0"])
+                weights = self._read(attributes["WEIGHTS_0"]).astype(float)
+                weights /= weights.sum(1, keepdims=True)  # bytes count as shares of 255
+                upright = np.pad(bound, ((0, 0), (0, 1)), constant_values=1.0)
+                posed = np.zeros((self.frames, len(bound), 3))
+                for k in range(4):
+                    moved = np.einsum("fvij,vj->fvi", moves[:, which[:, k]], upright)[..., :3]
+                    posed += weights[None, :, k, None] * moved
+                faces = self._read(primitive["indices"]).reshape(-1, 3)
+                edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+                yield posed, bound, joints[which], weights, edges
+
+    def below(self, node: int) -> set[int]:
+        """The node and all that hang from it."""
+        found = [node]
+        for k in found:
+            found += self.document["nodes"][k].get("children", [])
+        return set(found)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Extremes over the frames of a file."""
+
+    turn: float
+    """Degrees that a joint turns from a frame to the next, at most."""
+    lowest: float
+    """Centimetres of the lowest point of the skin over the floor, at least; of a person's size."""
+    slide: float
+    """Centimetres that a foot slides while it stands, at most; of a person's size."""
+    stretch: float
+    """Times its length at rest that an edge of the skin has, at most."""
+    backward: float
+    """Share of frames in which a knee is bent backwards by more than 5 degrees."""
+    facing: float
+    """Mean cosine between the way of the hips and where the toes point, while it walks."""
+    lean: float
+    """Degrees of the trunk off upright: median."""
+    knee: float
+    """Degrees of the knees' bend: median."""
+    left_behind: float
+    """Metres that the centre of a mesh is farther from the hips than at rest, at most."""
+
+
+def figures(data: bytes, contacts: Array) -> Figures:
+    """Of a file with the motion in it, and of the person's feet that stand [F, 2]."""
+    played = Played(data)
+    turns = [v for (_, path), v in played.channels.items() if path == "rotation" and len(v) > 1]
+    turn = max(float(_angles(v).max()) for v in turns)
+    feet = {side: _foot_nodes(played, side) for side in ("left", "right")}
+    leg = [played.place(f"left_{bone}")[0] for bone in ("hip", "knee", "ankle")]
+    size = float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()) / PERSON
+    lowest, stretch, behind, slide = np.inf, 0.0, 0.0, 0.0
+    soles: dict[str, list[Array]] = {side: [] for side in feet}
+    for posed, bound, which, weights, edges in played.skins():
+        lowest = min(lowest, float(posed[..., 1].min()))
+        rests = np.linalg.norm(bound[edges[:, 0]] - bound[edges[:, 1]], axis=-1)
+        shown = np.linalg.norm(posed[:, edges[:, 0]] - posed[:, edges[:, 1]], axis=-1)
+        longer = shown / np.maximum(rests, 1e-6)
+        stretch = max(stretch, float(longer.max() / np.median(longer)))
+        most = which[np.arange(len(which)), weights.argmax(1)]
+        for side, nodes in feet.items():
+            soles[side].append(posed[:, np.isin(most, list(nodes))])
+    stands = contacts[np.linspace(0, len(contacts) - 1, played.frames).round().astype(int)]
+    for k, side in enumerate(feet):
+        slide = max(slide, _slide(np.concatenate(soles[side], 1), stands[:, k], size))
+    for number, node in enumerate(played.document["nodes"]):
+        if "mesh" in node and "skin" not in node and number in played.world:
+            away = np.linalg.norm(played.world[number][:, :3, 3] - played.place("pelvis"), axis=1)
+            behind = max(behind, float((away - away[0]).max()))
+    return Figures(
+        turn=turn,
+        lowest=100 * lowest / size,
+        slide=slide,
+        stretch=stretch,
+        backward=_backward(played),
+        facing=_facing(played),
+        lean=_lean(played),
+        knee=_knee(played),
+        left_behind=behind,
+    )
+
+
+def _angles(turns: Array) -> Array:
+    dots = np.abs((turns[1:] * turns[:-1]).sum(-1)) / (
+        np.linalg.norm(turns[1:], axis=-1) * np.linalg.norm(turns[:-1], axis=-1)
+    )
+    return np.degrees(2 * np.arccos(np.minimum(1.0, dots)))
+
+
+def _foot_nodes(played: Played, side: str) -> set[int]:
+    return played.below(played.bones[f"{side}_ankle"])
+
+
+def _slide(foot: Array, stands: Array, size: float) -> float:
+    """Centimetres of the longest slide of a standing foot, whose skin [F, V, 3] is given: from
+    frame to frame, what moves least of all that touches the ground.
+    """
+    if not foot.shape[1]:
+        return 0.0
+    low = foot[..., 1].min(1)
+    most = total = 0.0
+    for frame in range(1, len(foot)):
+        if not (stands[frame] and stands[frame - 1]):
+            total = 0.0
+            continue
+        touches = foot[frame, :, 1] < low[frame] + NEAR * size
+        moved = foot[frame, touches][:, [0, 2]] - foot[frame - 1, touches][:, [0, 2]]
+        total += float(np.linalg.norm(moved, axis=1).min())
+        most = max(most, total)
+    return 100 * most / size
+
+
+def _backward(played: Played) -> float:
+    bent = np.zeros(played.frames, bool)
+    for side in ("left", "right"):
+        hip, knee, ankle = (played.place(f"{side}_{bone}") for bone in ("hip", "knee", "ankle"))
+        ahead = _ahead(played)
+        thigh, shin = _unit(knee - hip), _unit(ankle - knee)
+        along = _unit(ankle - hip)
+        off = (knee - hip) - ((knee - hip) * along).sum(1)[:, None] * along
+        bend = np.degrees(np.arccos(np.clip((thigh * shin).sum(1), -1, 1)))
+        bent |= ((off * ahead).sum(1) < 0) & (bend > 5)
+    return float(bent.mean())
+
+
+def _ahead(played: Played) -> Array:
+    """[F, 3] where the character faces, by its thigh joints."""
+    left = played.place("left_hip") - played.place("right_hip")
+    ahead = np.cross(left, [0, 1.0, 0])
+    return _unit(ahead)
+
+
+def _facing(played: Played) -> float:
+    """The cosine, by the thigh joints and the toes."""
+    hips = played.place("pelvis")
+    way = (hips[20:] - hips[:-20])[:, [0, 2]]
+    fast = np.linalg.norm(way, axis=1)
+    toes = [
+        played.place(f"{side}_foot") - played.place(f"{side}_ankle")
+        for side in ("left", "right")
+        if f"{side}_foot" in played.bones
+    ]
+    ahead = _unit(sum(toes)) if toes else _ahead(played)
+    ahead = _unit(ahead[10:-10][:, [0, 2]])
+    moving = fast > 0.5 * fast.max()
+    return float(((way / np.maximum(fast, 1e-9)[:, None]) * ahead).sum(1)[moving].mean())
+
+
+def _lean(played: Played) -> float:
+    top = next((b for b in ("head", "neck", "spine3") if b in played.bones), None)
+    if top is None:
+        return 0.0
+    trunk = _unit(played.place(top) - played.place("pelvis"))
+    return float(np.median(np.degrees(np.arccos(np.clip(trunk[:, 1], -1, 1)))))
+
+
+def _knee(played: Played) -> float:
+    bends = []
+    for side in ("left", "right"):
+        hip, knee, ankle = (played.place(f"{side}_{bone}") for bone in ("hip", "knee", "ankle"))
+        cosine = (_unit(knee - hip) * _unit(ankle - knee)).sum(1)
+        bends.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return float(np.median(bends))
+
+
+def _unit(rows: Array) -> Array:
+    return rows / np.maximum(np.linalg.norm(rows, axis=-1, keepdims=True), 1e-9)
+
+
+cached_bundle = cache(open_bundle)
+
+
+def walked(
+    file: Path, seconds: float = 8.0, goals: tuple[str, ...] = ("3,2",)
+) -> tuple[bytes, Array]:
+    """What `wayfarer generate out.glb --character FILE --goal 3,2` writes, and which feet of the
+    person stand [F, 2]. Raises WayfarerError.
+    """
+    clips = []
+
+    def kept(clip: Clip, *rest: Any) -> bytes:
+        clips.append(clip)
+        return on_character(clip, *rest)
+
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        patch.object(command, "open_bundle", cached_bundle),
+        patch.object(command, "on_character", kept),
+        contextlib.redirect_stdout(io.StringIO()),
+    ):
+        target = Path(folder) / "out.glb"
+        command.generate(target, goal=list(goals), seconds=seconds, character=file)
+        return target.read_bytes(), np.asarray(clips[0].contacts)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("files", type=Path, nargs="*")
+    given = parser.parse_args()
+    names = [column.name for column in fields(Figures)]
+    sys.stdout.write(f"| file | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}\n")
+    for file in given.files or sorted(CASES.glob("*.glb")):
+        try:
+            found = astuple(figures(*walked(file, given.seconds)))
+            row = " | ".join(f"{cell:.2f}" for cell in found)
+        except WayfarerError as refusal:
+            row = f"refused: {refusal}"
+        sys.stdout.write(f"| {file.stem} | {row} |\n")
+
+
+if __name__ == "__main__":
+    main()

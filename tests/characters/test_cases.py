@@ -1,0 +1,229 @@
+"""Characters of strangers through `wayfarer generate --character`: each case, and its siblings."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.characters.made import MIXAMO, Made, Shoe, lifted, moved, number, of, person
+from tests.characters.measure import CASES, Figures, Played, figures, walked
+from tests.clips.test_gltf_validator import issues
+from tests.clips.test_gltf_validator import pytestmark as needs_validator
+from tests.golden.rigs import (
+    Body,
+    animal,
+    offsets_of,
+    scaled,
+    skirted,
+    strange,
+    turned,
+)
+from wayfarer.body.proportions import fit_betas
+from wayfarer.body.rotation import GLTF_FROM_CORE
+from wayfarer.characters.character import Character
+from wayfarer.errors import InvalidArgument
+from wayfarer_client.quaternions import multiply
+
+TURN = 15.0
+"""Degrees that a joint may turn within a frame."""
+UNDER = -1.0
+"""Centimetres that a sole may be below the floor."""
+SECONDS = 4.0
+STRANGE = {
+    case.name: case.rig
+    for case in strange(offsets_of("male", [1.5, -0.5]), offsets_of("female", []))
+    if case.found_by == "names"
+}
+ARMS_DOWN = {"left_shoulder": turned("z", -70), "right_shoulder": turned("z", 70)}
+
+
+def crouching(rig):
+    """The nodes of a rig in a frame of another animation."""
+    back = np.array(turned("x", 40))
+    return moved(
+        rig,
+        {
+            "Hips": {"position": (0.3, 0.6, 0.1), "rotation": turned("y", 50)},
+            "LeftUpLeg": {"rotation": turned("x", -80)},
+            "LeftLeg": {"rotation": turned("x", 95)},
+            "Spine": {"rotation": back},
+            "RightArm": {"rotation": multiply(turned("z", 60), turned("y", 20))},
+        },
+    )
+
+
+def centimetres(rig):
+    """Below an armature of 1 cm, turned by a quarter, as Blender writes FBX."""
+    half = np.sqrt(0.5)
+    inner = Body(offsets_of("female", []), names=lambda bone: bone)
+    top = replace(rig.nodes[0], rotation=(-half, 0, 0, half), scale=(0.01,) * 3)
+    return Body(inner.offsets, top=(top,), names=lambda bone: f"mixamorig:{bone}").rig()
+
+
+def heeled(height: float) -> Made:
+    made = person()
+    return of(lifted(made.rig, height, ("LeftToeBase", "RightToeBase", "Armature")))
+
+
+def with_lantern() -> Made:
+    made = person()
+    return replace(made, parts=((number(made.rig, "Armature"), np.array([0.4, 0.2, 0])),))
+
+
+def cape_on_root() -> Made:
+    """Skin that hangs from the armature, and a part on the head."""
+    made = person()
+    rig = made.rig
+    parts = ((number(rig, "Head"), np.array([0, 0.3, 0])), (0, np.array([0, 0.0, -0.5])))
+    return replace(made, parts=parts, owners={"spine2": number(rig, "Armature")})
+
+
+SIBLINGS = {
+    # heels, and rigs that stand above the floor
+    "heels_4_cm": lambda: heeled(0.04),
+    "heels_12_cm": lambda: heeled(0.12),
+    "stands_60_cm_above_the_floor": lambda: of(lifted(person().rig, 0.6, ("Armature",))),
+    # sizes
+    "child_1_m": lambda: person(0.62),
+    "giant_8_m": lambda: person(5.0),
+    "doll_30_cm": lambda: person(0.18),
+    # rest is what the skin was bound to
+    "crouches": lambda: replace(person(), posed=crouching),
+    "crouches_in_centimetres": lambda: replace(
+        of(centimetres(person().rig)),
+        posed=lambda rig: moved(rig, {"mixamorig:left_hip": {"rotation": turned("x", -70)}}),
+    ),
+    # soles
+    "clown_shoes": lambda: person(shoe=Shoe(0.1, 0.18, 0.02)),
+    "platform_soles": lambda: person(shoe=Shoe(0.09, 0.1, 0.1)),
+    "no_toes": lambda: of(
+        Body(offsets_of("female", []), names=MIXAMO, without=("left_foot", "right_foot")).rig()
+    ),
+    # what hangs from the root
+    "lantern_on_the_armature": with_lantern,
+    "skin_on_the_armature": cape_on_root,
+    # skeletons and names
+    **{name: lambda rig=rig: of(rig) for name, rig in STRANGE.items()},
+    "skirt_and_arms_down": lambda: of(
+        skirted(
+            Body(offsets_of("female", []), pose=ARMS_DOWN, names=MIXAMO).rig(), "Hips", "Head"
+        )
+    ),
+}  # fmt: skip
+
+
+REFUSED = {
+    "quadruped": "it has four legs",
+    "digitigrade_biped": "on the other side than its name tells",
+    "armature_uneven_scale": "'Armature' is scaled by 1, 1.2, 1",
+    "person_in_centimetres": "is the unit right",
+}
+
+
+def check(found: Figures, carried: bool = False, pace: float = 1.0) -> None:
+    """`pace`: how much faster than a person it steps, as its legs swing faster."""
+    assert found.turn < TURN * pace, found
+    assert found.lowest > UNDER, found
+    assert found.slide < 8, found
+    assert found.backward == 0, found
+    assert found.facing > 0.85, found
+    assert found.lean < 12, found
+    assert found.left_behind < 0.5, found
+    assert carried or found.stretch < 1.2, found
+
+
+@pytest.mark.parametrize("file", sorted(CASES.glob("*.glb")), ids=lambda file: file.stem)
+def test_a_strangers_file(file: Path, tmp_path: Path) -> None:
+    if file.stem in REFUSED:
+        with pytest.raises(InvalidArgument, match=REFUSED[file.stem]):
+            walked(file, SECONDS)
+        return
+    data, contacts = walked(file, SECONDS)
+    check(figures(data, contacts), carried=file.stem == "hangs_from_root")
+    valid(data, tmp_path)
+
+
+@pytest.mark.parametrize("name", SIBLINGS)
+def test_a_sibling(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "made.glb"
+    file.write_bytes(SIBLINGS[name]().data())
+    data, contacts = walked(file, SECONDS)
+    pace = 2.4 if name == "doll_30_cm" else 1.0
+    check(figures(data, contacts), carried=name == "skin_on_the_armature", pace=pace)
+    valid(data, tmp_path)
+
+
+def valid(data: bytes, folder: Path) -> None:
+    """Khronos' validator has nothing to say, where it is installed."""
+    (skipped,) = needs_validator.args
+    if not skipped:
+        (folder / "out.glb").write_bytes(data)
+        assert issues(folder / "out.glb") == []
+
+
+def test_a_heel_is_no_length_of_a_leg() -> None:
+    """The same body as in flat shoes, of scale 1."""
+    flat, heels = (Character.read(made.data()) for made in (person(), heeled(0.08)))
+    bodies = []
+    for character in (flat, heels):
+        joints, floor = character.joints()
+        bodies.append(fit_betas({b: GLTF_FROM_CORE @ p for b, p in joints.items()}, floor))
+    assert [body.scale for body in bodies] == [1.0, 1.0]
+    for body in bodies:
+        assert max(abs(length.error_cm) for length in body.lengths) < 5, body.lengths
+
+
+def test_scale_1_wins_wherever_a_body_has_it() -> None:
+    """Of either gender: for the adult of the cases, and tall and small people."""
+    given = json.loads((CASES / "adult_of_1_8_m.json").read_text())
+    places = {j["bone"]: np.array([j["position"][axis] for axis in "xyz"]) for j in given["joints"]}
+    for size in (0.92, 0.96, 1.0, 1.04):
+        found = fit_betas({b: size * GLTF_FROM_CORE @ p for b, p in places.items()}, 0.0)
+        legs = {length.name: length.error_cm for length in found.lengths}
+        assert found.scale == 1.0, (size, found)
+        assert abs(legs["thigh"] + legs["shin"]) <= 1.0, (size, found)
+
+
+def test_a_giant_covers_the_way_in_a_giants_time(tmp_path: Path) -> None:
+    """Its goal is where it was asked for; its steps take the root of its scale as long."""
+    ends, paces = [], []
+    for scale in (1.0, 2.0):
+        file = tmp_path / f"{scale}.glb"
+        file.write_bytes(person(scale).data())
+        data, _ = walked(file, 8.0, ("0,5",))
+        hips = Played(data).place("pelvis")
+        ends.append(hips[-1, [0, 2]])
+        speed = np.linalg.norm(np.diff(hips[:, [0, 2]], axis=0), axis=1) * 40
+        paces.append(np.quantile(speed, 0.8))
+    assert np.linalg.norm(ends[0] - [0, 5]) < 0.5 and np.linalg.norm(ends[1] - [0, 5]) < 1.0
+    assert 1.2 < paces[1] / paces[0] < 1.7  # √2
+
+
+def test_sides_that_contradict_the_names_are_refused(tmp_path: Path) -> None:
+    mirror = {"left": "right", "right": "left"}
+
+    def other(bone: str) -> str:
+        side, _, rest = bone.partition("_")
+        return MIXAMO(f"{mirror[side]}_{rest}" if side in mirror else bone)
+
+    rigs = {
+        "its toes point backwards": Body(offsets_of("female", []), names=other).rig(),
+        "four legs": animal(),
+        "is high above the ground for an ankle": animal(True, named=False),
+        "mirrored": scaled(person().rig, "Armature", (-1.0, 1.0, 1.0)),
+        "is scaled by 1, 1, 0.9": scaled(person().rig, "Hips", (1.0, 1.0, 0.9)),
+    }
+    for says, rig in rigs.items():
+        with pytest.raises(InvalidArgument, match=says):
+            Character.read(Made(rig, {"left_ankle": 0}).data())
+
+
+def test_a_file_that_stands_in_a_frame_keeps_its_own_nodes() -> None:
+    """Nothing of the file changes: it is the animation that has the rest."""
+    offsets = offsets_of("female", [])
+    given = Character.read(replace(person(), posed=crouching).data())
+    still = np.tile([0, 0, 0, 1.0], (2, 22, 1))
+    written = Character.read(given.animate(np.array([[0, 0.9, 0]] * 2), still, offsets))
+    assert written.document["nodes"] == given.document["nodes"]
