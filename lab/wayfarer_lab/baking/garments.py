@@ -28,7 +28,7 @@ FROM_MAKEHUMAN: Final = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 
 
 
 @dataclass(frozen=True)
-class Garment:
+class BoundGarment:
     """V vertices bound to the base mesh, and faces [F, 3] over them, in one smooth surface."""
 
     name: str
@@ -59,7 +59,7 @@ class Garment:
             placed = placed + np.multiply.outer(offset, apart)
         return np.asarray(placed)
 
-    def of_faces(self, kept: NDArray[np.bool_]) -> "Garment":
+    def of_faces(self, kept: NDArray[np.bool_]) -> "BoundGarment":
         """With these faces [F] alone."""
         return replace(self, faces=self.faces[kept], islands=self.islands[kept])
 
@@ -69,7 +69,7 @@ class Garment:
         return np.asarray(blended / blended.sum(-1, keepdims=True))
 
 
-def read_garment(path: Path) -> Garment:
+def read_garment(path: Path) -> BoundGarment:
     """A `.mhclo` with the `.obj` that it names. Raises DataError where the file is not one."""
     settings, bound, hidden = _read_binding(path)
     if not bound:
@@ -85,7 +85,7 @@ def read_garment(path: Path) -> Garment:
     vertices = single.astype(np.int64)
     if vertices.min() < 0 or vertices.max() >= BASE_VERTICES:
         raise DataError(f"a vertex is bound beyond the base mesh's {BASE_VERTICES}", str(path))
-    return Garment(
+    return BoundGarment(
         name=path.stem,
         vertices=vertices,
         weights=np.array(weights),

@@ -23,7 +23,7 @@ from wayfarer.errors import DataError
 from wayfarer.spec import GENDERS
 from wayfarer_lab.baking.anny_source import AnnySource
 from wayfarer_lab.baking.bake import IDENTITIES, NAME, SEED
-from wayfarer_lab.baking.garments import Garment, connected, read_garment
+from wayfarer_lab.baking.garments import BoundGarment, connected, read_garment
 from wayfarer_lab.baking.shape_space import shape_space
 from wayfarer_lab.baking.texture import nearest
 
@@ -137,7 +137,7 @@ def bake(
     return {name: {d: len(arrays[f"{name}/{d}/skin_joints"]) for d in DETAILS} for name in RECIPES}
 
 
-def find(clothes: Path, recipe: Recipe) -> Garment:
+def find(clothes: Path, recipe: Recipe) -> BoundGarment:
     """The garment of a recipe, without its loose strands. Raises DataError."""
     folder = clothes / "base" / recipe.source
     path = folder / f"{folder.name}.mhclo"
@@ -174,7 +174,7 @@ def check_base(gender: str, base: tuple[Array, Array], vertices: Index) -> None:
 
 def baked(
     name: str,
-    garment: Garment,
+    garment: BoundGarment,
     recipe: Recipe,
     bases: Mapping[str, tuple[Array, Array]],
     weights: Array,
@@ -277,7 +277,7 @@ def simplified(vertices: Array, faces: Index, most: int, hems: bool = True) -> C
     return Coarse(found, middle, faces[face], shares)
 
 
-def _hidden(garments: Mapping[str, Garment], base: Index) -> Arrays:
+def _hidden(garments: Mapping[str, BoundGarment], base: Index) -> Arrays:
     """Vertices of the body, in each detail, under each garment; `base`: [V] of the base mesh."""
     body = load_arrays(body_file(NAME, GENDERS[0]))
     low = KDTree(body["bind_vertices"]).query(body["low_bind_vertices"])[1]

@@ -165,6 +165,7 @@ def _mesh(file: GlbFile, body: BodyModel, betas: Array, clothes: Look) -> gltf.M
     body, worn = dressed(body, clothes)
     vertices = body.bind_vertices + body.bind_vertices_dirs @ betas
     normals = vertex_normals(vertices, body.faces)
+    normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)  # tips of hair, thin as a line
     marks = [np.repeat(worn[:, None], 3, axis=1)]
     if body.uv_faces is not None:
         marks.append(body.uv_faces + 1)

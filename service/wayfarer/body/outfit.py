@@ -30,7 +30,7 @@ ROUGHNESS: Final = (0.75, 0.6, 0.9, 0.9, 0.6, 0.35, 0.85, 0.9, 0.95, 0.8, 0.7, 0
 SKINS: Final = ("#ecc8ad", "#deb090", "#cf9a78", "#b07a56", "#8d5c40", "#6f452f")
 HAIRS: Final = ("#1d1916", "#3b2a20", "#5d4030", "#8a6642", "#b8935a", "#7d7a78")
 SHIRTS: Final = (
-    "#c8553d", "#2f6f8f", "#e0a83e", "#4c8c6b", "#7a5c99", "#e8e4da", "#35465c", "#b9637d",
+    "#c06a4f", "#2f6f8f", "#e0a83e", "#4c8c6b", "#7a5c99", "#e8e4da", "#35465c", "#b9637d",
     "#8fa9b8", "#5f6b3f",
 )  # fmt: skip
 PALE: Final = ("#eef0f2", "#cfdceb", "#e9dfd0", "#dfd3e3")
