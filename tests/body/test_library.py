@@ -31,7 +31,7 @@ def test_bodies_are_loaded_once():
 
 def test_sizes():
     files = list(library.FOLDER.iterdir())
-    assert sum(path.stat().st_size for path in files) < 4e6
+    assert sum(path.stat().st_size for path in files) < 8e6
     high, low = (load_body("anny52", "female", detail) for detail in library.DETAILS)
     assert len(high.bind_vertices) == 13718
     assert len(low.bind_vertices) < 1500

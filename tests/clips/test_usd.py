@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from wayfarer.body.hems import dressed
 from wayfarer.body.library import load_body
+from wayfarer.body.outfit import look
 from wayfarer.body.rotation import GLTF_FROM_CORE
+from wayfarer.body.wardrobe import dressed
 from wayfarer.clips.files import (
     BodyDetail,
     FileFormat,
@@ -58,7 +59,9 @@ def test_joints_and_skin(stage, clip, frame):
     transforms = query.ComputeSkinningTransforms(frame)
     cache.GetSkinningQuery(mesh.GetPrim()).ComputeSkinnedPoints(transforms, points, frame)
     wanted = (
-        dressed(body)[0].skin(np.asarray(clip.betas), turns[frame], places[frame])
+        dressed(body, look(0, clip.gender))[0].skin(
+            np.asarray(clip.betas), turns[frame], places[frame]
+        )
         @ GLTF_FROM_CORE.T
     )
     np.testing.assert_allclose(np.array(points), wanted, atol=1e-3)

@@ -119,6 +119,7 @@ class AgentSpec:
     name: str = ""
     foot_lock: bool = True  # keep feet on the floor from sliding; False: as the model makes them
     model: str = ""  # loaded motion model that moves it; empty: the one in use
+    outfit: str = ""  # what it wears, e.g. "suit", "0" for nothing; empty: what its seed chooses
 
     def to_wire(self) -> agent_pb2.AgentSpec:
         """As protobuf."""
@@ -131,6 +132,7 @@ class AgentSpec:
             name=self.name,
             foot_lock=self.foot_lock,
             model=self.model,
+            outfit=self.outfit,
         )
         if self.phenotype is not None:
             words = {name: getattr(self.phenotype, name) for name in Phenotype.__slots__}
@@ -247,6 +249,7 @@ class Agent:
     waypoints: int = 0  # goals of its path
     foot_lock: bool = True
     model: str = ""  # the motion model that moves it
+    outfit: str = ""  # what it wears
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,6 +155,7 @@ def agent_from_wire(message: agent_pb2.Agent) -> Agent:
         waypoints=message.waypoints,
         foot_lock=message.foot_lock,
         model=message.model,
+        outfit=message.outfit,
     )
 
 

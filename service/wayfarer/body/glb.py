@@ -14,11 +14,11 @@ import pygltflib as gltf
 from numpy.typing import NDArray
 
 from wayfarer import __version__
-from wayfarer.body.hems import dressed
 from wayfarer.body.mesh import split_vertices, vertex_normals
 from wayfarer.body.model import BodyModel
-from wayfarer.body.outfit import REGIONS, ROUGHNESS, linear_colours, outfit
+from wayfarer.body.outfit import EYEBALLS, EYES, REGIONS, ROUGHNESS, SKIN, Look, look
 from wayfarer.body.rotation import GLTF_FROM_CORE
+from wayfarer.body.wardrobe import dressed
 
 Array = NDArray[np.floating[Any]]
 
@@ -76,30 +76,34 @@ class GlbFile:
         return b"".join(self.document.save_to_bytes())
 
 
-def body_glb(body: BodyModel, betas: Array, style: int = 0) -> bytes:
-    """The body with this shape, standing in T-pose. `style` is the seed of its clothes' colours.
+def body_glb(body: BodyModel, betas: Array, style: int = 0, outfit: str = "") -> bytes:
+    """The body with this shape, standing in T-pose, in what the seed `style` chooses.
 
-    Joint nodes carry the canonical joint names. Raises InvalidArgument on bad betas.
+    `outfit`: see `look`.
+
+    Joint nodes carry the canonical joint names. Raises InvalidArgument on bad betas and
+    outfits.
     """
     file = GlbFile()
-    joints, mesh, _ = add_body(file, body, betas, style)
+    worn = look(style, body.gender, outfit)
+    joints, mesh, _ = add_body(file, body, betas, worn)
     file.document.scenes.append(gltf.Scene(nodes=[joints[0], mesh]))
     file.document.scene = 0
-    file.document.extras = about_body(body, betas, style)
+    file.document.extras = about_body(body, betas, worn)
     return file.to_bytes()
 
 
-def about_body(body: BodyModel, betas: Array, style: int) -> dict[str, Any]:
+def about_body(body: BodyModel, betas: Array, worn: Look) -> dict[str, Any]:
     """What the `extras` of a file say of a body in it."""
     betas = np.asarray(betas).tolist()
-    return {"body": body.name, "gender": body.gender, "betas": betas, "style": style}
+    return {"body": body.name, "gender": body.gender, "betas": betas, "outfit": worn.outfit}
 
 
 def add_body(
     file: GlbFile,
     body: BodyModel,
     betas: Array,
-    style: int = 0,
+    worn: Look,
     names: Sequence[str] | None = None,
     root: str = "",
 ) -> tuple[list[int], int, int]:
@@ -120,7 +124,7 @@ def add_body(
     document.skins.append(
         gltf.Skin(joints=bones, skeleton=top, inverseBindMatrices=file.add(inverse))
     )
-    document.meshes.append(_mesh(file, body, shape, style))
+    document.meshes.append(_mesh(file, body, shape, worn))
     skin, mesh = len(document.skins) - 1, len(document.meshes) - 1
     document.nodes.append(gltf.Node(name="body", mesh=mesh, skin=skin))
     return joints, len(document.nodes) - 1, top
@@ -153,36 +157,41 @@ def _inverse_bind(body: BodyModel, betas: Array) -> NDArray[np.float32]:
     return matrices.astype(np.float32)
 
 
-def _mesh(file: GlbFile, body: BodyModel, betas: Array, style: int) -> gltf.Mesh:
+def _mesh(file: GlbFile, body: BodyModel, betas: Array, clothes: Look) -> gltf.Mesh:
     """One primitive with a material for each region: skin, hair, shirt, …
 
     Vertices are doubled where two regions meet, so that hems are crisp, and at texture seams.
     """
-    body, worn = dressed(body)
+    body, worn = dressed(body, clothes)
     vertices = body.bind_vertices + body.bind_vertices_dirs @ betas
     normals = vertex_normals(vertices, body.faces)
+    normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)  # tips of hair, thin as a line
     marks = [np.repeat(worn[:, None], 3, axis=1)]
     if body.uv_faces is not None:
-        marks.append(body.uv_faces)
+        marks.append(body.uv_faces + 1)
     source, [region, *uv], faces = split_vertices(body.faces, *marks)
-    colours = linear_colours(outfit(style))
+    colours = clothes.linear
     primitives = []
     for number in np.unique(worn).tolist():
         mine = np.flatnonzero(region == number)
         primitive = _primitive(file, body, source[mine], vertices, normals)
-        if body.uvs is not None:
-            uvs = (body.uvs[uv[0][mine]] * 65_535).round().astype(np.uint16)
+        if body.uvs is not None and (uv[0][mine] > 0).all():  # clothes have none
+            uvs = (body.uvs[uv[0][mine] - 1] * 65_535).round().astype(np.uint16)
             primitive.attributes.TEXCOORD_0 = file.add(uvs, gltf.ARRAY_BUFFER, normalized=True)
         index = np.uint16 if len(mine) < 65_535 else np.uint32
         corners = np.searchsorted(mine, faces[worn == number]).reshape(-1).astype(index)
         primitive.indices = file.add(corners, gltf.ELEMENT_ARRAY_BUFFER)
         primitive.material = len(file.document.materials)
-        look = gltf.PbrMetallicRoughness(
+        surface = gltf.PbrMetallicRoughness(
             baseColorFactor=[*colours[number].tolist(), 1.0],
             metallicFactor=0.0,
             roughnessFactor=ROUGHNESS[number],
         )
-        material = gltf.Material(name=REGIONS[number], pbrMetallicRoughness=look)
+        material = gltf.Material(
+            name=REGIONS[number],
+            pbrMetallicRoughness=surface,
+            doubleSided=number not in (SKIN, EYES, EYEBALLS),  # one looks into a sleeve
+        )
         file.document.materials.append(material)
         primitives.append(primitive)
     return gltf.Mesh(name=body.name, primitives=primitives)

@@ -1,4 +1,4 @@
-"""Clothes with even hems: a body's triangles are cut where one garment ends.
+"""Clothes as paint, with even hems: a body's triangles are cut where one garment ends.
 
 What each vertex wears is known. Without cuts a hem would follow the edges of the mesh, in teeth.
 """
@@ -34,7 +34,7 @@ PIECES: Final = {
 
 
 @lru_cache(maxsize=16)
-def dressed(body: BodyModel) -> tuple[BodyModel, Index]:
+def painted(body: BodyModel) -> tuple[BodyModel, Index]:
     """The body with its triangles cut along the hems, and the region that each wears [F].
 
     Its vertices and texture coordinates are those of `body`, and after them those on the hems.

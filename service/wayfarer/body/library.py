@@ -158,6 +158,7 @@ def body_from_arrays(
         marker_names=tuple(str(n) for n in arrays["marker_names"]),
         marker_vertices=arrays[prefix + "marker_vertices"].astype(np.int64),
         regions=arrays[prefix + "regions"],
+        detail=detail,
         uvs=arrays[prefix + "uvs"].astype(np.float64) if prefix + "uvs" in arrays else None,
         uv_faces=(
             arrays[prefix + "uv_faces"].astype(np.int64) if prefix + "uv_faces" in arrays else None

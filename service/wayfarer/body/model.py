@@ -56,6 +56,7 @@ class BodyModel:
     regions: NDArray[np.uint8] | None = None  # [V] what each vertex wears, numbers of `outfit.py`
     uvs: Array | None = None  # [T, 2] texture coordinates, (0, 0) at the upper left as in glTF
     uv_faces: NDArray[np.int64] | None = None  # [F, 3] row of `uvs` of each corner of `faces`
+    detail: str = "high"  # of the mesh
 
     @property
     def betas(self) -> int:

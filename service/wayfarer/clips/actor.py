@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from wayfarer.body.model import BodyModel
+from wayfarer.body.outfit import Look, look
 from wayfarer.clips.clip import Clip
 from wayfarer.clips.edit import RootTrack
 
@@ -14,6 +15,12 @@ class Actor:
     clip: Clip
     body: BodyModel = field(repr=False)
     name: str = "person"
-    style: int = 0  # seed of its clothes' colours
+    style: int = 0  # seed of its look
+    outfit: str = ""  # see `look`
     root: RootTrack | None = None
     start: float = 0.0  # seconds
+
+    @property
+    def look(self) -> Look:
+        """What it wears."""
+        return look(self.style, self.body.gender, self.outfit)

@@ -105,7 +105,8 @@ class Performance:
 
     name: str
     clip: Clip
-    style: int = 0  # seed of its clothes' colours
+    style: int = 0  # seed of its look
+    outfit: str = ""  # see `body.outfit.look`
     start: float = 0.0  # seconds after the file's beginning; before, it stands in its first frame
 
 
@@ -145,7 +146,9 @@ def _actor(person: Performance, options: FileOptions) -> Actor:
     body = load_body(person.clip.body, person.clip.gender, options.detail.value)
     clip, root = edited(person.clip, options)
     kept = root if options.root is RootMotion.BONE else None
-    return Actor(clip, body, person.name, person.style, kept, person.start)
+    return Actor(
+        clip, body, person.name, person.style, person.outfit, root=kept, start=person.start
+    )
 
 
 def edited(clip: Clip, options: FileOptions) -> tuple[Clip, RootTrack | None]:

@@ -39,9 +39,7 @@ def glb_bytes(
     for actor in actors:
         betas = np.asarray(actor.clip.betas)
         root = "" if actor.root is None else ROOT
-        joints, mesh, above = add_body(
-            file, actor.body, betas, actor.style, bone_names(names), root
-        )
+        joints, mesh, above = add_body(file, actor.body, betas, actor.look, bone_names(names), root)
         about = {"name": actor.name, "joints": joints[0]}
         if root:
             about["root"] = above
@@ -49,7 +47,7 @@ def glb_bytes(
         document.nodes.append(gltf.Node(name=actor.name, children=[above]))
         top += [len(document.nodes) - 1, mesh]
         add_motion(file, animation, actor, joints, above)
-        people.append(about_body(actor.body, betas, actor.style) | about)
+        people.append(about_body(actor.body, betas, actor.look) | about)
     document.animations.append(animation)
     if scene is not None and len(scene):
         top.append(_add_scene(file, scene))

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.body.hems import dressed
 from wayfarer.body.mesh import vertex_normals
-from wayfarer.body.outfit import linear_colours, outfit
 from wayfarer.body.rotation import GLTF_FROM_CORE, gltf_quaternion
 from wayfarer.body.skeleton import bone_names
+from wayfarer.body.wardrobe import dressed
 from wayfarer.clips.actor import Actor
 from wayfarer.clips.clip import Array
 from wayfarer.clips.glb import ROOT
@@ -84,7 +83,7 @@ def _identifier(name: str, taken: set[str]) -> str:
 def _add_actor(stage: Any, path: str, actor: Actor, names: str, title: str) -> None:
     from pxr import Gf, UsdGeom, UsdSkel, Vt
 
-    (body, worn), clip = dressed(actor.body), actor.clip
+    (body, worn), clip = dressed(actor.body, actor.look), actor.clip
     betas = body.check_betas(np.asarray(clip.betas))
     root = UsdSkel.Root.Define(stage, path)
     paths = _joint_paths(body.parents, bone_names(names), ROOT if actor.root else "")
@@ -110,7 +109,8 @@ def _add_actor(stage: Any, path: str, actor: Actor, names: str, title: str) -> N
     mesh = UsdGeom.Mesh.Define(stage, f"{path}/body")
     vertices = (body.bind_vertices + body.bind_vertices_dirs @ betas) @ GLTF_FROM_CORE.T
     _shape(mesh, vertices, body.faces)
-    colours = linear_colours(outfit(actor.style))[worn]
+    mesh.CreateDoubleSidedAttr(True)  # one looks into a sleeve
+    colours = actor.look.linear[worn]
     shown = mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform)
     shown.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colours[:, :3], np.float32)))
     skin = UsdSkel.BindingAPI.Apply(mesh.GetPrim())

@@ -10,6 +10,7 @@ from typing import Any, Final, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.body.outfit import check_outfit, look
 from wayfarer.body.skeleton import load_skeleton, parents
 from wayfarer.clips.files import FileOptions
 from wayfarer.engines.models import ModelInfo
@@ -114,6 +115,7 @@ def agent_spec(
         foot_lock=spec.foot_lock,
         floor=floor,
         model=spec.model,
+        outfit=check_outfit(spec.outfit),
     )
 
 
@@ -140,6 +142,7 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
         waypoints=info.waypoints,
         foot_lock=spec.foot_lock,
         model=info.model,
+        outfit=look(spec.noise_seed, spec.gender, spec.outfit).outfit,
     )
 
 

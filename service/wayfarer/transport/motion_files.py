@@ -71,7 +71,8 @@ async def performances(made: AsyncGenerator[Publication], body: str) -> list[Per
         Performance(
             name=infos[alias].spec.name or f"person {alias}",
             clip=join_chunks(own, infos[alias].spec, body=body),
-            style=alias,
+            style=infos[alias].spec.noise_seed,
+            outfit=infos[alias].spec.outfit,
             start=own[0].scheduled_at - start,
         )
         for alias, own in sorted(chunks.items())

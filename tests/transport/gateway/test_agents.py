@@ -4,6 +4,7 @@ import pytest
 
 from tests.transport.fakes import opened
 from tests.transport.gateway.calls import TWO, called_by, caller, session, session_of_two
+from wayfarer.body.outfit import look
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
@@ -74,3 +75,18 @@ async def test_what_is_absent_from_an_update_stays(api):
     slid = await api.agents.update(agent.agent_id, schema.AgentUpdate(foot_lock=False))
     assert (slid.name, slid.foot_lock) == ("Ada", False)
     assert await api.agents.get(agent.agent_id) == slid
+
+
+async def test_an_agent_wears_what_is_asked_for_or_what_its_seed_chooses(api):
+    asked = schema.NewAgents(
+        agents=[schema.AgentSpec(outfit="suit"), schema.AgentSpec(outfit="0"), schema.AgentSpec()]
+    )
+    made = (await api.agents.create(await session(api), asked)).agents
+    assert [agent.outfit for agent in made[:2]] == ["suit", "0"]
+    assert made[2].outfit == look(made[2].seed, "female").outfit
+
+
+async def test_an_outfit_that_there_is_not_is_refused(api):
+    asked = schema.NewAgents(agents=[schema.AgentSpec(outfit="toga")])
+    with pytest.raises(InvalidArgument, match="there are tee, sweater"):
+        await api.agents.create(await session(api), asked)

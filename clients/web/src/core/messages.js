@@ -35,7 +35,7 @@ export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, 
  * @typedef {object} Agent
  * @property {string} id @property {number} alias @property {string} name @property {string} body
  * @property {"female" | "male"} gender @property {number[]} betas @property {number} seed
- * @property {number[]} restOffsets
+ * @property {number[]} restOffsets @property {string} outfit what it wears
  */
 /**
  * The new frames of an agent.
@@ -332,7 +332,7 @@ function readBone(reader) {
 /** @param {ProtoReader} reader @returns {Agent} */
 function readAgent(reader) {
   /** @type {Agent} */
-  const agent = { id: "", alias: 0, name: "", body: "", gender: "female", betas: [], seed: 0, restOffsets: [] };
+  const agent = { id: "", alias: 0, name: "", body: "", gender: "female", betas: [], seed: 0, restOffsets: [], outfit: "" };
   const outer = reader.enter();
   for (let field = reader.next(); field; field = reader.next()) {
     if (field === 1) agent.id = reader.string();
@@ -343,6 +343,7 @@ function readAgent(reader) {
     else if (field === 7) reader.floats(8, agent.betas);
     else if (field === 8) agent.seed = reader.varint();
     else if (field === 15) reader.floats(4, agent.restOffsets);
+    else if (field === 20) agent.outfit = reader.string();
     else reader.skip();
   }
   reader.leave(outer);

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from wayfarer.body.hems import dressed
 from wayfarer.body.mesh import split_vertices, vertex_normals
 from wayfarer.body.model import BodyModel
-from wayfarer.body.outfit import linear_colours, outfit
+from wayfarer.body.outfit import look as look_of
+from wayfarer.body.wardrobe import dressed
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation.pictures.camera import Camera
@@ -39,7 +39,7 @@ def check_look(name: str) -> str:
 class Dress:
     """Colours of a mesh whose vertices are doubled where two colours meet. V' ≥ V vertices."""
 
-    body: BodyModel  # cut along the hems, where it is dressed
+    body: BodyModel  # with its clothes, where it is dressed
     source: NDArray[np.int64]  # [V'] vertex of the body
     faces: Faces  # [F, 3] over V'
     albedo: Array  # [V', 3] share of the light sent back
@@ -47,9 +47,10 @@ class Dress:
     @classmethod
     def clothes(cls, body: BodyModel, style: int) -> "Dress":
         """Skin, hair and clothes; the same seed `style`, the same look."""
-        body, worn = dressed(body)
+        worn_by = look_of(style, body.gender)
+        body, worn = dressed(body, worn_by)
         source, [region], faces = split_vertices(body.faces, np.repeat(worn[:, None], 3, axis=1))
-        return cls(body, source, faces, linear_colours(outfit(style))[region])
+        return cls(body, source, faces, worn_by.linear[region])
 
     @classmethod
     def sides(cls, body: BodyModel) -> "Dress":

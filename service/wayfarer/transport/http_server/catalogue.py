@@ -12,6 +12,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import Detail
+from wayfarer.body.outfit import OUTFIT_TEXT
 from wayfarer.errors import InvalidArgument, NotFound
 from wayfarer.spec import BETAS
 from wayfarer.transport import schema
@@ -81,14 +82,17 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
             ),
         ] = "",
         detail: Annotated[Detail, Query(description="mesh resolution")] = "high",
-        style: Annotated[int, Query(ge=0, lt=1 << 32, description="seed of its colours")] = 0,
+        style: Annotated[
+            int, Query(ge=0, lt=1 << 32, description="seed of its look: the agent's")
+        ] = 0,
+        outfit: Annotated[str, Query(max_length=64, description=OUTFIT_TEXT)] = "",
     ) -> Response:
         """Always in the glTF basis; joint nodes carry the canonical bone names."""
         bodies = gateway.body_library
         if body != bodies.name or gender not in list(schema.Gender):
             known = ", ".join(f"{bodies.name}-{known}" for known in schema.Gender)
             raise NotFound(f"there is no body {body}-{gender}; there are {known}", "body", body)
-        made = await run_in_threadpool(_glb, bodies, gender, _numbers(betas), detail, style)
+        made = await run_in_threadpool(_glb, bodies, gender, _numbers(betas), detail, style, outfit)
         headers = {"etag": made[0], "cache-control": "public, max-age=3600"}
         if request.headers.get("if-none-match") == made[0]:
             return Response(status_code=304, headers=headers)
@@ -99,10 +103,15 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
 
 @lru_cache(maxsize=16)
 def _glb(
-    bodies: BodyLibrary, gender: str, betas: tuple[float, ...], detail: Detail, style: int
+    bodies: BodyLibrary,
+    gender: str,
+    betas: tuple[float, ...],
+    detail: Detail,
+    style: int,
+    outfit: str,
 ) -> tuple[str, bytes]:
     """ETag and file."""
-    data = body_glb(bodies.model(gender, detail), np.array(betas), style)
+    data = body_glb(bodies.model(gender, detail), np.array(betas), style, outfit)
     return f'"{hashlib.sha256(data).hexdigest()[:32]}"', data
 
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from wayfarer.body.outfit import OUTFIT_TEXT
 from wayfarer.body.phenotype import LIMITS
 from wayfarer.spec import BETAS, JOINTS
 from wayfarer.transport.schema.base import (
@@ -88,6 +89,7 @@ class AgentSpec(Message):
         default="",
         description="loaded motion model that moves it, see /v1/models; else that in use",
     )
+    outfit: Text = Field(default="", description=f"what it wears: {OUTFIT_TEXT}")
 
     @field_validator("betas")
     @classmethod
@@ -155,6 +157,7 @@ class Agent(Message):
     waypoints: int = Field(default=0, description="number of goals of its path so far")
     foot_lock: bool = Field(default=True, description="feet are kept from sliding on the floor")
     model: str = Field(default="", description="the motion model that moves it; see /v1/models")
+    outfit: str = Field(default="", description="what it wears: `outfit` of getBody")
 
 
 class Agents(Message):

@@ -16,7 +16,8 @@ export class Arrivals {
   mesh(agent, detail) {
     const url = new URL(this.bodies.get(agent.gender).glb_path, `${this.api.homes.entry}/`);
     url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
-    url.searchParams.set("style", agent.alias);
+    url.searchParams.set("style", agent.seed);
+    if (agent.outfit) url.searchParams.set("outfit", agent.outfit);
     url.searchParams.set("detail", this.detail ?? detail);
     return [url.href, this.api.access.headers];
   }

@@ -6,11 +6,11 @@ import {
 } from "./vendor/three.min.js";
 import { Rig } from "./rig.js";
 
-const ROOM = { vertices: 2048, corners: 12288 }; // that a body may have, or a multiple of it
-const VERTICES = 65536; // of one mesh: 32 light bodies, or 4 fine ones
+const ROOM = { vertices: 3072, corners: 12288 }; // that a body may have, or a multiple of it
+const VERTICES = 65536; // of one mesh: 21 light bodies, or 3 fine ones
+const DOUBLE_SIDE = 2; // three.js's number of it
 const LOADING = 4; // bodies asked for at a time
-const LOOK = new MeshLambertMaterial({ vertexColors: true });
-const THICKNESS = { hair: 0.014, shirt: 0.012, trousers: 0.007 }; // metres that it stands off the skin, by the material's name
+const LOOK = new MeshLambertMaterial({ vertexColors: true, side: DOUBLE_SIDE }); // one looks into a sleeve
 const NOBODY = { // as `bodyOf`: one triangle without size
   position: new Float32Array(9), normal: new Float32Array(9), color: new Uint8Array(12), index: new Uint32Array(3),
   skinIndex: new Uint16Array(12), skinWeight: new Float32Array(12), rig: { count: 1 },
@@ -190,27 +190,9 @@ function bodyOf(scene, boneNames) {
   return {
     rig: new Rig(joints, boneNames),
     height: heightOf(position),
-    position: thickened(position, parts), normal: merged("normal"), color: joinedArrays(parts.map(colours)),
+    position, normal: merged("normal"), color: joinedArrays(parts.map(colours)),
     index: joinedArrays(index), skinIndex: merged("skinIndex"), skinWeight: merged("skinWeight"),
   };
-}
-
-/** Clothes and hair stand off the skin. On a hem two parts keep together, or one would look through between them. */
-function thickened(position, parts) {
-  const off = joinedArrays(parts.map(({ geometry, material }) => (
-    new Float32Array(geometry.attributes.position.count).fill(THICKNESS[material.name] ?? 0)
-  )));
-  const normal = joinedArrays(parts.map(({ geometry }) => geometry.attributes.normal.array));
-  const place = (k) => position[3 * k] + 1e3 * position[3 * k + 1] + 1e6 * position[3 * k + 2]; // equal on both sides of a hem
-  const there = new Map();
-  off.forEach((value, k) => {
-    const { sum, count } = there.get(place(k)) ?? { sum: 0, count: 0 };
-    there.set(place(k), { sum: sum + value, count: count + 1 });
-  });
-  return position.map((value, at) => {
-    const k = Math.floor(at / 3), { sum, count } = there.get(place(k));
-    return value + (sum / count) * normal[at];
-  });
 }
 
 /** Several arrays of one type as one. */

@@ -7,8 +7,8 @@ import {
 import { floorTexture, skyTexture } from "./textures.js";
 
 const TIMES = { // of day: as the page is light or dark
-  day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 3.4, above: "#dbeaf7", below: "#8d8069", fill: 1.1, floor: "#ffffff" },
-  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#8fa6cf", below: "#39404d", fill: 1.25, floor: "#e2e5ec" },
+  day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 2.9, above: "#dbeaf7", below: "#b3a78f", fill: 1.5, floor: "#ffffff" },
+  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#9db2d8", below: "#5a6274", fill: 1.7, floor: "#e2e5ec" },
 };
 const SKY_RADIUS = 450; // metres
 const FLOOR_SIZE = 1000; // metres

@@ -40,6 +40,7 @@ class AgentSpec:
     foot_lock: bool = True  # feet on the floor are kept from sliding in the frames that are sent
     floor: float = 0.0  # metres; in a scene of several storeys: the one below this height
     model: str = ""  # name of the loaded motion model that moves it first; empty: the one in use
+    outfit: str = ""  # what it wears, by name; empty: what its seed chooses
 
 
 class AgentState(StrEnum):
