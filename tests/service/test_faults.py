@@ -235,11 +235,11 @@ def rules_give_nan(rig, monkeypatch):
 
 
 def feet_fail(rig, monkeypatch):
-    failing(monkeypatch, sending, "clean_feet", lambda slots, sent: rig.slot in sent.slots)
+    failing(monkeypatch, sending, "clean_feet", lambda slots, sent, *_: rig.slot in sent.slots)
 
 
 def ground_fails(rig, monkeypatch):
-    failing(monkeypatch, sending, "ground", lambda s, scenery, sent: rig.slot in sent.slots)
+    failing(monkeypatch, sending, "ground", lambda s, scenery, sent, *_: rig.slot in sent.slots)
 
 
 def behaviour_fails(rig, monkeypatch):

@@ -85,7 +85,8 @@ class Sending:
             if len(which) == len(sent.slots):
                 refine(sent)
                 return
-            part(np.arange(len(which)))
+            if len(which):
+                part(np.arange(len(which)))
         except Exception as error:
             faults.split(sent.slots[which], part, error)
         if stage is Stage.GROUND:  # as high as they were

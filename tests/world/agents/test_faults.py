@@ -81,6 +81,12 @@ def test_what_fails_only_together_is_done_apart_and_nobodys_fault(faults, report
     assert not fault.agent_id and not faults.held(np.arange(16)).any()
 
 
+def test_what_fails_for_nobody_is_nobodys_fault(faults, reports):
+    assert faults.split(np.empty(0, np.int64), run({0}, []), BrokenError()) == []
+    [fault] = reports
+    assert not fault.agent_id
+
+
 def test_a_search_that_costs_too_much_is_given_up(faults, reports):
     with pytest.raises(BrokenError):
         faults.split(np.arange(16), run(set(range(16)), []), BrokenError(), most=10)

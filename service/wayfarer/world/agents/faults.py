@@ -194,6 +194,9 @@ class Faults:
         if self._report is None:
             raise error
         found: list[tuple[Index, T]] = []
+        if not len(rows):  # it fails for nobody, too
+            self._report(Fault(self.stage, error))
+            return found
         waiting = [(np.arange(len(rows)), error, self.stage)]
         guilty, calls = False, 0
         while waiting:
