@@ -26,7 +26,7 @@ from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
-from wayfarer.world.stepping.rules import Rules
+from wayfarer.world.stepping.rules import ActingRules
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.world.world import World
 
@@ -91,7 +91,7 @@ class ModelBundle:
         agents: int,
         steering: Steering,
         scenes: SceneRegistry | None = None,
-        rules: Rules | None = None,
+        rules: ActingRules | None = None,
     ) -> World:
         """A world for `agents` agents that are all stepped at the same moments, in one batch.
 
@@ -104,7 +104,7 @@ class ModelBundle:
             steering=steering,
             phases=1,
             batch_sizes=ANY_SIZE,
-            rules=rules or Rules(),
+            rules=rules or ActingRules(),
         )
         start_poses = load_start_poses(START_POSES)
         return World(self.engine, self.bodies, start_poses, settings, scenes=scenes)

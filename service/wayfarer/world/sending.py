@@ -18,7 +18,7 @@ from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.cleanup import clean_feet
 from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.playback import Sent
-from wayfarer.world.stepping.rules import PLANNED, Rules
+from wayfarer.world.stepping.rules import PLANNED, ActingRules
 
 
 class Sending:
@@ -33,7 +33,7 @@ class Sending:
         scenery: WorldScenes,
         observers: Iterable[WorldObserver],
         faults: Faults,
-        rules: Rules,
+        rules: ActingRules,
     ) -> None:
         self._slots = slots
         self._registry = registry

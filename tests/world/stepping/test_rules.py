@@ -10,14 +10,14 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, MotionChunk, SessionSpec
 from wayfarer.world.goals.commands import Path
-from wayfarer.world.stepping.rules import MODEL, PLANNED, RULES, Rules
+from wayfarer.world.stepping.rules import MODEL, PLANNED, RULES, ActingRules
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
 ALONE = frozenset(RULES)
 
 
-def walked(rules: Rules, seconds: float = 4.0) -> list[MotionChunk]:
+def walked(rules: ActingRules, seconds: float = 4.0) -> list[MotionChunk]:
     """What is sent of an agent that stands for 2 s and then walks."""
     world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(phases=1, rules=rules))
     session = world.create_session(SessionSpec(), 0.0).session_id
@@ -34,7 +34,7 @@ def test_without_rules_the_model_is_sent_as_it_is() -> None:
         assert hips.shape == (1, NEW_FRAMES, 3) and turns.shape == (1, NEW_FRAMES, POSED_JOINTS, 4)
         told.setdefault(name, []).append(hips[0].copy())
 
-    sent = walked(Rules(ALONE, watch))
+    sent = walked(ActingRules(ALONE, watch))
     assert set(told) == {MODEL, PLANNED}
     made = {frames.tobytes() for frames in told[MODEL]}
     assert sent and all(np.asarray(c.translation).tobytes() in made for c in sent[1:])
@@ -42,7 +42,7 @@ def test_without_rules_the_model_is_sent_as_it_is() -> None:
 
 def test_every_rule_that_acts_is_told_in_its_order() -> None:
     told: list[str] = []
-    walked(Rules(watch=lambda name, *_: told.append(name)))
+    walked(ActingRules(watch=lambda name, *_: told.append(name)))
     first = told.index(PLANNED)
     assert told[:first] == [MODEL, *(name for name in RULES if name in told[:first])]
     assert told[first : first + 3] == [PLANNED, "foot lock", "posture"]
@@ -51,12 +51,12 @@ def test_every_rule_that_acts_is_told_in_its_order() -> None:
 @pytest.mark.parametrize("name", ["planting", "strides", "foot lock", "posture"])
 def test_a_rule_that_is_off_is_not_told(name: str) -> None:
     told: list[str] = []
-    walked(Rules(frozenset({name}), lambda rule, *_: told.append(rule)))
+    walked(ActingRules(frozenset({name}), lambda rule, *_: told.append(rule)))
     assert name not in told and len(set(told)) > 4
 
 
 def test_watching_changes_nothing() -> None:
-    one, two = walked(Rules()), walked(Rules(watch=lambda *_: None))
+    one, two = walked(ActingRules()), walked(ActingRules(watch=lambda *_: None))
     assert all(
         np.array_equal(a.translation, b.translation) and np.array_equal(a.rotations, b.rotations)
         for a, b in zip(one, two, strict=True)
@@ -65,4 +65,4 @@ def test_watching_changes_nothing() -> None:
 
 def test_unknown_rules_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="foot lock"):
-        Rules(frozenset({"footlock"}))
+        ActingRules(frozenset({"footlock"}))

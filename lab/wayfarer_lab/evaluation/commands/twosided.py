@@ -73,7 +73,7 @@ def bare(
     import torch
 
     from wayfarer_lab.evaluation.parts import Variant, load_parts
-    from wayfarer_lab.evaluation.twosided.bare import Step, play
+    from wayfarer_lab.evaluation.twosided.bare import BareStep, play
     from wayfarer_lab.evaluation.twosided.led import Led
     from wayfarer_lab.evaluation.twosided.searched import Searched
     from wayfarer_lab.training.cloning import load_trajectory_policy
@@ -81,7 +81,7 @@ def bare(
     parts = load_parts(models, runs, threads)
     variant = Variant("bare", predictor)
     bodies = {gender: parts.step(gender, variant) for gender in parts.regressors}
-    steps: dict[str, Step] = {
+    steps: dict[str, BareStep] = {
         gender: Searched(step, candidates, torch.Generator().manual_seed(seed))
         for gender, step in bodies.items()
     }

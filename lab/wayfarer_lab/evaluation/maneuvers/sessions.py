@@ -13,7 +13,7 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
-from wayfarer.world.stepping.rules import RULES, Rules
+from wayfarer.world.stepping.rules import RULES, ActingRules
 from wayfarer_lab.evaluation.goals import Course, Errand, Watch, run_errands
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, Shot
 from wayfarer_lab.evaluation.scenes.solids import ground_height, standing
@@ -23,7 +23,7 @@ from wayfarer_lab.evaluation.twosided.repair import Repair
 Array = NDArray[np.floating[Any]]
 
 
-ALONE: Final = Rules(off=frozenset(RULES) - {"ground"})
+ALONE: Final = ActingRules(off=frozenset(RULES) - {"ground"})
 """No rule after the model, but that people in scenes are on the floor: the model knows but one."""
 
 
@@ -41,7 +41,7 @@ class Players:
         `raw`: the model alone, without any rule after it (`ALONE`).
         """
         errands = self._errands(maneuver, case, agents)
-        return self._play(case, errands, ALONE if raw else Rules(), watch)
+        return self._play(case, errands, ALONE if raw else ActingRules(), watch)
 
     def play_watched(
         self, maneuver: str, case: Case, agents: int, watch: Watch
@@ -50,14 +50,14 @@ class Players:
         errands = self._errands(maneuver, case, agents)
         specs = [errand.spec for errand in errands]
         repair = Repair(specs, self.bundle.bodies, climbs=case.scene is not None)
-        return self._play(case, errands, Rules(watch=repair), watch), repair
+        return self._play(case, errands, ActingRules(watch=repair), watch), repair
 
     def _errands(self, maneuver: str, case: Case, agents: int) -> list[Errand]:
         random = np.random.default_rng([self.seed, crc32(f"{maneuver} {case.name}".encode())])
         return case.errands(agents, random)
 
     def _play(
-        self, case: Case, errands: Sequence[Errand], rules: Rules, watch: Watch
+        self, case: Case, errands: Sequence[Errand], rules: ActingRules, watch: Watch
     ) -> list[Shot]:
         scene, session, book = None, SessionSpec(avoid=False), None
         if case.scene is not None:

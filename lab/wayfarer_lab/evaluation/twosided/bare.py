@@ -32,7 +32,7 @@ MARGIN: Final = AHEAD[-1] + NEW_FRAMES
 """Frames for which wishes go on after the last step."""
 
 
-class Step(Protocol):
+class BareStep(Protocol):
     """Steps A people of one gender by a primitive. The canonical frame is that of the seed's first
     frame: origin on the floor under the hips, +X from left to right hip, +Y ahead.
     """
@@ -68,7 +68,7 @@ class Track:
 
 
 def roll(
-    steps: Mapping[str, Step],
+    steps: Mapping[str, BareStep],
     people: int = 8,
     seed: int = 0,
     orders: Mapping[str, Order] = ORDERS,
@@ -96,13 +96,13 @@ def roll(
     return [found[k] for k in sorted(found)]
 
 
-def play(steps: Mapping[str, Step], people: int = 8, seed: int = 0) -> list[Person]:
+def play(steps: Mapping[str, BareStep], people: int = 8, seed: int = 0) -> list[Person]:
     """Figures of the tracks of `roll`."""
     return [person for track in roll(steps, people, seed) for person in track.people()]
 
 
 @torch.no_grad()
-def _clips(step: Step, specs: list[AgentSpec], wishes: list[Wish]) -> list[Clip]:
+def _clips(step: BareStep, specs: list[AgentSpec], wishes: list[Wish]) -> list[Clip]:
     """Who begins at rest at heading 0 over the origin, and is stepped for all of `SECONDS`."""
     spawner = Spawner(load_bodies(BODY), load_start_poses(START_POSES))
     starts = [spawner.stand(_at_origin(spec)).seed for spec in specs]

@@ -14,7 +14,7 @@ from wayfarer_lab.evaluation.maneuvers.sessions import Players
 from wayfarer_lab.evaluation.twosided.ranges import Ranges
 from wayfarer_lab.evaluation.twosided.repair import Repair, Row
 from wayfarer_lab.evaluation.twosided.served import SERVED, Served
-from wayfarer_lab.evaluation.twosided.verdicts import Person, Verdict, count, judge, rows_of
+from wayfarer_lab.evaluation.twosided.verdicts import Person, RangeVerdict, count, judge, rows_of
 
 Progress = Callable[[str], AbstractContextManager[Watch]]
 MANEUVER = "two-sided"
@@ -27,7 +27,7 @@ class Side:
     source: str
     seed: int
     people: list[Person] = field(default_factory=list)
-    verdicts: list[Verdict] = field(default_factory=list)
+    verdicts: list[RangeVerdict] = field(default_factory=list)
     repair: Mapping[str, Row] = field(default_factory=dict)  # of what is sent
 
     @property

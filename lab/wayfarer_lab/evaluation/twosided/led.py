@@ -14,7 +14,7 @@ from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 @dataclass
 class Led:
-    """A `bare.Step`: the latent is drawn from a policy that is asked for ways and facings.
+    """A `bare.BareStep`: the latent is drawn from a policy that is asked for ways and facings.
 
     `temperature` scales the noise of the draw: 1 as the policy was cloned, 0 its mean.
     """
@@ -33,7 +33,7 @@ class Led:
         ways: Tensor,
         facings: Tensor,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """See `bare.Step`."""
+        """See `bare.BareStep`."""
         turned = matrix_from_quaternion(seed_rotations[:, 0, 0])
         frame = canonical_frame(seed_translation[:, 0], turned, self.step.floor_origin)
         seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])

@@ -24,18 +24,18 @@ EVERY: Final = 4
 ALL: Final = "all rules"
 
 
-class Frames(NamedTuple):
+class SeenFrames(NamedTuple):
     """Frames of one agent: hips [F, 3] in the world, rotations [F, 22, 4]."""
 
     translation: Array
     rotations: Array
 
 
-class Step(NamedTuple):
+class RepairedStep(NamedTuple):
     """A step as the model made it, and as it was planned."""
 
-    made: Frames
-    planned: Frames
+    made: SeenFrames
+    planned: SeenFrames
 
 
 @dataclass
@@ -51,17 +51,19 @@ class Repair:
     climbs: bool = False  # the height of the floor, and with it that of the hips, is no repair
     every: int = EVERY
     _steps: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    _now: dict[int, Frames] = field(default_factory=dict)  # being ruled
-    _made: dict[int, Frames] = field(default_factory=dict)
-    _waiting: dict[int, list[Step]] = field(default_factory=lambda: defaultdict(list))
-    _sent: dict[int, tuple[Frames, Frames]] = field(default_factory=dict)  # made, and so far
+    _now: dict[int, SeenFrames] = field(default_factory=dict)  # being ruled
+    _made: dict[int, SeenFrames] = field(default_factory=dict)
+    _waiting: dict[int, list[RepairedStep]] = field(default_factory=lambda: defaultdict(list))
+    _sent: dict[int, tuple[SeenFrames, SeenFrames]] = field(
+        default_factory=dict
+    )  # made, and so far
     _metres: dict[str, list[Array]] = field(default_factory=lambda: defaultdict(list))
     _degrees: dict[str, list[Array]] = field(default_factory=lambda: defaultdict(list))
 
     def __call__(self, name: str, slots: Index, translation: Float, rotations: Float) -> None:
         """See `rules.Watch`."""
         for row, slot in enumerate(slots.tolist()):
-            frames = Frames(translation[row].copy(), rotations[row].copy())
+            frames = SeenFrames(translation[row].copy(), rotations[row].copy())
             if name == MODEL:
                 self._begin(slot, frames)
             elif name == PLANNED:
@@ -91,26 +93,26 @@ class Repair:
                 found[rule] = _row(np.concatenate(metres), np.concatenate(degrees))
         return found
 
-    def _begin(self, slot: int, made: Frames) -> None:
+    def _begin(self, slot: int, made: SeenFrames) -> None:
         self._steps[slot] += 1
         self._now.pop(slot, None)
         if self._steps[slot] % self.every == 0:
             self._made[slot] = self._now[slot] = made
-            self._waiting[slot] = [*self._waiting[slot], Step(made, made)][-3:]
+            self._waiting[slot] = [*self._waiting[slot], RepairedStep(made, made)][-3:]
 
-    def _plan(self, name: str, slot: int, frames: Frames) -> None:
+    def _plan(self, name: str, slot: int, frames: SeenFrames) -> None:
         if slot in self._now:
             self._note(name, slot, self._now[slot], frames)
             self._now[slot] = frames
-            self._waiting[slot][-1] = Step(self._made[slot], frames)
+            self._waiting[slot][-1] = RepairedStep(self._made[slot], frames)
 
-    def _leave(self, slot: int, planned: Frames) -> None:
+    def _leave(self, slot: int, planned: SeenFrames) -> None:
         self._finish(slot)
         for step in self._waiting[slot]:
             if np.array_equal(step.planned.translation, planned.translation):
                 self._sent[slot] = (step.made, planned)
 
-    def _send(self, name: str, slot: int, frames: Frames) -> None:
+    def _send(self, name: str, slot: int, frames: SeenFrames) -> None:
         if slot in self._sent:
             made, before = self._sent[slot]
             self._note(name, slot, before, frames)
@@ -122,7 +124,7 @@ class Repair:
             made, last = self._sent.pop(slot)
             self._note(ALL, slot, made, last)
 
-    def _note(self, rule: str, slot: int, before: Frames, after: Frames) -> None:
+    def _note(self, rule: str, slot: int, before: SeenFrames, after: SeenFrames) -> None:
         spec = self.specs[slot]
         body = self.bodies[spec.gender]
         rest = body.rest_joints(np.asarray(spec.betas))

@@ -18,7 +18,7 @@ METRES_PER_RADIAN: Final = 0.25
 
 @dataclass
 class Searched:
-    """A `bare.Step`: of `candidates` draws from N(0, I), that whose place and facing after .2 s
+    """A `bare.BareStep`: of `candidates` draws from N(0, I), that whose place and facing after .2 s
     come nearest to what is wished, as the waist's markers tell.
     """
 
@@ -35,7 +35,7 @@ class Searched:
         ways: Tensor,
         facings: Tensor,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """See `bare.Step`."""
+        """See `bare.BareStep`."""
         turned = matrix_from_quaternion(seed_rotations[:, 0, 0])
         frame = canonical_frame(seed_translation[:, 0], turned, self.step.floor_origin)
         seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])

@@ -29,7 +29,7 @@ class Person:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RangeVerdict:
     """A figure of people beside the recorded range."""
 
     situation: str
@@ -91,7 +91,7 @@ class Verdict:
         }
 
 
-def judge(people: Iterable[Person], ranges: Ranges) -> list[Verdict]:
+def judge(people: Iterable[Person], ranges: Ranges) -> list[RangeVerdict]:
     """A verdict for every figure that has a range, in every situation that somebody was in."""
     every, found = list(people), []
     for situation, row in ranges.items():
@@ -102,13 +102,13 @@ def judge(people: Iterable[Person], ranges: Ranges) -> list[Verdict]:
     return found
 
 
-def _verdict(situation: str, figure: str, wanted: Range, values: np.ndarray) -> Verdict:
+def _verdict(situation: str, figure: str, wanted: Range, values: np.ndarray) -> RangeVerdict:
     known = values[np.isfinite(values)]
     middle = spread = float("nan")
     if len(known) and 2 * len(known) >= len(values):
         low, middle, high = quantiles(known, np.ones(len(known)), (ENDS[0], 0.5, ENDS[1]))
         spread = (high - low) / max(wanted.width, 1e-9)
-    return Verdict(situation, figure, wanted, len(known), len(values), middle, spread)
+    return RangeVerdict(situation, figure, wanted, len(known), len(values), middle, spread)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Count:
         return f"{self.holds} of {self.total} hold ({self.inside} medians inside)"
 
 
-def count(verdicts: Sequence[Verdict]) -> Count:
+def count(verdicts: Sequence[RangeVerdict]) -> Count:
     """Of those figures that count."""
     counted = [verdict for verdict in verdicts if verdict.counts]
     return Count(
@@ -133,7 +133,7 @@ def count(verdicts: Sequence[Verdict]) -> Count:
     )
 
 
-def show(title: str, verdicts: Sequence[Verdict]) -> None:
+def show(title: str, verdicts: Sequence[RangeVerdict]) -> None:
     """A table of all, and counts for each situation and altogether."""
     table = Table(title=title, title_justify="left")
     for column in ("situation", "figure", "recorded", "n", "people", "spread", ""):
@@ -159,7 +159,7 @@ def show(title: str, verdicts: Sequence[Verdict]) -> None:
     report.console.print(f"{title}: {count(verdicts)}")
 
 
-def rows_of(verdicts: Sequence[Verdict], people: Sequence[Person]) -> dict[str, Any]:
+def rows_of(verdicts: Sequence[RangeVerdict], people: Sequence[Person]) -> dict[str, Any]:
     """For JSON: `holds`, `inside`, `of`, `verdicts`, and `people` with their figures."""
     counted = count(verdicts)
     return {
@@ -176,7 +176,7 @@ def rows_of(verdicts: Sequence[Verdict], people: Sequence[Person]) -> dict[str, 
 
 
 def write(
-    path: Path, verdicts: Sequence[Verdict], people: Sequence[Person], about: dict[str, Any]
+    path: Path, verdicts: Sequence[RangeVerdict], people: Sequence[Person], about: dict[str, Any]
 ) -> None:
     """`{"verdicts": …, "people": …, "holds": …, "of": …, "meta": …}`; whole or not at all."""
     whole = rows_of(verdicts, people) | {"meta": report.meta(about)}

@@ -17,7 +17,7 @@ from wayfarer.world.output.footlock import LockState, begin, lock_feet
 from wayfarer.world.output.posture import DRAWN, PostureState, calmed, habits, hold, settled
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.playback import Sent
-from wayfarer.world.stepping.rules import Rules
+from wayfarer.world.stepping.rules import ActingRules
 
 HALTED: Final = 0.25
 """m/s: a person who is stopping and slower than this has nothing left of the walk."""
@@ -26,7 +26,7 @@ EVEN: Final = 0.01
 """Metres between the feet's floors up to which somebody who stands straightens both knees."""
 
 
-def clean_feet(slots: Slots, sent: Sent, rules: Rules) -> None:
+def clean_feet(slots: Slots, sent: Sent, rules: ActingRules) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
     A pose that begins or jumps restarts its lock, and so does a lock that is switched on. Steps of
@@ -66,7 +66,7 @@ class _Locked(NamedTuple):
     posture: PostureState
 
 
-def _locked(slots: Slots, sent: Sent, wanted: slice | Index, rules: Rules) -> _Locked:
+def _locked(slots: Slots, sent: Sent, wanted: slice | Index, rules: ActingRules) -> _Locked:
     chunks, rows = sent.chunks, sent.slots[wanted]
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
     legs, feet, posture = slots.legs.take(rows), slots.feet.take(rows), slots.posture.take(rows)

@@ -32,7 +32,7 @@ gets up is not told, and the ground is told in scenes alone."""
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class ActingRules:
     """Which rules act, and who is told of it."""
 
     off: frozenset[str] = frozenset()

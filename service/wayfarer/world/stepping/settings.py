@@ -9,7 +9,7 @@ from wayfarer.limits import Limits
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import BudgetRules
-from wayfarer.world.stepping.rules import Rules
+from wayfarer.world.stepping.rules import ActingRules
 
 ANY_SIZE = tuple(range(1, 65))
 """Batch sizes of worlds in which nobody waits for a step: no size has to be warmed, and none is
@@ -49,7 +49,9 @@ class WorldSettings:
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     single_threaded: bool = False  # engine calls take no thread but the caller's
     path_queries_per_step: int = 4  # most ways through scenes that one step looks for
-    rules: Rules = field(default_factory=Rules)  # after the model; the laboratory takes them away
+    rules: ActingRules = field(
+        default_factory=ActingRules
+    )  # after the model; the laboratory takes them away
     new_slot: Callable[[], int] = any_slot  # of the ids of new sessions and scenes; see ids.py
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer_lab.evaluation.parts import Variant, load_parts
-from wayfarer_lab.evaluation.twosided.bare import Step, roll
+from wayfarer_lab.evaluation.twosided.bare import BareStep, roll
 from wayfarer_lab.evaluation.twosided.led import Led
 from wayfarer_lab.evaluation.twosided.searched import Searched
 from wayfarer_lab.evaluation.twosided.wishes import ORDERS
@@ -23,7 +23,7 @@ def shipped() -> PrimitiveStep:
     return load_parts(DEFAULT_MODEL, threads=1).step("female", Variant("bare", "ro-2f"))
 
 
-def walked(step: Step, seed: int = 0) -> np.ndarray:
+def walked(step: BareStep, seed: int = 0) -> np.ndarray:
     """Hips [A, T, 3] of two people who are to walk."""
     tracks = roll({"female": step}, people=2, seed=seed, orders=WALK)
     return np.stack([track.take.hips for track in tracks])
