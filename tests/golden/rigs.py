@@ -171,6 +171,7 @@ def rehung(rig: Rig, onto: dict[str, str]) -> Rig:
             place = rotate(back, place - rig.places[parent]) / rig.scales[parent]
             turn, scale = multiply(back, turn), scale / rig.scales[parent]
         number = order.index(parent) if parent >= 0 else -1
+        turn = np.clip(turn, -1, 1)  # rounding: the validator minds 1 + 1e-16
         made.append(Node(names[k], number, place.tolist(), turn.tolist(), scale.tolist()))
     return Rig(tuple(made))
 

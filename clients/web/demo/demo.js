@@ -101,7 +101,7 @@ async function wear(file) {
     dressed = null;
   }
 }
-watchFiles([part("character")], wear);
+watchFiles([[part("character"), "character"]], wear);
 
 /** So many more people, who walk about. */
 async function add(count) {

@@ -36,7 +36,7 @@ test("a batch gives new agents, chunks and removals", () => {
   const decoder = decoded(bytes("batch"));
   assert.deepEqual(decoder.added, [{
     id: "a-7", alias: 300, name: "Zoë", body: "anny52", gender: "male", betas: [0.5, -1.25, 3], seed: 4294967295,
-    restOffsets: [0, 1, 2],
+    restOffsets: [0, 1, 2], outfit: "",
   }]);
   assert.deepEqual([decoder.removed, decoder.removedAlias(0), decoder.removedAlias(1)], [2, 1, 300]);
   assert.equal(decoder.resumeToken, "r.1.41");

@@ -112,7 +112,7 @@ export class LocalSession {
     const restOffsets = [];
     for (let k = 0; k < bones.length; k += 3) restOffsets.push(-bones[k], bones[k + 2], bones[k + 1]);
     const id = String(alias), { gender, betas } = spec;
-    const played = new PlayedAgent({ id, alias, name: asked.name ?? "", body: "anny52", gender, betas, seed: Number(spec.seed), restOffsets }, WIDTH);
+    const played = new PlayedAgent({ id, alias, name: asked.name ?? "", body: "anny52", gender, betas, seed: Number(spec.seed), outfit: "", restOffsets }, WIDTH);
     this.agents.set(alias, played);
     this.on.added?.(played);
     return { agent_id: id, alias };
