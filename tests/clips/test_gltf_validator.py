@@ -31,8 +31,8 @@ validateBytes(new Uint8Array(readFileSync(process.argv[1])), { maxIssues: 20 })
 """
 
 NOTES = {"UNUSED_OBJECT", "UNSUPPORTED_EXTENSION", "NODE_EMPTY", "BUFFER_VIEW_TARGET_MISSING"}
-"""Hints: no texture for the texture coordinates; VRM's extension; bones without a mesh; a stranger's
-own buffer views, which are kept as they are."""
+"""Hints: no texture for the texture coordinates; VRM's extension; bones without a mesh;
+buffer views of a stranger's own, which are kept as they are."""
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("node") and (TESTS / "node_modules" / "gltf-validator").is_dir()),

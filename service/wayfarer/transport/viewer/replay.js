@@ -171,8 +171,8 @@ class ReplayPlayer {
   }
 
   /** Somebody who is there from `since` on. */
-  add({ agent_id: id, alias, name, gender, betas, rest_offsets: restOffsets, model, beside }, since) {
-    const played = new PlayedAgent({ id, alias, name, gender, betas, restOffsets, model, beside }, 3 + 4 * BONES);
+  add({ agent_id: id, alias, name, gender, betas, seed, outfit, rest_offsets: restOffsets, model, beside }, since) {
+    const played = new PlayedAgent({ id, alias, name, gender, betas, seed, outfit, restOffsets, model, beside }, 3 + 4 * BONES);
     played.since = since;
     this.agents.set(alias, played);
     this.on.added(played);
