@@ -13,29 +13,27 @@ import numpy as np
 import pytest
 
 from tests.clients.web_scripts import node
-from wayfarer.body.landmarks import marker_names
 from wayfarer.body.rotation import quaternion_from_rotvec
 from wayfarer.model_bundle import START_POSES, load_bodies
-from wayfarer.spec import MARKERS, NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_at, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
-from wayfarer.world.agents.style import draws, manner, sets_off, stride
+from wayfarer.world.agents.style import manner, sets_off
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.legs import KNEES, Legs, measure_legs, pose_legs
 from wayfarer.world.output.quaternion import multiply
-from wayfarer.world.output.twobone import MOVED, move_feet
-from wayfarer.world.stepping.guards import fallen, got_up, smoothed
+from wayfarer.world.output.twobone import MOVED, move_ankles
+from wayfarer.world.stepping.guards import bendable, fallen, got_up
 from wayfarer.world.stepping.mirror import is_mirrored
-from wayfarer.world.stepping.planting import Step
-from wayfarer.world.stepping.righting import righted
+from wayfarer.world.stepping.noise import latents
 
 LOG = logging.getLogger(__name__)
 CPP = Path(__file__).parents[2] / "clients" / "cpp"
 Port = Callable[[str, Path], Any]
-"""What a port makes of the rows in a file, by one of random, guards, righting and rules."""
+"""What a port makes of the rows in a file, by one of random, guards and rules."""
 
 
 @pytest.fixture(scope="module")
@@ -78,20 +76,15 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(port, tmp_path):
         [one["manner"] for one in found], manner(seeds), rtol=1e-6, atol=1e-7
     )
     assert [one["mirrored"] for one in found] == is_mirrored(seeds).tolist()
-    habits = np.array([one["habits"] for one in found], np.float32)
-    np.testing.assert_array_equal(habits, np.stack(draws(seeds, 12), -1))
-    slow = np.zeros(len(seeds))
-    low, high = -0.05, 0.11
-    np.testing.assert_allclose(
-        [low + (high - low) * one["stride"] for one in found], stride(seeds, slow), atol=1e-7
-    )
+    noise = latents(seeds, np.full(len(seeds), 7), 1)[:, 0]
+    np.testing.assert_allclose([one["noise"] for one in found], noise, rtol=1e-6, atol=1e-7)
     chunk = np.full(len(seeds), 4)
     ready = [(4 + one["reaction"]) % 3 == 0 for one in found]
     assert ready == sets_off(seeds, chunk, 3).tolist()
 
 
 def test_guards_repair_as_the_servers_do(port, tmp_path):
-    """Steps that no body takes: joints that jump, twisted knees, signs that flip, falls."""
+    """Steps that no body takes: twisted and overbent knees, falls."""
     rng = np.random.default_rng(3)
     bodies, poses = load_bodies("anny52"), load_start_poses(START_POSES)
     stands = [Spawner(bodies, poses).stand(AgentSpec(noise_seed=k)) for k in range(12)]
@@ -102,14 +95,13 @@ def test_guards_repair_as_the_servers_do(port, tmp_path):
         :, None, None, None
     ].astype(np.float32)
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
-    bend = np.float32([[-np.sin(np.radians(4))], [0], [0], [np.cos(np.radians(4))]])
-    turns[0, 3:, KNEES[0]] = multiply(bend, turns[0, 3:, KNEES[0]].T).T  # by 8 degrees at once
-    turns[[0, 3], 4:] *= -1  # the same turns
+    bend = np.float32([[np.sin(np.radians(9))], [0], [0], [np.cos(np.radians(9))]])
+    turns[0, 3:, KNEES[0]] = multiply(bend, turns[0, 3:, KNEES[0]].T).T  # beyond straight
     hips = np.repeat(seeds.translation[:, -1:], 8, axis=1)
     hips[5, -1, 2] = 0.4
     target = Motion.join(stands)
     fell = fallen(hips, turns, legs)
-    repaired = smoothed(seeds, hips, turns, legs)
+    repaired = bendable(turns, legs)
     steps = [
         {
             "seed": {"translation": seeds.translation[k], "rotations": seeds.rotations[k]},
@@ -140,41 +132,12 @@ def test_guards_repair_as_the_servers_do(port, tmp_path):
     for k, one in enumerate(found):
         assert one["fallen"] == fell[k]
         for name, wanted in (
-            ("smoothed", repaired[k]),
+            ("bendable", repaired[k]),
             ("upTranslation", up[0][k]),
             ("upRotations", up[1][k]),
             ("stand", target.seed.rotations[k]),
         ):
             np.testing.assert_allclose(one[name], wanted.ravel(), atol=2e-4, err_msg=name)
-
-
-def test_leaning_people_straighten_up_as_on_the_server(port, tmp_path):
-    """All modes, leans of both sides of the bounds, in all directions."""
-    count, rng = 60, np.random.default_rng(8)
-    bends = np.radians(12) * rng.normal(size=(count, NEW_FRAMES, POSED_JOINTS, 3))
-    bends[: count // 3] *= 0.2
-    step = Step(
-        rng.normal([0, 0, 0.9], 0.05, (count, NEW_FRAMES, 3)).astype(np.float32),
-        quaternion_from_rotvec(bends).astype(np.float32),
-        rng.normal([0, 0, 1], 0.4, (count, SEED_FRAMES, MARKERS, 3)).astype(np.float32),
-        np.ones((count, NEW_FRAMES, 2), np.bool_),
-    )
-    modes = rng.integers(0, len(Mode), count).astype(np.int8)
-    parts = {"translation": step.translation, "rotations": step.rotations, "markers": step.markers}
-    rows = [
-        {"mode": int(modes[k])} | {name: part[k] for name, part in parts.items()}
-        for k in range(count)
-    ]
-    file = tmp_path / "steps.json"
-    file.write_text(json.dumps({"names": marker_names(), "steps": rows}, default=_flat))
-    found = port("righting", file)
-    after = righted(modes, step)
-    left = (after.markers == step.markers).all((1, 2, 3))
-    assert 5 < left.sum() < count - 20
-    assert [one["same"] for one in found] == left.tolist()
-    for k, one in enumerate(found):
-        np.testing.assert_allclose(one["rotations"], after.rotations[k].ravel(), atol=2e-6)
-        np.testing.assert_allclose(one["markers"], after.markers[k].ravel(), atol=2e-6)
 
 
 def random_gaits(count: int) -> tuple[Gait, Seeds, GoalColumns, np.ndarray]:
@@ -191,7 +154,7 @@ def random_gaits(count: int) -> tuple[Gait, Seeds, GoalColumns, np.ndarray]:
     gait.mode[:] = rng.integers(0, len(Mode), count)
     gait.speed[:] = rng.choice([0.1, 0.5, 1.5], count) * rng.random(count)
     gait.slow_seconds[:] = 0.2 * rng.integers(0, 4, count)
-    gait.arrived[:], gait.planted[:] = some(0.5), some(0.5)
+    gait.arrived[:], gait.rested[:] = some(0.5), some(0.5)
     gait.stop_place[:], gait.stop_facing[:] = rng.normal(size=(count, 2)), headings()
     seed.translation[:] = 0.3 * rng.normal(size=(count, SEED_FRAMES, 3))
     half = rng.uniform(-np.pi, np.pi, count) / 2
@@ -215,7 +178,7 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
             "gait": {
                 "mode": int(gait.mode[k]), "speed": float(gait.speed[k]),
                 "slowSeconds": float(gait.slow_seconds[k]), "arrived": bool(gait.arrived[k]),
-                "planted": bool(gait.planted[k]), "stopPlace": gait.stop_place[k],
+                "rested": bool(gait.rested[k]), "stopPlace": gait.stop_place[k],
                 "stopFacing": gait.stop_facing[k],
             },
             "start": {
@@ -239,7 +202,6 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
     turns = turns.astype(np.float32)
     hips = rng.normal([0, 0, 0.9], 0.05, (people, NEW_FRAMES, 3)).astype(np.float32)
     shift = rng.normal(0, 0.05, (people, NEW_FRAMES, 2, 3)).astype(np.float32)
-    turn = rng.normal(0, 0.2, (people, NEW_FRAMES, 2)).astype(np.float32)
     legs = measure_legs(load_bodies("anny52")["female"], np.zeros(10))
     names = {
         "sole_of_ankle": "soleOfAnkle",
@@ -258,7 +220,7 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
             for name in ("hip", "knee", "ankle", "ball", *names)
         },
         "poses": [
-            {"translation": hips[k], "rotations": turns[k], "shift": shift[k], "turn": turn[k]}
+            {"translation": hips[k], "rotations": turns[k], "shift": shift[k]}
             for k in range(people)
         ],
     }
@@ -271,12 +233,12 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
     assert (after.mode != never.mode).sum() > 5, "somebody pauses"
     assert len(set(after.mode)) == len(Mode)
     assert [one["mode"] for one in found["gaits"]] == after.mode.tolist()
-    assert [one["planted"] for one in found["gaits"]] == after.planted.tolist()
+    assert [one["rested"] for one in found["gaits"]] == after.rested.tolist()
     numbers = np.column_stack([after.slow_seconds, after.stop_place, after.stop_facing])
     np.testing.assert_allclose([one["numbers"] for one in found["gaits"]], numbers, atol=1e-5)
 
     moved, legs = turns.copy(), legs.take(np.zeros(people, int))
-    moved[:, :, MOVED] = move_feet(pose_legs(legs, hips, turns), hips, shift.T, turn.T)
+    moved[:, :, MOVED] = move_ankles(pose_legs(legs, hips, turns), shift.T)
     off = np.abs(np.array(found["poses"]) - moved.reshape(people, -1)).max()
     LOG.info("feet: off by %.1e", off)
     assert off < 1e-3

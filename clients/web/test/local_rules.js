@@ -2,7 +2,7 @@
 // node test/local_rules.js ROWS.json
 
 import { readFile } from "node:fs/promises";
-import { LegPose, moveFeet } from "../src/local/legs.js";
+import { LegPose, moveAnkles } from "../src/local/legs.js";
 import { Steering } from "../src/local/steering.js";
 
 const { constants, gaits, legs, poses } = JSON.parse(await readFile(process.argv[2], "utf8"));
@@ -10,14 +10,14 @@ const steering = new Steering(constants);
 const measured = Object.fromEntries(Object.entries(legs).map(([name, values]) => [name, Float64Array.from(values)]));
 console.log(JSON.stringify({
   gaits: gaits.map(({ gait, start, goal, ready }) => {
-    const { mode, slowSeconds, planted, stopPlace, stopFacing } = steering.decide(gait, start, goal, ready);
-    return { mode, planted, numbers: [slowSeconds, ...stopPlace, ...stopFacing] };
+    const { mode, slowSeconds, rested, stopPlace, stopFacing } = steering.decide(gait, start, goal, ready);
+    return { mode, rested, numbers: [slowSeconds, ...stopPlace, ...stopFacing] };
   }),
   poses: poses.map((one) => {
-    const [translation, rotations, shift, turn] = [one.translation, one.rotations, one.shift, one.turn].map(
+    const [translation, rotations, shift] = [one.translation, one.rotations, one.shift].map(
       (values) => Float64Array.from(values));
     const moved = rotations.slice();
-    moveFeet(new LegPose(measured, translation, rotations), translation, shift, turn, moved);
+    moveAnkles(new LegPose(measured, translation, rotations), shift, moved);
     return [...moved];
   }),
 }));

@@ -70,8 +70,9 @@ MEANINGS: Final = {
     "term_weights": "weights of the quality terms, which tell the policy what the person is doing: "
     "a row of `modes`",
     "policy": "share of the learned policy in the latents: 1",
-    "noise": "all 0: the policy's mean, the same motion each time. For people who differ, add "
-    "`manner` times 128 numbers from N(0, 1) that each person keeps for ever",
+    "noise": "128 numbers from N(0, 1), new ones for each step, times the mode's `temperature`. "
+    "For people who differ: sqrt(1 - own) times new ones + sqrt(own) times 128 numbers that each "
+    "person keeps for ever; `own` is the mode's",
     "obstacles": "what is near, as lines from a to b with a radius that move evenly; a radius "
     "below 0 is none",
     "translation": "hips joint in the 8 new frames, 40 a second",
@@ -83,26 +84,20 @@ MEANINGS: Final = {
 STEERING: Final[Mapping[str, tuple[str, str]]] = {
     "braking_seconds": ("s", "braking distance = min(radius / 2, braking_margin) + this * speed"),
     "braking_margin": ("m", "see braking_seconds"),
-    "slowing_distance": ("m", "nearer to a goal to stop at, the target speed falls with distance"),
-    "slowest": ("m/s", "lowest target speed before a stop"),
-    "acceleration": ("m/s²", "the target speed is at most the speed now + this * 0.2 s"),
     "coasting_seconds": ("s", "without a goal a person comes to rest in this * speed"),
-    "sharp": ("rad", "a path that turns by more is passed at corner_speed"),
-    "corner_speed": ("m/s", "see sharp"),
-    "pausing": ("1", "share of the asked speed below which a walker at its goal stops there"),
+    "pausing": ("1", "share of the asked speed, of 0.7 m/s at most: slower, a walker stops there"),
     "slow": ("m/s", "below this a person counts as slow"),
     "slow_seconds": ("s", "who has been slow for this long while STOPPING is STANDING"),
     "resume_margin": ("m", "stopped or pushed this far outside the radius: walk again"),
     "lookahead": ("m", "a point to pass through is aimed at so far ahead"),
-    "behind": ("rad", "at rest, a person first turns to a goal farther aside than this"),
-    "abeam": ("rad", "and walks when the goal is no farther aside than this"),
+    "lookahead_seconds": ("s", "or as far as this * speed, if that is farther"),
     "faced": ("rad", "a turn ends when the heading is met within this"),
     "astray": ("rad", "and begins when it is missed by more"),
-    "turn_ahead": ("rad", "largest part of a turn on the spot that one step asks for"),
     "reactions": ("steps", "who stands sets off at one step in this many only, each at another"),
-    "side_step_speed": ("m/s", "of people who face elsewhere than where they go (not here)"),
-    "side_step_acceleration": ("m/s²", "of side steps (not here)"),
-    "side_step_faced": ("rad", "side steps begin when the heading is met within this (not here)"),
+    "turn_radius": ("m", "who turns on the spot aims so far ahead, halfway to the heading"),
+    "turn_speed": ("m/s", "and steps so fast: asked for no way, a body turns like a turntable"),
+    "climbing": ("1/s", "steps on stairs (not here)"),
+    "strafe_speed": ("m/s", "at most of people who face elsewhere than where they go"),
 }
 
 
@@ -189,7 +184,7 @@ def _modes(steering: Steering) -> dict[str, Any]:
             "term_weights": [table.get(term, 0.0) for term in TERMS],
             "policy": search.policy,
             "temperature": search.temperature,
-            "manner": search.manner,
+            "own": search.own,
         }
     return {mode.name: found[mode.name] for mode in Mode}
 
@@ -225,7 +220,8 @@ def page(about: Mapping[str, Any]) -> str:
         for name, entry in about["files"].items()
     )
     modes = "\n".join(
-        f"| {name} | {', '.join(f'{w:g}' for w in mode['term_weights'])} | {mode['manner']:g} |"
+        f"| {name} | {', '.join(f'{w:g}' for w in mode['term_weights'])} | "
+        f"{mode['temperature']:g} | {mode['own']:g} |"
         for name, mode in about["modes"].items()
     )
     constants = "\n".join(
@@ -336,52 +332,39 @@ before each step
     slow_for = slow_for + 0.2 if STANDING or (STOPPING and slow_now) else 0
     still = STOPPING and slow_for >= slow_seconds
     rests = still or STANDING or TURNING or (WALKING and slow_now)
-    paused = WALKING and speed < pausing * min(wished, slowest)
+    paused = WALKING and speed < pausing * min(wished, 0.7)
     far = distance > braking and not (arrived and (slow_now or paused))
-    reverses = not arrived and far and
-               angle(facing_of_hips, direction) > (abeam if TURNING else behind)
-    about = reverses and (rests or slow_now)
-    walks = not reverses and ((WALKING and far) or
-            ((still or STANDING or TURNING) and not arrived) or
-            (not WALKING and distance > max(radius, braking) + resume_margin))
-    if still and not walks, or about and not TURNING:  stop_place = hips
-    else if WALKING and not walks:
-        stop_place = hips + heading_of_motion * coasting_seconds * speed if reverses else goal
-    if about:  stop_facing = direction
-    else if not walks and (WALKING or still):  stop_facing = facing_of_hips
-    mode = WALKING if walks, TURNING if about, STANDING if (STANDING or still), else STOPPING
+    walks = (WALKING and far) or ((still or STANDING or TURNING) and not arrived) or
+            (not WALKING and distance > max(radius, braking) + resume_margin)
+    if still and not walks:  stop_place = hips
+    else if WALKING and not walks:  stop_place = goal
+    if not walks and (WALKING or still):  stop_facing = facing_of_hips
+    mode = WALKING if walks, STANDING if (STANDING or still), else STOPPING
 inputs
     goal          WALKING: the goal; else stop_place (z = 0)
-    target_speed  WALKING: min(wished, speed + acceleration * 0.2,
-                               max(wished * distance / slowing_distance, slowest)); else 0
-    facing        WALKING: 0 0; TURNING: facing_of_hips turned to stop_facing by turn_ahead at
-                  most; else stop_facing
-    term_weights  the row of the mode below;  policy  1;  noise  0
+    target_speed  WALKING: wished; else 0
+    facing        WALKING: 0 0; else stop_facing
+    term_weights  the row of the mode below;  policy  1;  noise  as above
 after the step
     speed = |last hips - first hips of the step| on the floor / 0.2
     arrived = arrived or a frame of the step has its hips within radius of the goal
 ```
 
-While a person is STANDING and has arrived, hold: show the last frame again and do not step. The
-graph alone would let the body turn by some degrees a second, which the server takes off (it keeps
-the feet where they are: `service/wayfarer/world/stepping/planting.py` in Wayfarer's repository).
-
-`heading_of_motion` is the direction from the first to the last hips of the seed; "mode" on the
+The "mode" on the
 right is the one before the step. At the start a person stands: STANDING, speed 0, stop_place the
 hips, stop_facing what they face.
 
-The server does more, and none of it is in the graph: feet that stand are kept from sliding, the
-speed is trimmed, heads and arms are held in an own way, steps have an own length, half of all
-people are mirrored, people set off after a reaction time, and steps that no body can take are
-repaired. In Wayfarer's repository all of it is in `clients/cpp/local` (C++17, used by
+The server does more, and none of it is in the graph: feet that bear weight are kept from sliding,
+the speed is trimmed, half of all people are mirrored, people set off after a reaction time, and who
+falls gets up. In Wayfarer's repository all of it is in `clients/cpp/local` (C++17, used by
 `clients/cpp/examples/offline.cpp`) and `clients/web/src/local` (JavaScript): the frames are the
 server's to 0.01 mm over 30 s.
 
 ## Modes
 `term_weights` in the order {terms}.
 
-| mode | term_weights | manner |
-|---|---|---|
+| mode | term_weights | temperature | own |
+|---|---|---|---|
 {modes}
 
 ## Constants

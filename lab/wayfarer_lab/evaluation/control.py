@@ -8,7 +8,6 @@ primitives. *Online* methods are the service's own: one body, without going back
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Any, Final
 
 import numpy as np
@@ -73,18 +72,11 @@ def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[
 def told_the_goal_alone() -> Steering:
     """Steering for policies trained by PPO, which were told a goal and a speed and nothing else.
 
-    The service's has those behind whom the goal lies turn on the spot, with a facing and weights
-    of its own, tells less speed at the start and before a stop, and gives each agent a manner.
+    The service's gives each agent noise of its own.
     """
     usual = Steering()
-    walking = replace(usual.searches[Mode.WALKING], manner=0.0)
-    return replace(
-        usual,
-        searches=dict.fromkeys(Mode, walking),
-        behind=inf,
-        acceleration=inf,
-        slowest=inf,
-    )
+    walking = replace(usual.searches[Mode.WALKING], own=0.0)
+    return replace(usual, searches=dict.fromkeys(Mode, walking))
 
 
 def offline(

@@ -52,4 +52,4 @@ class Lead:
             motion.seed.markers[:] = markers[:, -SEED_FRAMES:].numpy()
             motion.seed.translation[:] = made.translation[:, -SEED_FRAMES:].numpy()
             motion.seed.rotations[:] = made.rotations[:, -SEED_FRAMES:].numpy()
-            motion.gait.planted[:] = False
+            motion.gait.rested[:] = False

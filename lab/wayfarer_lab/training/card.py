@@ -20,13 +20,19 @@ Made on {date} by `wayfarer export` (torch {torch}, Python {python}).
 predicts 0.25 s motion primitives of 67 body-surface markers, and a regressor per gender that finds
 the body behind them. `step_*.onnx` hold the whole step; `predictor_*` and `regressor_*` the parts.
 
-**Data.** CMU Graphics Lab Motion Capture Database, fitted to the anny52 body (`docs/data.md`).
-> The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with
-> funding from NSF EIA-0196217.
+**Data**, fitted to the anny52 body (`docs/data.md`):
+- CMU Graphics Lab Motion Capture Database. "The data used in this project was obtained from
+  mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217."
+- The 100STYLE Dataset, Ian Mason, Sebastian Starke, Taku Komura (CC BY 4.0).
+- Open 3D Engine contributors, Motion Matching gem (Apache-2.0).
+- ACCAD, The Ohio State University, Open Motion Project (CC BY 3.0).
+- High Fidelity, Inc. (Apache-2.0).
 
-**Use.** People walking, standing, starting, stopping and turning on a flat floor. **Not for**
-stairs, uneven ground, sitting, carrying, or judging real people's gait. A few subjects carry most
-of the walking, so gaits are less varied than people's. Adults only.
+All were retargeted, cut and resampled.
+
+**Use.** People walking, standing, starting, stopping, turning, side-stepping and walking backward
+on a flat floor. **Not for** uneven ground, sitting, carrying, or judging real people's gait. A few
+subjects carry most of the walking, so gaits are less varied than people's. Adults only.
 
 **Licence.** Apache-2.0 (weights and code); see NOTICE.
 

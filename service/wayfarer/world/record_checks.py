@@ -55,7 +55,6 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
     _check_rows(record.motion, f"{where}.motion")
     if record.feet is not None:
         _check_rows(record.feet, f"{where}.feet")
-    _check_rows(record.posture, f"{where}.posture")
     _check_rows(record.footing, f"{where}.footing")
     _check_behaviour(record, limits, f"{where}.behaviour")
     gait, seed = record.motion.gait, record.motion.seed

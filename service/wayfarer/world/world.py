@@ -130,7 +130,6 @@ class World:
             planned=self._planned,
             fell=self._fell,
             guide=self._scene_context.guide,
-            soles=next(iter(bodies.values())).sole_markers.reshape(2, -1),
             mirrors=has_mirror_image(bodies.values()),
             faults=self.faults,
         )

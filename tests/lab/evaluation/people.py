@@ -43,9 +43,9 @@ def gliding_bundle(bodies: dict[str, BodyModel], *files: str) -> ModelBundle:
 
 ALIKE = Steering(
     reactions=1,
-    searches={mode: replace(s, manner=0.0) for mode, s in default_searches().items()},
+    searches={mode: replace(s, own=0.0) for mode, s in default_searches().items()},
 )
-"""Nobody hesitates, and nobody has a manner of their own."""
+"""Nobody hesitates, and nobody has noise of their own."""
 
 
 def make_world(engine: FakeEngine | None = None) -> World:

@@ -21,4 +21,4 @@ def test_a_body_at_rest_ends_its_first_primitive_in_motion() -> None:
         assert np.linalg.norm(after.seed.translation[0, -1, :2] - spec.position[:2]) < 0.5
         reach = np.linalg.norm(after.seed.markers[0] - after.seed.translation[0, :, None], axis=-1)
         assert reach.max() < 1.3  # a body, round its hips
-        assert not after.gait.planted.any()
+        assert not after.gait.rested.any()

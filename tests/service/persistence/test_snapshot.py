@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from wayfarer.world.output.posture import PostureState
 
 from tests.service.kept_worlds import STICK, assert_same_poses, fake_worlds
 from tests.world.fakes import people
@@ -33,7 +34,6 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
-from wayfarer.world.output.posture import PostureState
 
 LIMITS = Limits(agents=64, agents_per_session=16, path_goals=16)
 SPEC = SessionSpec("s", seed=2**64 - 1, attributes={"basis": "unity", "näme": "ö"})

@@ -1,6 +1,7 @@
 """Goals reached, paths done, and other events, as readers are told of them."""
 
 import pytest
+from wayfarer.world.output.posture import PostureState
 
 from tests.service.chunks import chunk, info, together
 from tests.service.streams.stage import ARRIVED, Stage, kinds, take
@@ -12,7 +13,6 @@ from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode, Motion
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.output.ground import Footing
-from wayfarer.world.output.posture import PostureState
 
 
 def goal_chunk(seq, **values):

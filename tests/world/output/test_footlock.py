@@ -8,57 +8,30 @@ from hypothesis import strategies as st
 from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.output.evenness import shorten_steps
 from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet
-from wayfarer.world.output.hips import SURGE, SWAY
 from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, pose_legs
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED
 
-NONE = np.zeros(1, np.float32)
-"""Steps are not shortened."""
-
 OTHERS = [joint for joint in range(22) if joint not in MOVED]
 
 
-def locked(
-    translation: np.ndarray,
-    rotations: np.ndarray,
-    pieces: tuple[int, ...] = (),
-    steps: bool = False,
-    upright: np.ndarray | None = None,
-    waits: bool = False,
-) -> Locked:
-    """The motion from its first frame, in one call or cut at the frames `pieces`; `steps`: on the
-    spot; `waits`: and come to a stand; `upright` [F]: nobody is unless it is given.
-    """
-    straight = np.zeros(translation.shape[1], np.float32) if upright is None else upright
-    on_the_spot = np.full(len(translation), steps)
+def locked(translation: np.ndarray, rotations: np.ndarray, pieces: tuple[int, ...] = ()) -> Locked:
+    """The motion from its first frame, in one call or cut at the frames `pieces`."""
     shape = legs(len(translation))
     state = begin(shape, translation[:, 0], rotations[:, 0])
-    parts, contacts, hips = [], [], []
+    parts, contacts = [], []
     cuts = sorted({0, *pieces, translation.shape[1]})
     for start, stop in pairwise(cuts):
-        done = lock_feet(
-            state,
-            shape,
-            translation[:, start:stop],
-            rotations[:, start:stop],
-            on_the_spot,
-            on_the_spot & waits,
-            np.repeat(NONE, len(translation)),
-            straight[start:stop, None].repeat(len(translation), 1),
-        )
+        done = lock_feet(state, shape, translation[:, start:stop], rotations[:, start:stop])
         state = done.state
-        hips.append(done.translation)
         parts.append(done.rotations)
         contacts.append(done.contacts)
-    sent = (np.concatenate(values, 1) for values in (hips, parts, contacts))
-    return Locked(*sent, state)
+    return Locked(np.concatenate(parts, 1), np.concatenate(contacts, 1), state)
 
 
-def sent_soles(made: Locked) -> np.ndarray:
-    return soles_of(made.translation, made.rotations)
+def sent_soles(translation: np.ndarray, made: Locked) -> np.ndarray:
+    return soles_of(translation, made.rotations)
 
 
 def walk(frames: int = 64) -> tuple[np.ndarray, np.ndarray]:
@@ -80,7 +53,7 @@ def _both(rotations: np.ndarray, right: np.ndarray) -> np.ndarray:
 def test_bearing_feet_stand_still_while_the_body_glides():
     translation, rotations = standing(20)
     translation = moved(translation, (0.03, 0.05, 0))
-    made = sent_soles(locked(translation, rotations))
+    made = sent_soles(translation, locked(translation, rotations))
     raw = soles_of(translation, rotations)
     assert np.abs(raw[:, -1] - raw[:, 0]).max() > 0.02
     np.testing.assert_allclose(made, made[:, :1].repeat(20, 1), atol=3e-4)
@@ -154,7 +127,7 @@ def test_it_is_the_same_anywhere_and_any_way_round(angle, x, y):
 def test_a_swinging_foot_is_let_go_and_comes_back_to_the_model():
     translation, rotations = walk()
     made = locked(translation, rotations)
-    raw, new = soles_of(translation, rotations), soles_of(made.translation, made.rotations)
+    raw, new = soles_of(translation, rotations), soles_of(translation, made.rotations)
     off = np.linalg.norm((new - raw)[0, :, 0], axis=-1).max(-1)  # [F] left foot
     held = made.contacts[0, :, 0]
     top = int(raw[0, :, 0, :, 2].min(-1).argmax())
@@ -167,7 +140,10 @@ def test_a_swinging_foot_is_let_go_and_comes_back_to_the_model():
 def test_nothing_jumps():
     """Neither at contact nor at release: a correction moves as gently as a swinging foot, or so."""
     translation, rotations = walk()
-    raw, new = soles_of(translation, rotations), sent_soles(locked(translation, rotations))
+    raw, new = (
+        soles_of(translation, rotations),
+        sent_soles(translation, locked(translation, rotations)),
+    )
     correction = (new - raw)[0].mean(2)  # [F, 2, 3]
     acceleration = np.linalg.norm(np.diff(correction, 2, axis=0), axis=-1) * FPS**2
     assert acceleration.max() < 20.0
@@ -185,7 +161,7 @@ def test_a_foot_pulled_on_for_long_slides_on_a_leash():
     """It neither stays behind without end nor snaps back."""
     translation, rotations = standing(200)
     translation = moved(translation, (0, 0.1, 0))
-    made = sent_soles(locked(translation, rotations))
+    made = sent_soles(translation, locked(translation, rotations))
     raw = soles_of(translation, rotations)
     behind = np.linalg.norm((raw - made)[0, ..., :2], axis=-1)
     assert LEASH[0] < behind[-1].max() < LEASH[1]
@@ -198,7 +174,7 @@ def test_a_foot_pulled_on_for_long_slides_on_a_leash():
 def test_bearing_soles_settle_on_the_floor(height):
     translation, rotations = standing(24)
     translation[..., 2] += height
-    made = sent_soles(locked(translation, rotations))
+    made = sent_soles(translation, locked(translation, rotations))
     lowest = made[0, ..., 2].min(-1)
     assert np.abs(lowest[0]).max() < abs(height)
     assert np.abs(lowest[-1]).max() < 0.001
@@ -219,7 +195,7 @@ def test_trembling_feet_of_a_standing_body_come_to_rest():
     shaken = (translation + tremble).astype(np.float32)
     made = locked(shaken, rotations)
     assert made.contacts.all()
-    speed = np.diff(soles_of(made.translation, made.rotations)[0], axis=0) * FPS
+    speed = np.diff(soles_of(shaken, made.rotations)[0], axis=0) * FPS
     raw = np.diff(soles_of(shaken, rotations)[0], axis=0) * FPS
     assert np.abs(raw[..., :2]).mean() > 0.01
     assert np.abs(speed[..., :2]).mean() < 0.001
@@ -235,7 +211,7 @@ def test_a_foot_rolls_over_its_ball():
     rotations[0, :, 7] = quaternion_from_rotvec(turns)  # the left foot tips forwards …
     rotations[0, :, 10] = quaternion_from_rotvec(np.stack([rise, 0 * rise, 0 * rise], -1))
     translation = moved(translation, (0, 0.06, 0))
-    made = sent_soles(locked(translation, rotations))[0, :, 0]
+    made = sent_soles(translation, locked(translation, rotations))[0, :, 0]
     heel, balls = made[:, 0], made[:, 1:3].mean(1)
     assert heel[-1, 2] - heel[0, 2] > 0.03
     assert np.abs(balls[3:, :2] - balls[3, :2]).max() < 0.006
@@ -250,156 +226,9 @@ def test_straight_and_folded_legs_give_no_nan(bend):
     np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1, atol=1e-4)
 
 
-def turntable(degrees: float, frames: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Somebody who stands and is turned, feet and all, then stands for another second."""
-    translation, rotations = standing(frames + FPS)
-    angles = np.radians(degrees) * np.minimum(np.arange(frames + FPS) / frames, 1)
-    for frame, angle in enumerate(angles):
-        turn = quaternion_from_rotvec(np.array([0.0, 0.0, angle]))
-        rotations[0, frame, 0] = multiply(turn, rotations[0, frame, 0].astype(np.float64))
-    return translation, rotations
-
-
-def pivots(soles: np.ndarray) -> np.ndarray:
-    """Degrees by which each foot turns while its sole is within 3 mm of the floor [2]."""
-    x, y = np.moveaxis(soles[0, :, :, -1] - soles[0, :, :, 0], -1, 0)[:2]
-    turns = np.abs(np.diff(np.unwrap(np.arctan2(y, x), axis=0), axis=0))
-    return np.degrees((turns * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0))
-
-
-def lifts(soles: np.ndarray) -> np.ndarray:
-    """How often each foot leaves the floor by more than 1.5 cm [2]."""
-    up = soles[0, :, :, :, 2].min(-1) > 0.015
-    return (up[1:] & ~up[:-1]).sum(0)
-
-
-@pytest.mark.parametrize("degrees", [-90.0, 90.0, 180.0])
-def test_who_is_turned_takes_steps_and_no_foot_pivots_under_load(degrees):
-    translation, rotations = turntable(degrees)
-    raw = soles_of(translation, rotations)
-    made = locked(translation, rotations, steps=True)
-    soles = soles_of(made.translation, made.rotations)
-    assert (pivots(raw) > 85).all() and not lifts(raw).any()
-    assert (pivots(soles) < 10).all()
-    assert (lifts(soles) >= abs(degrees) / 90).all()
-    both_up = (soles[0, :, :, :, 2].min(-1) > 0.015).all(-1)
-    assert not both_up.any(), "one foot bears while the other steps"
-    assert np.linalg.norm(soles[0, -1] - raw[0, -1], axis=-1).max() < 0.08, "feet follow the body"
-
-
-def test_a_stepping_foot_is_not_told_to_be_in_contact():
-    translation, rotations = turntable(90.0)
-    made = locked(translation, rotations, steps=True)
-    height = soles_of(made.translation, made.rotations)[0, :, :, :, 2].min(-1)
-    assert (height > 0.03).any()
-    assert not made.contacts[0][height > 0.021].any()
-
-
-def test_the_inner_foot_steps_first():
-    for degrees, inner in ((90.0, 0), (-90.0, 1)):
-        translation, rotations = turntable(degrees)
-        soles = sent_soles(locked(translation, rotations, steps=True))
-        up = soles[0, :, :, :, 2].min(-1) > 0.015
-        assert up[:, inner].argmax() < up[:, 1 - inner].argmax()
-
-
-def test_a_foot_that_is_drawn_aside_steps_there_once():
-    translation, rotations = standing(80)
-    way = 0.15 * np.minimum(np.arange(80) / 24, 1)
-    translation[0, :, 1] += way.astype(np.float32)
-    soles = sent_soles(locked(translation, rotations, steps=True))
-    assert lifts(soles).tolist() in ([2, 2], [2, 1], [1, 2], [1, 1])
-    slide = np.linalg.norm(np.diff(soles[0, :, :, :, :2].mean(2), axis=0), axis=-1)
-    assert (slide * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0).max() < 0.01
-
-
-def test_who_comes_to_a_stand_sets_a_foot_down_once():
-    """The model moves on by 16 cm in 1.1 s, as it does after a walk."""
-    translation, rotations = standing(120)
-    way, found = 0.16 * np.minimum(np.arange(120) / 44, 1), []
-    for waits in (False, True):
-        translation[0, :, 1] = way
-        soles = sent_soles(locked(translation, rotations, steps=True, waits=waits))
-        found.append(int(lifts(soles).sum()))
-        slide = np.linalg.norm(np.diff(soles[0, :, :, :, :2].mean(2), axis=0), axis=-1)
-        assert (slide * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0).max() < 0.01
-    assert found == [3, 2], "one step of each foot is enough"
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.lists(st.integers(1, 99), max_size=8))
-def test_steps_cut_into_pieces_are_the_steps(cuts):
-    motion = turntable(120.0)
-    whole, pieces = (locked(*motion, pieces=tuple(c), steps=True) for c in ((), cuts))
-    np.testing.assert_allclose(pieces.rotations, whole.rotations, atol=1e-6)
-    np.testing.assert_array_equal(pieces.contacts, whole.contacts)
-
-
-def test_feet_keep_their_turn_from_the_spot_until_they_swing():
-    translation, rotations = turntable(30.0, 20)
-    shape = legs(1)
-    state = begin(shape, translation[:, 0], rotations[:, 0])
-    spot, gone = np.array([True]), np.array([False])
-    bent = np.zeros((24, 1), np.float32)
-    before = translation[:, :12], rotations[:, :12]
-    state = lock_feet(state, shape, *before, spot, gone, NONE, bent[:12]).state
-    assert np.abs(state.turn).max() > np.radians(10)
-    still = np.repeat(rotations[:, 12:13], 24, axis=1)
-    up = lifted(still, 0, 0.5 * np.ones(24))
-    free = lock_feet(state, shape, translation[:, 12:36], up, gone, gone, NONE, bent).state
-    assert abs(free.turn[0, 0]) < np.radians(2)
-    assert free.turn[0, 1] == pytest.approx(state.turn[0, 1], abs=1e-6)
-
-
 def knees(rotations: np.ndarray) -> np.ndarray:
     """Degrees [F, 2] that the first agent's knees are bent."""
     return np.degrees(2 * np.arcsin(np.abs(rotations[0][:, KNEES, 0])))
-
-
-def test_who_stands_upright_straightens_the_knees_over_feet_that_stay():
-    translation, rotations = standing(40)
-    upright = np.linspace(0, 1, 40, dtype=np.float32)
-    made = locked(translation, rotations, (8, 16, 24, 32), True, upright)
-    bent = knees(made.rotations)
-    assert bent[0] == pytest.approx([30, 30], abs=3) and (bent[-1] < 15).all()
-    assert np.diff(bent, axis=0).max() < 0.01 and np.diff(bent, axis=0).min() > -2
-    soles = sent_soles(made)
-    np.testing.assert_allclose(soles, soles[:, :1].repeat(40, 1), atol=3e-4)
-    assert made.contacts.all()
-    assert np.ptp(knees(locked(translation, rotations, (), True).rotations)) < 0.1
-
-
-def test_the_longer_leg_says_how_far_knees_are_straightened():
-    translation, rotations = standing(40)
-    one_up = rotations.copy()
-    for joint in (HIPS[0], KNEES[0], ANKLES[0]):  # the left leg is straight: it bears all
-        one_up[:, :, joint] = rotations[:, :, joint] * 0 + np.array([0, 0, 0, 1])
-    translation[..., 2] -= soles_of(translation, one_up)[..., 2].min()
-    made = locked(translation, one_up, (), True, np.ones(40, np.float32))
-    assert knees(made.rotations)[:, 0].max() < 8
-    assert sent_soles(made)[0, :, 0, :, 2].min(-1).max() < 0.002, "it does not leave the floor"
-
-
-def test_steps_of_who_limps_become_as_long():
-    frames = np.arange(10 * FPS)
-    translation, rotations = standing(len(frames))
-    translation[..., 2] += 0.2  # nothing bears
-    for foot, middle, way in ((0, 0.08, 1), (1, 0.0, -1)):
-        rotations[:, :, HIPS[foot]] = quaternion_from_rotvec(
-            (middle + way * 0.4 * np.sin(2 * np.pi * frames / FPS))[:, None] * np.eye(3)[0]
-        )
-
-    def limp(made: np.ndarray) -> float:
-        """By how much the left foot gets farther ahead than the right one in the last stride."""
-        lead = np.diff(made[0, -FPS:].mean(2)[..., 1], axis=-1)[..., 0]
-        return float(abs(lead.max() + lead.min()))
-
-    raw = limp(soles_of(translation, rotations))
-    assert raw > 0.08
-    assert limp(sent_soles(locked(translation, rotations))) < 0.35 * raw
-    assert limp(sent_soles(locked(translation, rotations, steps=True))) == pytest.approx(
-        raw, abs=0.01
-    ), "who is on the spot may stand as he likes"
 
 
 def strides(seconds: int) -> tuple[np.ndarray, np.ndarray]:
@@ -416,35 +245,3 @@ def strides(seconds: int) -> tuple[np.ndarray, np.ndarray]:
     translation[0, 1:, 1] = np.abs(np.diff(ankles[1, 0])).cumsum()
     translation[0, :, 2] = -soles_of(translation * [1, 1, 0], rotations)[0, ..., 2].min((-1, -2))
     return translation.astype(np.float32), rotations
-
-
-def test_hips_sway_over_the_foot_that_bears_and_surge_between_them():
-    translation, rotations = strides(4)
-    made = locked(translation, rotations)
-    aside, ahead, _ = (made.translation - translation)[0, 2 * FPS :].T
-    soles = soles_of(translation, rotations)[0, 2 * FPS :].mean(2)
-    lead = soles[:, 0, 1] - soles[:, 1, 1]
-    back = np.gradient(lead) < 0  # the left foot goes back under the body: it bears
-    passing, striding = np.abs(lead) < 0.1, np.abs(lead) > 0.97 * np.abs(lead).max()
-    assert aside[back & passing].max() < -0.7 * SWAY and aside[~back & passing].min() > 0.7 * SWAY
-    assert np.abs(aside[striding]).max() < 0.3 * SWAY
-    first, later = (back & (lead * side > 0.1) for side in (1, -1))
-    assert ahead[first].mean() > 0.3 * SURGE and ahead[later].mean() < -0.3 * SURGE
-    moved_feet = sent_soles(made)[0, 2 * FPS :, :, :, :2].mean(2)
-    slid = np.linalg.norm(np.diff(moved_feet[:, 0], axis=0), axis=-1)[back[1:] & passing[1:]]
-    assert slid.max() < 0.002, "feet stay where they are"
-
-
-def test_steps_without_a_lock_are_as_long_as_the_way_of_the_hips():
-    """Feet that stand, under hips that a share of their way has been taken off from."""
-    translation, rotations = standing(32)
-    swung = np.radians(np.linspace(-10, 10, 32))[:, None] * np.eye(3)[0]
-    for joints in (HIPS, ANKLES):
-        rotations[:, :, joints[0]] = quaternion_from_rotvec(swung if joints is HIPS else -swung)
-    share = np.array([0.1], np.float32)
-    made = shorten_steps(legs(), translation, rotations, share, share)
-    before, after = (
-        soles_of(translation, found)[0, :, 0, :, 1].mean(-1) for found in (rotations, made)
-    )
-    assert np.ptp(after) == pytest.approx(0.9 * np.ptp(before), rel=0.03)
-    np.testing.assert_array_equal(made[:, :, OTHERS], rotations[:, :, OTHERS])

@@ -11,14 +11,13 @@ from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Mode
-from wayfarer.world.agents.style import HURRY
 from wayfarer.world.goals.steering import Search, Steering, default_searches
 from wayfarer.world.search.beam import BLOCK, fan_out, grow, plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.search.problem import BeamLevel, Ending, PlanningProblem
 
-ALIKE = Steering(searches={m: replace(s, manner=0.0) for m, s in default_searches().items()})
-"""Nobody has a manner of his own: the latents are those that are drawn."""
+ALIKE = Steering(searches={m: replace(s, own=0.0) for m, s in default_searches().items()})
+"""Nobody has noise of his own: the latents are those that are drawn."""
 
 # Search
 
@@ -48,7 +47,7 @@ def test_frames_of_a_plan_join_each_other():
 
 
 def test_a_wide_beam_leaves_the_trap_in_which_greedy_search_stays():
-    settings = BeamSettings(roots=8, depth=6, weights={"skating": 1.0}, zero_latent=False)
+    settings = BeamSettings(roots=8, depth=6, weights={"skating": 1.0})
     ways = problem(1, way=(0.0, 50.0))
     [greedy] = plan(Lanes(), ways, replace(settings, keep=1), ALIKE)
     [wide] = plan(Lanes(), ways, replace(settings, keep=8), ALIKE)
@@ -63,7 +62,7 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
         FIRST, LATER = {-1: 0.1, 1: 0.9}, {-1: 0.2, 1: 0.1}
 
     settings = BeamSettings(
-        roots=8, keep=8, depth=2, weights={"skating": 1.0}, memory=memory, zero_latent=False
+        roots=8, keep=8, depth=2, weights={"skating": 1.0}, memory=memory
     )
     [found] = plan(Short(), problem(1, way=(0.0, 50.0)), settings, ALIKE)
     assert found.translation[-1, 0] == lane
@@ -71,12 +70,9 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
 
 @pytest.mark.parametrize("children", [1, 8])
 def test_keeping_one_is_the_online_search(children):
-    """Frame by frame what the world makes of the same agents, up to the stand, whose feet the world
-    plants (`world/planting.py`) and a plan leaves where they are; at a speed at which nobody has a
-    stride of their own, since plans have none.
-    """
+    """Frame by frame what the world makes of the same agents."""
     specs = people(3)
-    goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0, speed=HURRY[1]) for s in specs]
+    goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0) for s in specs]
     steering = Steering(reactions=1).with_search(candidates=children)
     world = make_world(Walker(), steering=steering)
     session = world.create_session(SessionSpec(), 0.0).session_id
@@ -146,18 +142,18 @@ def test_latents_are_drawn_as_asked_or_as_steering_says():
             return super().step(gender, inputs)
 
     heard: list[tuple[set[float], np.ndarray]] = []
-    walk = Search({}, candidates=4, temperature=1.5, policy=0.5, zero_latent=True)
+    walk = Search({}, candidates=4, temperature=1.5, policy=0.5)
     steering = Steering(searches=dict.fromkeys(Mode, walk))
     for asked in (
         BeamSettings(depth=1),
-        BeamSettings(depth=1, policy=0.25, temperature=3.0, zero_latent=False),
+        BeamSettings(depth=1, policy=0.25, temperature=3.0),
         BeamSettings(depth=1, policy=0.0),
     ):
         plan(Listener(), problem(1), asked, steering)
     assert [policy for policy, _ in heard] == [{0.5}, {0.25}, {0.0}]
     told, wide, prior = (noise for _, noise in heard)
-    assert not told[0].any() and wide.any(-1).all()
-    np.testing.assert_allclose(wide[1:], 2 * told[1:], rtol=1e-6)
+    assert told.any(-1).all()
+    np.testing.assert_allclose(wide, 2 * told, rtol=1e-6)
     np.testing.assert_array_equal(prior, told)
 
 

@@ -9,22 +9,12 @@ from tests.world.output.legwork import body, soles_of, standing
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.output.legs import KNEES
-from wayfarer.world.output.posture import (
-    ELBOW_JOINTS,
-    HEAD,
-    NECK,
-    SHOULDERS,
-    SPINE,
-    WRISTS,
-)
 from wayfarer.world.output.twobone import MOVED
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
 SLOW = Goal((0.0, 5.0, 0.0), speed=0.2)  # the fake engine glides there without a step
-HELD = (SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS, *WRISTS)
-OTHERS = [j for j in range(22) if j not in (*MOVED, *HELD)]
+OTHERS = [j for j in range(22) if j not in MOVED]
 
 
 def world_of(*specs: AgentSpec, engine: FakeEngine | None = None) -> tuple[World, list[str]]:
@@ -57,8 +47,6 @@ def test_an_agent_may_have_its_feet_locked_or_not():
     (hips, locked), (plain_hips, plain) = found[with_lock], found[without]
     np.testing.assert_array_equal(hips[..., :2], plain_hips[..., :2])  # the model goes the same way
     np.testing.assert_array_equal(locked[:, :, OTHERS], plain[:, :, OTHERS])
-    still = np.broadcast_to(plain[:, :1], plain.shape)
-    np.testing.assert_allclose(plain, still, atol=1e-3)  # its steps are its own
     slid = [
         np.linalg.norm(np.diff(soles_of(hips, turns)[0, :8], axis=0)[..., :2], axis=-1).sum(0).max()
         for turns in (locked, plain)
@@ -94,26 +82,6 @@ def test_the_lock_begins_anew_where_the_pose_jumps():
     assert after.contacts.all()
 
 
-def knee_bend(chunk: MotionChunk) -> float:
-    """Degrees, the largest of the chunk's last frame."""
-    return float(np.degrees(2 * np.arcsin(np.abs(chunk.rotations[-1, KNEES, 0]).max())))
-
-
-def test_who_stands_on_level_ground_straightens_the_knees_and_who_walks_does_not():
-    world, [agent, walker] = world_of(AgentSpec(), AgentSpec(position=(3.0, 0.0)))
-    slots = world.slots
-    world.give(walker, SLOW, 0.0)
-    stands = list(world.advance(2.0))
-    bent = {
-        name: knee_bend([c for c in stands if c.agent_id == name][-1]) for name in (agent, walker)
-    }
-    assert bent[agent] < 16 and bent[walker] > 28
-    assert slots.posture.upright[:2].tolist() == [1, 0] and slots.posture.rest[0] == 1
-    slots.footing.feet[0] = 0.0, 0.05  # a step between the feet: only the arms rest
-    uneven = [c for c in world.advance(4.0) if c.agent_id == agent]
-    assert knee_bend(uneven[-1]) > 28 and slots.posture.rest[0] == 1
-
-
 def test_agents_of_one_moment_are_cleaned_together_and_apart_alike():
     specs = [AgentSpec(position=(3.0 * i, 0.0), noise_seed=i, foot_lock=i != 1) for i in range(3)]
     world, agents = world_of(*specs)
@@ -141,6 +109,5 @@ def test_a_lock_that_is_switched_on_begins_where_the_feet_are():
     for chunks in (plain + locked, again):
         hips, rotations = tracks(chunks)[agent]
         feet = soles_of(hips, rotations)[0].mean(2)
-        # 0.2 m/s, and what its steps are shortened by, which the lock begins without
-        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1).max() < 0.0065
+        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1).max() < 0.006  # 0.2 m/s
     assert np.abs(locked[1].rotations[:, MOVED] - plain[0].rotations[:, MOVED]).max() > 0.001

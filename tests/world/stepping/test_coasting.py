@@ -44,8 +44,7 @@ def step(gait, seed, places, speeds, chunk=0):
     places, speeds = np.array(places, np.float32), np.array(speeds, np.float32)
     facing = np.zeros_like(places)
     chunks = np.full(len(places), chunk)
-    still = np.zeros_like(places)
-    return coast(seed, gait, Targets(places, speeds, facing), goals, still, chunks)
+    return coast(seed, gait, Targets(places, speeds, facing), goals, chunks)
 
 
 def test_it_goes_straight_on_at_the_speed_asked_for():
@@ -125,18 +124,17 @@ def test_the_distant_arrive_and_stop_as_others_do():
     assert np.linalg.norm(chunks[-1].translation[-1, :2] - [0, 8]) < 0.4
 
 
-def test_they_stop_turn_and_walk_back_when_a_goal_lies_behind_them():
+def test_they_turn_and_walk_back_when_a_goal_lies_behind_them():
     world, agents, _ = distant()
     world.give(agents[0], Goal((0.0, -3.0, 0.0)), 2.0)
     chunks = run(world, 16.0, SHORT)
-    assert {c.state for c in chunks} > {AgentState.TURNING, AgentState.STOPPING}
     assert not any(c.candidates for c in chunks[1:])
     assert is_seamless(chunks)
     assert np.linalg.norm(chunks[-1].translation[-1, :2] - [0, -3]) < 0.4
     assert facing_of(chunks[-1].rotations[-1, 0]) @ [0, -1] > 0.9
 
 
-def test_they_go_in_side_steps_where_that_is_asked_for():
+def test_they_turn_to_their_heading_at_the_end():
     world, agents, _ = distant()
     world.give(agents[0], Goal((3.0, 2.0, 0.0), heading=0.0), 2.0)
     chunks = run(world, 16.0, SHORT)

@@ -9,8 +9,8 @@ namespace wayfarer::local {
 using FrameHips = std::array<Vec3, FRAMES>;
 using FrameTurns = std::array<Turns, FRAMES>;
 
-/// Rotations of a step without impossible knees and jerks.
-FrameTurns smoothed(const Seed& seed, const FrameHips& hips, const FrameTurns& turns, const Legs& legs);
+/// Bend the knees of a step as knees bend.
+void make_bendable(FrameTurns& turns, const Legs& legs);
 
 /// Whether a body leans or squats at the end of its step.
 bool fallen(const FrameHips& hips, const FrameTurns& turns, const Legs& legs);

@@ -4,20 +4,20 @@ namespace wayfarer::local {
 namespace {
 
 constexpr std::size_t HIPS[] = {1, 2}, KNEES[] = {4, 5}, ANKLES[] = {7, 8}, BALLS[] = {10, 11};
-constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = PI / 45;
+constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = PI / 45, FREE = 0.5;
 constexpr Vec3 LEFT{-1, 0, 0};
 
 Quat relative(const Quat& parent, const Quat& turn) { return multiply(inverse(parent), turn); }
 
 // distance from hip to ankle that a leg takes when it is `wanted`
-double reach(double before, double wanted, double leg, double free) {
+double reach(double before, double wanted, double leg) {
   const double way = STRETCH * leg - before, more = wanted - before;
-  const double near = std::max(free * way, 1e-6), rest = std::max((1 - free) * way, 1e-6);
+  const double near = std::max(FREE * way, 1e-6), rest = std::max((1 - FREE) * way, 1e-6);
   const double eased = std::min(more, near) + rest * (1 - std::exp(-std::max(more - near, 0.0) / rest));
   return std::max(before + eased, std::min(before, FOLD * leg));
 }
 
-void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double turn, double free, Turns& turns) {
+void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, Turns& turns) {
   const Vec3 thigh = pose.knee[side] - pose.hip[side], shin = pose.ankle[side] - pose.knee[side];
   const Vec3 target = pose.ankle[side] + shift - pose.hip[side];
   // a shin turned by an angle about the hinge has thigh · shin = along + most · cos(angle + bend)
@@ -27,7 +27,7 @@ void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double
   const double most = std::max(std::hypot(level, upright), TINY);
   const double fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along;
   const double full = std::sqrt(std::max(fixed + 2 * most, TINY)), far = length(target);
-  const double after = reach(length(pose.ankle[side] - pose.hip[side]), far, full, free);
+  const double after = reach(length(pose.ankle[side] - pose.hip[side]), far, full);
   double bent = std::acos(bounded((after * after - fixed) / (2 * most), -1, 1));
   const double soft = std::max(2 * SOFT - bent, 0.0);
   bent += soft * soft / (4 * SOFT);
@@ -36,15 +36,12 @@ void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double
 
   // the shortest arc that swings the bent leg onto its target
   const Vec3 ankle_to = thigh + rotate(bend, shin), about = cross(ankle_to, target);
-  Quat swing = unit(Quat{about.x, about.y, about.z, dot(ankle_to, target) + length(ankle_to) * far + TINY});
-  const double quarter = turn / 4, twist = (target.z < 0 ? -1 : 1) * std::sin(quarter) / std::max(far, 1e-12);
-  swing = multiply({target.x * twist, target.y * twist, target.z * twist, std::cos(quarter)}, swing);
-  const Quat foot = multiply(about_z(turn), pose.ankle_turn[side]);
+  const Quat swing = unit(Quat{about.x, about.y, about.z, dot(ankle_to, target) + length(ankle_to) * far + TINY});
   const Quat hip = multiply(swing, pose.hip_turn[side]);
   const Quat knee = multiply(swing, multiply(bend, pose.knee_turn[side]));
   turns[HIPS[side]] = relative(pose.root, hip);
   turns[KNEES[side]] = relative(hip, knee);
-  turns[ANKLES[side]] = relative(knee, foot);
+  turns[ANKLES[side]] = relative(knee, pose.ankle_turn[side]);
 }
 
 }  // namespace
@@ -76,19 +73,12 @@ LegPose::LegPose(const Legs& legs, const Vec3& hips, const Turns& turns) : root(
   }
 }
 
-void move_feet(const LegPose& pose, const Vec3& hips, const Feet<Vec3>& shifts, const Feet<double>& angles,
-               Turns& turns, double free) {
-  for (std::size_t side = 0; side < 2; ++side) {
-    const Vec3 arm = hips + pose.ankle[side] - middle(pose.soles[side]);  // turns with the foot
-    const Point moved = turned(floor_of(arm), angles[side]) - floor_of(arm);
-    move_ankle(pose, side, shifts[side] + Vec3{moved.x, moved.y, 0}, angles[side], free, turns);
-  }
+void move_ankles(const LegPose& pose, const Feet<Vec3>& shifts, Turns& turns) {
+  for (std::size_t side = 0; side < 2; ++side) move_ankle(pose, side, shifts[side], turns);
 }
 
 double lowest(const Soles& soles) {
   return std::min({soles[0].z, soles[1].z, soles[2].z, soles[3].z});
 }
-
-Vec3 middle(const Soles& soles) { return 1.0 / SOLES * (soles[0] + soles[1] + soles[2] + soles[3]); }
 
 }  // namespace wayfarer::local

@@ -35,14 +35,9 @@ struct LegPose {
   LegPose(const Legs& legs, const Vec3& hips, const Turns& turns);
 };
 
-/// Share of the way to their full length by which legs are stretched at once.
-constexpr double FREE = 0.5;
-
-/// Put each foot `shifts` off, turned by `angles` about the middle of its sole. Writes hips, knees and ankles.
-void move_feet(const LegPose& pose, const Vec3& hips, const Feet<Vec3>& shifts, const Feet<double>& angles,
-               Turns& turns, double free = FREE);
+/// Put each ankle `shifts` off. Writes hips, knees and ankles.
+void move_ankles(const LegPose& pose, const Feet<Vec3>& shifts, Turns& turns);
 
 double lowest(const Soles& soles);
-Vec3 middle(const Soles& soles);
 
 }  // namespace wayfarer::local

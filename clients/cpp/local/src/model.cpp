@@ -56,13 +56,13 @@ LocalModel::LocalModel(std::string_view sidecar, const std::function<std::string
   }
   for (std::size_t k = 0; k < parts->modes.size(); ++k) {
     const Json& mode = about.at("modes").at(local::MODES[k]);
-    parts->modes[k] = {mode.at("term_weights").get<std::vector<float>>(), mode.at("policy"), mode.at("manner")};
+    parts->modes[k] = {mode.at("term_weights").get<std::vector<float>>(), mode.at("policy"), mode.at("temperature"),
+                       mode.at("own")};
   }
   for (const auto& [name, constant] : about.at("steering").items()) parts->steering[name] = constant.at("value");
   const Json& soles = about.at("sole_markers");
   for (std::size_t k = 0; k < parts->soles.size(); ++k)
     parts->soles[k] = soles.at(k / local::SOLES).at(k % local::SOLES);
-  parts->shares = local::shares_of(about.at("markers").get<std::vector<std::string>>());
   parts->mirrored_markers = about.at("mirrored_markers").get<std::vector<std::size_t>>();
   parts->mirrored_joints = about.at("mirrored_joints").get<std::vector<std::size_t>>();
   for (const auto& [gender, layout] : about.at("bodies").items()) {

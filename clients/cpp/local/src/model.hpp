@@ -2,12 +2,12 @@
 #pragma once
 
 #include "legs.hpp"
-#include "planting.hpp"
-#include "righting.hpp"
+#include "steering.hpp"
 
 namespace wayfarer::local {
 
 using Betas = std::array<double, 10>;
+using SoleMarkers = std::array<int, 2 * SOLES>;  // numbers of the sole markers, left foot first
 
 /// A body of one gender.
 class Body {
@@ -32,7 +32,7 @@ class Body {
 /// What the graph is told of a mode.
 struct ModeInputs {
   std::vector<float> term_weights;
-  float policy = 0, manner = 0;
+  float policy = 0, temperature = 0, own = 0;  // own: share of the noise that is a person's own
 };
 
 }  // namespace wayfarer::local
@@ -46,7 +46,6 @@ struct LocalModel::Parts {
   std::map<std::string, double> steering;
   std::map<std::string, local::Body> bodies;
   local::SoleMarkers soles;
-  std::vector<double> shares;  // of the markers when the spine turns, see righting.hpp
   std::vector<std::size_t> mirrored_markers, mirrored_joints;
 };
 

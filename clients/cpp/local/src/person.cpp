@@ -7,8 +7,19 @@ namespace {
 
 constexpr int LEAD = 1;                              // chunks that are planned ahead of their time
 constexpr int REPLAN_FRAMES = 3, REPLAN_MARGIN = 2;  // a chunk that is shown this soon is not planned again
-constexpr double HALTED = 0.25;  // m/s: who is stopping and slower has nothing left of the walk
 constexpr double NEVER = std::numeric_limits<double>::infinity();
+
+// where the next step starts
+Seed end_of(const Step& step) {
+  Seed seed;
+  seed.markers = step.markers;
+  for (std::size_t s = 0; s < SEED; ++s) {
+    const std::size_t t = FRAMES - SEED + s;
+    seed.hips[s] = rounded(step.hips[t]);
+    for (std::size_t j = 0; j < JOINTS; ++j) seed.turns[s][j] = rounded(step.turns[t][j]);
+  }
+  return seed;
+}
 
 }  // namespace
 
@@ -18,12 +29,9 @@ Person::Person(const LocalSpec& given, const LocalModel::Parts& model, const Ste
       manner(manner_of(given.seed)),
       body_(model.bodies.at(given.gender)),
       soles_(model.soles),
-      shares_(model.shares),
       steering_(steering),
       legs_(body_.legs(given.betas)),
-      stride_(stride_of(given.seed)),
       reaction_(reaction_of(given.seed, steering.reactions)),
-      habits_(habits_of(given.seed)),
       lock_(legs_),
       planned_(stand({given.x, given.y}, given.heading)),
       committed_(planned_),
@@ -62,36 +70,32 @@ Asked Person::next() const {
   Gait gait = steering_.advance(planned_.gait, goal_at(path_, planned_.gait.waypoint));
   const GoalRow goal = goal_at(path_, gait.waypoint);
   const bool ready = (planned_chunks_ + reaction_) % steering_.reactions == 0;
-  gait = shortened_gait(steering_.decide(gait, start, goal, ready), goal, stride_);
-  return {start, gait, goal, steering_.targets(gait, start, goal), steering_.carried(gait, start, goal)};
+  gait = steering_.decide(gait, start, goal, ready);
+  return {start, gait, goal, steering_.targets(gait, start, goal), noise_of(spec.seed, planned_chunks_)};
 }
 
 void Person::take(const Asked& asked, Step made) {
-  const auto& [start, gait, goal, targets, carried] = asked;
+  const auto& [start, gait, goal, targets, noise] = asked;
   const Seed& seed = planned_.seed;
   const bool is_broken = broken(seed.hips.back(), made);
   if (is_broken) {
     made.hips.fill(seed.hips.back());
     made.turns.fill(seed.turns.back());
   }
-  made.turns = smoothed(seed, made.hips, made.turns, legs_);
-  right(gait.mode, shares_, made);
-  Planted planted = plant(soles_, gait, seed, start.facing, made, carried);
-  shorten(planned_.gait.shortened, planted.gait.shortened, start.hips, planted);
-  Step& step = planted.step;
-  const Gait after = observe(planted.gait, start.hips, step.hips, goal);
+  make_bendable(made.turns, legs_);
+  const Gait after = observe(gait, start.hips, made.hips, goal);
   int flags = replanned_ ? LocalChunk::REPLANNED : 0;
   if (after.arrived && !gait.arrived) flags |= LocalChunk::ARRIVED;
-  Motion end{planted.seed, after};
-  if (is_broken || fallen(step.hips, step.turns, legs_)) {
+  Motion end{end_of(made), after};
+  if (is_broken || fallen(made.hips, made.turns, legs_)) {
     if (is_broken) flags |= LocalChunk::FIRST;
     end = stand(start.hips, std::atan2(-start.facing.x, start.facing.y));
     end.gait.waypoint = after.waypoint;
-    get_up(seed, end.seed, step.hips, step.turns);
-    for (auto& both : step.contacts) both = {true, true};
+    get_up(seed, end.seed, made.hips, made.turns);
+    for (auto& both : made.contacts) both = {true, true};
   }
   queue_.push_back(
-      {planned_chunks_, flags, revision_, !goal.more, goal.through, step.hips, step.turns, step.contacts, end});
+      {planned_chunks_, flags, revision_, !goal.more, goal.through, made.hips, made.turns, made.contacts, end});
   planned_ = std::move(end);
   ++planned_chunks_;
   replanned_ = false;
@@ -102,26 +106,9 @@ Planned Person::send() {
   queue_.pop_front();
   ++sent_chunks_;
   committed_ = chunk.end;
-  const Gait& gait = chunk.end.gait;
-  if (!spec.foot_lock) {
-    lock_.shorten_steps(chunk.hips, chunk.turns, gait.shortened);
-    return chunk;
-  }
-  if (chunk.flags & LocalChunk::FIRST) {
-    lock_.restart();
-    looks_.reset();
-  }
-  const bool halted = gait.mode == STOPPING && (gait.speed < HALTED || gait.planted);
-  const bool stands = gait.mode == STANDING || halted, rests = stands || gait.mode == TURNING;
-  const bool steps = rests || gait.mode == STRAFING, waits = gait.mode == STANDING;
-  if (!looks_) {
-    looks_ = looks(chunk.turns[0]);
-    rest_ = rests;
-    upright_ = stands;
-  }
-  const auto rest = calmed(rest_, rests), upright = calmed(upright_, stands);
-  chunk.contacts = lock_.clean(chunk.hips, chunk.turns, steps, waits, gait.shortened, upright);
-  looks_ = hold(*looks_, chunk.turns, habits_, rest);
+  if (!spec.foot_lock) return chunk;
+  if (chunk.flags & LocalChunk::FIRST) lock_.restart();
+  chunk.contacts = lock_.clean(chunk.hips, chunk.turns);
   return chunk;
 }
 
@@ -140,7 +127,6 @@ Motion Person::stand(Point place, double heading) const {
   motion.seed = body_.stand(spec.seed % body_.poses(), spec.betas, soles_, place, heading);
   motion.gait.stop_place = place;
   motion.gait.stop_facing = {-std::sin(heading), std::cos(heading)};
-  motion.gait.soles = sole_places(motion.seed.markers, 0, soles_);
   return motion;
 }
 

@@ -6,7 +6,6 @@
 
 #include "footlock.hpp"
 #include "model.hpp"
-#include "posture.hpp"
 #include "random.hpp"
 
 namespace wayfarer::local {
@@ -33,7 +32,7 @@ struct Asked {
   Gait gait;
   GoalRow goal;
   Targets targets;
-  Point carried;
+  std::array<float, LATENT> noise;
 };
 
 class Person {
@@ -64,15 +63,10 @@ class Person {
  private:
   const Body& body_;
   const SoleMarkers& soles_;
-  const std::vector<double>& shares_;
   const Steering& steering_;
   const Legs legs_;
-  const double stride_;
   const int reaction_;
-  const Habits habits_;
   FootLock lock_;
-  std::optional<Looks> looks_;          // after what was sent
-  double rest_ = 0, upright_ = 0;  // so far at rest, and with straight knees, then
   std::deque<Planned> queue_;   // planned, not sent
   bool replanned_ = false;
   Motion planned_, committed_;

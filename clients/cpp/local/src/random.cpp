@@ -5,8 +5,9 @@
 namespace wayfarer::local {
 namespace {
 
+constexpr std::uint64_t STREAM = 0x5741594641524552;  // keeps the noise of steps apart from other draws
 constexpr std::uint64_t STEP = 0x9e3779b97f4a7c15;
-enum Draw : std::uint64_t { REACTION = 1, MANNER, STRIDE, HABIT };  // of one seed; they do not depend on each other
+enum Draw : std::uint64_t { REACTION = 1, MANNER };  // of one seed; they do not depend on each other
 
 // 64 bits of a seed, spread evenly (the finaliser of SplitMix64)
 std::uint64_t mixed(std::uint64_t seed, std::uint64_t draw) {
@@ -14,10 +15,6 @@ std::uint64_t mixed(std::uint64_t seed, std::uint64_t draw) {
   bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9;
   bits = (bits ^ (bits >> 27)) * 0x94d049bb133111eb;
   return bits ^ (bits >> 31);
-}
-
-double share(std::uint64_t seed, std::uint64_t draw) {
-  return std::ldexp(static_cast<double>(mixed(seed, draw) >> 40), -24);
 }
 
 // the upper 64 bits of a product
@@ -30,7 +27,7 @@ std::uint64_t upper(std::uint64_t a, std::uint64_t b) {
 // Philox 4×64-10 (Salmon et al. 2011) as numpy has it: a source of 32 bits, the lower half of each word first.
 class Philox {
  public:
-  Philox(std::uint64_t key0, std::uint64_t key1) : key_{key0, key1} {}
+  Philox(std::uint64_t key0, std::uint64_t key1, std::uint64_t stream = 0) : key_{key0, key1}, stream_(stream) {}
 
   std::uint32_t operator()() {
     if (at_ == 8) {
@@ -44,7 +41,7 @@ class Philox {
 
  private:
   void block() {
-    std::uint64_t a = counter_, b = 0, c = 0, d = 0, key0 = key_[0], key1 = key_[1];
+    std::uint64_t a = counter_, b = stream_, c = 0, d = 0, key0 = key_[0], key1 = key_[1];
     for (int round = 0; round < 10; ++round) {
       constexpr std::uint64_t M0 = 0xd2e7470ee14c6c93, M1 = 0xca5a826395121157;
       const std::uint64_t first = upper(M0, a), second = upper(M1, c), low0 = M0 * a, low1 = M1 * c;
@@ -60,7 +57,7 @@ class Philox {
 
   std::array<std::uint64_t, 2> key_;
   std::array<std::uint64_t, 4> words_{};
-  std::uint64_t counter_ = 0;
+  std::uint64_t counter_ = 0, stream_;
   std::size_t at_ = 8;
 };
 
@@ -119,19 +116,20 @@ int reaction_of(std::uint64_t seed, int moments) {
 
 bool is_mirrored(std::uint64_t seed) { return (seed * STEP) >> 63; }
 
-double stride_of(std::uint64_t seed) { return share(seed, STRIDE); }
+namespace {
 
-std::array<double, HABITS> habit_numbers(std::uint64_t seed) {
-  std::array<double, HABITS> numbers;
-  for (std::size_t k = 0; k < HABITS; ++k) numbers[k] = share(seed, HABIT + k);
+std::array<float, LATENT> latent(Philox next) {
+  std::array<float, LATENT> numbers;
+  for (float& number : numbers) number = normal(next);
   return numbers;
 }
 
-std::array<float, LATENT> manner_of(std::uint64_t seed) {
-  Philox next(seed, MANNER);
-  std::array<float, LATENT> latent;
-  for (float& number : latent) number = normal(next);
-  return latent;
+}  // namespace
+
+std::array<float, LATENT> manner_of(std::uint64_t seed) { return latent({seed, MANNER}); }
+
+std::array<float, LATENT> noise_of(std::uint64_t seed, int chunk) {
+  return latent({seed, STREAM, static_cast<std::uint64_t>(chunk)});
 }
 
 }  // namespace wayfarer::local

@@ -6,17 +6,15 @@
 
 namespace wayfarer::local {
 
-constexpr int LATENT = 128, HABITS = 12;
+constexpr int LATENT = 128;
 
 /// Which of `moments` steps in turn a person sets off with.
 int reaction_of(std::uint64_t seed, int moments);
 /// Whether the model moves the person's mirror image: half of all seeds.
 bool is_mirrored(std::uint64_t seed);
-/// What the length of a person's steps follows from, 0 … 1.
-double stride_of(std::uint64_t seed);
-/// Numbers 0 … 1 that a person's posture follows from.
-std::array<double, HABITS> habit_numbers(std::uint64_t seed);
 /// A latent ~ N(0, I), one of each person for ever.
 std::array<float, LATENT> manner_of(std::uint64_t seed);
+/// A latent ~ N(0, I) for a chunk of a person.
+std::array<float, LATENT> noise_of(std::uint64_t seed, int chunk);
 
 }  // namespace wayfarer::local

@@ -13,8 +13,6 @@ namespace wayfarer::local {
 enum Mode { STANDING, WALKING, STOPPING, TURNING, STRAFING };
 inline constexpr const char* MODES[] = {"STANDING", "WALKING", "STOPPING", "TURNING", "STRAFING"};
 
-using SolePlaces = std::array<Point, 2 * SOLES>;  // left foot first; heel, two balls, toe
-
 /// What is remembered from step to step.
 struct Gait {
   Mode mode = STANDING;
@@ -22,10 +20,8 @@ struct Gait {
   Point stop_place, stop_facing;
   bool arrived = false;
   int waypoint = 0;
-  Point carried;  // m/s in side steps
-  double trim = 0, shortened = 0;
-  bool planted = true;
-  SolePlaces soles{};  // while planted
+  double trim = 0;
+  bool rested = true;  // it stood when the step began
 };
 
 /// A goal on a path, as steering has it.
@@ -71,21 +67,14 @@ class Steering {
   /// The gait of the next step. `ready`: whoever waits may set off.
   Gait decide(Gait gait, const Start& start, const GoalRow& goal, bool ready) const;
   Targets targets(const Gait& gait, const Start& start, const GoalRow& goal) const;
-  /// Velocity at the end of the step of a body in side steps.
-  Point carried(const Gait& gait, const Start& start, const GoalRow& goal) const;
 
  private:
-  double braking_seconds_, braking_margin_, slowing_distance_, slowest_, acceleration_, coasting_seconds_, sharp_,
-      corner_speed_, pausing_, slow_, slow_seconds_, resume_margin_, lookahead_, behind_, abeam_, faced_, astray_,
-      turn_ahead_, side_step_speed_, side_step_acceleration_, side_step_faced_;
+  double braking_seconds_, braking_margin_, coasting_seconds_, pausing_, slow_, slow_seconds_, resume_margin_, lookahead_,
+      lookahead_seconds_, faced_, astray_, turn_radius_, turn_speed_, strafe_speed_;
 
   Point ahead(const Start& start, const GoalRow& goal) const;
-  double speed(const Gait& gait, const Start& start, const GoalRow& goal) const;
   Point rest(const Gait& gait, const Start& start) const;
 };
-
-/// The gait with the share that steps are shortened by at its end. `stride`: 0 … 1, of the person.
-Gait shortened_gait(Gait gait, const GoalRow& goal, double stride);
 
 /// What a step brought.
 Gait observe(Gait gait, Point start, const std::array<Vec3, FRAMES>& hips, const GoalRow& goal);

@@ -144,7 +144,7 @@ struct LocalWorld::State {
     for (std::size_t row = 0; row < due.size(); ++row) {
       const Person& person = *due[row];
       const Seed& seed = person.seed();
-      const auto& [start, gait, goal, targets, carried] = asked[row];
+      const auto& [start, gait, goal, targets, noise] = asked[row];
       const ModeInputs& mode = parts.modes[gait.mode];
       const double side = person.mirrored ? -1 : 1;
       std::vector<Vec3> hips(seed.hips.begin(), seed.hips.end()), markers = seed.markers;
@@ -168,7 +168,11 @@ struct LocalWorld::State {
       };
       copy("betas", person.spec.betas, [](double value) { return static_cast<float>(value); });
       copy("term_weights", mode.term_weights, [](float value) { return value; });
-      copy("noise", person.manner, [&](float value) { return mode.manner * value; });
+      std::array<float, LATENT> drawn = noise;
+      const double own = std::sqrt(mode.own), new_ = std::sqrt(1 - mode.own);
+      for (std::size_t k = 0; k < LATENT; ++k)
+        drawn[k] = static_cast<float>(mode.temperature * (new_ * drawn[k] + own * person.manner[k]));
+      copy("noise", drawn, [](float value) { return value; });
     }
     return feeds;
   }

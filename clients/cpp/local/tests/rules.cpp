@@ -1,5 +1,5 @@
 // Rules of wayfarer::local on the rows in a file, as JSON: the tests of clients/web/test/local_*.js.
-// rules random|guards|righting|rules FILE
+// rules random|guards|rules FILE
 
 #include <fstream>
 #include <iostream>
@@ -7,7 +7,6 @@
 
 #include "guards.hpp"
 #include "random.hpp"
-#include "righting.hpp"
 #include "steering.hpp"
 
 namespace {
@@ -72,10 +71,9 @@ Json drawn(const Json& seeds) {
   for (const Json& given : seeds) {
     const std::uint64_t seed = std::stoull(given.get<std::string>());
     found.push_back({{"manner", manner_of(seed)},
+                     {"noise", noise_of(seed, 7)},
                      {"mirrored", is_mirrored(seed)},
-                     {"reaction", reaction_of(seed, 3)},
-                     {"stride", stride_of(seed)},
-                     {"habits", habit_numbers(seed)}});
+                     {"reaction", reaction_of(seed, 3)}});
   }
   return found;
 }
@@ -92,30 +90,16 @@ Json guarded(const Json& given) {
     Seed stand = seed_of(step.at("stand"));
     const auto hips = vectors<FrameHips>(step.at("translation"));
     const auto rotations = turns<FrameTurns>(step.at("rotations"));
+    FrameTurns bent = rotations;
+    make_bendable(bent, legs);
     FrameHips up_hips;
     FrameTurns up_turns;
     get_up(seed, stand, up_hips, up_turns);
-    found.push_back({{"smoothed", flat(smoothed(seed, hips, rotations, legs))},
+    found.push_back({{"bendable", flat(bent)},
                      {"fallen", fallen(hips, rotations, legs)},
                      {"upTranslation", flat(up_hips)},
                      {"upRotations", flat(up_turns)},
                      {"stand", flat(stand.turns)}});
-  }
-  return found;
-}
-
-Json righted(const Json& given) {
-  const std::vector<double> shares = shares_of(given.at("names").get<std::vector<std::string>>());
-  Json found = Json::array();
-  for (const Json& row : given.at("steps")) {
-    Step step{vectors<FrameHips>(row.at("translation")), turns<FrameTurns>(row.at("rotations")), {}, {}};
-    for (std::size_t k = 0; k < SEED * shares.size(); ++k) step.markers.push_back(vector(row.at("markers"), k));
-    const auto before = step.turns.back()[3];
-    right(static_cast<Mode>(row.at("mode").get<int>()), shares, step);
-    const auto& after = step.turns.back()[3];
-    found.push_back({{"same", before.x == after.x && before.y == after.y && before.z == after.z},
-                     {"rotations", flat(step.turns)},
-                     {"markers", flat(step.markers)}});
   }
   return found;
 }
@@ -127,7 +111,7 @@ Json decided(const Json& row, const Steering& steering) {
   before.speed = gait.at("speed");
   before.slow_seconds = gait.at("slowSeconds");
   before.arrived = gait.at("arrived");
-  before.planted = gait.at("planted");
+  before.rested = gait.at("rested");
   before.stop_place = point(gait.at("stopPlace"));
   before.stop_facing = point(gait.at("stopFacing"));
   GoalRow ahead;
@@ -142,7 +126,7 @@ Json decided(const Json& row, const Steering& steering) {
   const Start from{point(start.at("hips")), point(start.at("first")), point(start.at("facing"))};
   const Gait after = steering.decide(before, from, ahead, row.at("ready"));
   return {{"mode", int(after.mode)},
-          {"planted", after.planted},
+          {"rested", after.rested},
           {"numbers",
            {after.slow_seconds, after.stop_place.x, after.stop_place.y, after.stop_facing.x, after.stop_facing.y}}};
 }
@@ -152,8 +136,7 @@ Json moved(const Json& one, const Legs& legs) {
   const auto shifts = vectors<std::array<Vec3, 2 * FRAMES>>(one.at("shift"));
   auto rotations = turns<FrameTurns>(one.at("rotations"));
   for (std::size_t t = 0; t < FRAMES; ++t)
-    move_feet(LegPose(legs, hips[t], rotations[t]), hips[t], {shifts[2 * t], shifts[2 * t + 1]},
-              {number(one.at("turn"), 2 * t), number(one.at("turn"), 2 * t + 1)}, rotations[t]);
+    move_ankles(LegPose(legs, hips[t], rotations[t]), {shifts[2 * t], shifts[2 * t + 1]}, rotations[t]);
   return flat(rotations);
 }
 
@@ -174,6 +157,6 @@ int main(int, char** words) {
   std::ifstream file(words[2]);
   const Json given = Json::parse(file);
   const std::string rule = words[1];
-  std::cout << (rule == "random" ? drawn(given) : rule == "guards" ? guarded(given) : rule == "righting" ? righted(given) : ruled(given));
+  std::cout << (rule == "random" ? drawn(given) : rule == "guards" ? guarded(given) : ruled(given));
   return 0;
 }

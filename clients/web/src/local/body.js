@@ -3,7 +3,6 @@
 
 import { multiply } from "../core/quaternions.js";
 import { measureLegs } from "./legs.js";
-import { sharesOf } from "./righting.js";
 
 const JOINTS = 22, SEED = 2;
 
@@ -23,8 +22,6 @@ export class LocalBody {
     /** Numbers of the sole markers, four of each foot, left first. @type {number[][]} */
     this.soles = about.sole_markers;
     this.markers = about.markers.length;
-    /** How far each marker goes along when the spine bends. */
-    this.shares = sharesOf(about.markers);
     this.poses = this.#part("start_rotations").length / (4 * JOINTS);
   }
 
@@ -43,7 +40,7 @@ export class LocalBody {
   /**
    * The seed of a person who stands in a start pose, soles on the floor, hips over x, y.
    * @param {number} pose @param {ArrayLike<number>} betas @param {number} x @param {number} y @param {number} heading
-   * @returns {import("./planting.js").Seed}
+   * @returns {import("./person.js").Seed}
    */
   stand(pose, betas, x, y, heading) {
     const size = 3 * this.markers, markers = new Float64Array(size);

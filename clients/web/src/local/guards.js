@@ -2,157 +2,20 @@
 // world/stepping/guards.py, for one person. Rare; without a repair nothing changes.
 
 import { multiply, relative } from "../core/quaternions.js";
-import { LegPose, SOLES } from "./legs.js";
 
 const FRAMES = 8, SEED = 2, TURN = 88, JOINTS = 22;
 const DEGREE = Math.PI / 180;
-const KNEES = [4, 5], ANKLES = [7, 8], SPINE = [3, 6, 9], ARMS = [16, 17, 18, 19, 20, 21];
+const KNEES = [4, 5], SPINE = [3, 6, 9], ARMS = [16, 17, 18, 19, 20, 21];
 const KNEE = [-5 * DEGREE, 150 * DEGREE];
 const SIDEWAYS = Math.sin(15 * DEGREE) ** 2; // of half the angle that a knee is turned by beside its bend, squared
-const ANKLE = 35 * DEGREE; // half the angle that an ankle is turned by at most
 const ARM_MOST = 60 * DEGREE; // that a joint of an arm turns by while a body gets up
 const FELL = Math.cos(32 * DEGREE);
 const FOLDED = 0.76;
-// degrees per frame by which the turning of a joint may change from frame to frame, in the order of BONES
-const JERK = [Infinity, 5, 5, 5, 7, 7, 5, 25, 25, 5, 40, 40, 12, 7, 7, 15, 8, 8, 15, 15, 25, 25];
-const LIMITS = JERK.map((degrees) => ((degrees * DEGREE) / 2) ** 2);
-
-const WHIP = 0.06; // metres per frame² by which the way of a foot may change
-const LEGS = [[1, 4, 7], [2, 5, 8]], REACHES = [0.9, 0.5, 0.14]; // joints, and metres to the foot's middle
-const EVEN = whittaker(2);
-
-/** @typedef {import("./planting.js").Seed} Seed */
-
-/**
- * Rotations of a step without impossible knees and jerks: the same array when there are none.
- * @param {Seed} seed @param {Float64Array} translation @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
- */
-export function smoothed(seed, translation, rotations, legs) {
-  return unwhipped(seed, translation, unjerked(seed, rotations, legs), legs);
-}
-
-/** Without impossible knees and turns. @param {Seed} seed @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
-function unjerked(seed, rotations, legs) {
-  let result = turnable(bendable(rotations, legs));
-  const path = new Float64Array((SEED + FRAMES) * 4);
-  for (let joint = 1; joint < JOINTS; joint += 1) {
-    for (let t = 0; t < SEED; t += 1) copyTurn(seed.rotations, TURN * t + 4 * joint, path, 4 * t);
-    for (let t = 0; t < FRAMES; t += 1) copyTurn(result, TURN * t + 4 * joint, path, 4 * (SEED + t));
-    if (!(worstJerk(path) > LIMITS[joint])) continue;
-    alike(path);
-    const jerk = worstJerk(path);
-    if (!(jerk > LIMITS[joint])) continue;
-    const smooth = smoothest(path);
-    if (worstJerk(smooth) >= jerk) continue; // where a joint came fast and ends near by
-    if (result === rotations) result = rotations.slice();
-    for (let t = 0; t < FRAMES; t += 1) copyTurn(smooth, 4 * (SEED + t), result, TURN * t + 4 * joint);
-  }
-  return result;
-}
-
-/**
- * With the turns of a leg smoothed whose foot jumps.
- * @param {Seed} seed @param {Float64Array} translation @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
- */
-function unwhipped(seed, translation, rotations, legs) {
-  const path = new Float64Array((SEED + FRAMES) * 4);
-  const take = (/** @type {number} */ joint) => {
-    for (let t = 0; t < SEED; t += 1) copyTurn(seed.rotations, TURN * t + 4 * joint, path, 4 * t);
-    for (let t = 0; t < FRAMES; t += 1) copyTurn(rotations, TURN * t + 4 * joint, path, 4 * (SEED + t));
-  };
-  const far = LEGS.map((joints) => joints.reduce((sum, joint, k) => {
-    take(joint);
-    return sum + REACHES[k] * 2 * Math.sqrt(worstJerk(path));
-  }, 0));
-  if (!far.some((metres) => metres > WHIP)) return rotations; // nearly always: nobody need be posed
-  const joined = (/** @type {ArrayLike<number>} */ a, /** @type {ArrayLike<number>} */ b) => Float64Array.of(...Array.from(a), ...Array.from(b));
-  const pose = new LegPose(legs, joined(seed.translation, translation), joined(seed.rotations, rotations), SEED + FRAMES);
-  let result = rotations;
-  LEGS.forEach((joints, side) => {
-    if (!(jump(pose, side) > WHIP)) return;
-    if (result === rotations) result = rotations.slice();
-    for (const joint of joints) {
-      take(joint);
-      alike(path);
-      const even = evened(path);
-      for (let t = 0; t < FRAMES; t += 1) copyTurn(even, 4 * t, result, TURN * t + 4 * joint);
-    }
-  });
-  return result;
-}
-
-/** Metres per frame² by which the way of a foot's middle changes at most. @param {LegPose} pose @param {number} side */
-function jump(pose, side) {
-  const middle = (/** @type {number} */ t, /** @type {number} */ axis) => {
-    let sum = 0;
-    for (let p = 0; p < SOLES; p += 1) sum += pose.soles[3 * (SOLES * (2 * t + side) + p) + axis];
-    return sum / SOLES;
-  };
-  let most = 0;
-  for (let t = 2; t < SEED + FRAMES; t += 1) {
-    const [x, y, z] = [0, 1, 2].map((axis) => middle(t, axis) - 2 * middle(t - 1, axis) + middle(t - 2, axis));
-    most = Math.max(most, Math.hypot(x, y, z));
-  }
-  return most;
-}
-
-/** New turns of a path with smaller second differences and the same end. @param {Float64Array} path */
-function evened(path) {
-  const out = new Float64Array(4 * FRAMES);
-  for (let t = 0; t < FRAMES; t += 1) {
-    const turn = [0, 1, 2, 3].map((n) => EVEN[t].reduce((sum, share, k) => sum + share * path[4 * k + n], 0));
-    const length = Math.hypot(...turn);
-    out.set(turn.map((n) => n / length), 4 * t);
-  }
-  return out;
-}
-
-/** New frames from all of a path: least squares of changes and, times a weight, second differences. @param {number} weight */
-function whittaker(weight) {
-  const total = SEED + FRAMES, unknown = FRAMES - 1;
-  const system = Array.from({ length: total }, (_, i) => Array.from({ length: total }, (__, k) => Number(i === k)));
-  for (let t = 0; t + 2 < total; t += 1) {
-    const bend = [1, -2, 1];
-    for (let i = 0; i < 3; i += 1) for (let k = 0; k < 3; k += 1) system[t + i][t + k] += weight * bend[i] * bend[k];
-  }
-  const rows = Array.from({ length: unknown }, (_, i) => {
-    const row = system[SEED + i];
-    const known = row.map((value, k) => (k < SEED || k === total - 1 ? -value : 0));
-    known[SEED + i] += 1;
-    return [...row.slice(SEED, SEED + unknown), ...known];
-  });
-  for (let i = 0; i < unknown; i += 1) { // positive definite: no pivoting
-    rows[i] = rows[i].map((value) => value / rows[i][i]);
-    for (let k = 0; k < unknown; k += 1) {
-      if (k !== i) rows[k] = rows[k].map((value, n) => value - rows[k][i] * rows[i][n]);
-    }
-  }
-  return [...rows.map((row) => row.slice(unknown)), Array.from({ length: total }, (_, k) => Number(k === total - 1))];
-}
+/** @typedef {import("./person.js").Seed} Seed */
 
 /** @param {ArrayLike<number>} from @param {number} i @param {Float64Array} to @param {number} k */
 function copyTurn(from, i, to, k) {
   for (let n = 0; n < 4; n += 1) to[k + n] = from[i + n];
-}
-
-/** Largest squared second difference of a path of turns. @param {Float64Array} path */
-function worstJerk(path) {
-  let worst = 0;
-  for (let t = 2; t < path.length / 4; t += 1) {
-    let sum = 0;
-    for (let n = 0; n < 4; n += 1) sum += (path[4 * t + n] - 2 * path[4 * t - 4 + n] + path[4 * t - 8 + n]) ** 2;
-    worst = Math.max(worst, sum);
-  }
-  return worst;
-}
-
-/** Choose signs so that turns are near to each other: both of a quaternion mean the same turn. @param {Float64Array} path */
-function alike(path) {
-  for (let at = 4; at < path.length; at += 4) {
-    let dot = 0;
-    for (let n = 0; n < 4; n += 1) dot += path[at + n] * path[at - 4 + n];
-    if (dot < 0) for (let n = 0; n < 4; n += 1) path[at + n] *= -1;
-  }
 }
 
 /** The path with its new frames on the cubic that begins and ends as fast as it does. @param {Float64Array} path */
@@ -192,8 +55,8 @@ function vectorOf(q) {
   return v.map((n) => n * share);
 }
 
-/** The same with knees bent as knees bend. @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
-function bendable(rotations, legs) {
+/** Rotations of a step with knees bent as knees bend: the same array when they are. @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
+export function bendable(rotations, legs) {
   let result = rotations;
   const knee = new Float64Array(4);
   for (let t = 0; t < FRAMES; t += 1) {
@@ -212,22 +75,6 @@ function bendable(rotations, legs) {
       if (result === rotations) result = rotations.slice();
       if (excess !== 0) multiply(Float64Array.of(Math.sin(excess / 2), 0, 0, Math.cos(excess / 2)), 0, knee, 0, knee, 0);
       copyTurn(knee, 0, result, at);
-    }
-  }
-  return result;
-}
-
-/** The same with ankles turned as far as ankles turn. @param {Float64Array} rotations */
-function turnable(rotations) {
-  let result = rotations;
-  for (let t = 0; t < FRAMES; t += 1) {
-    for (const joint of ANKLES) {
-      const at = TURN * t + 4 * joint, scalar = rotations[at + 3];
-      if (Math.abs(scalar) >= Math.cos(ANKLE)) continue;
-      if (result === rotations) result = rotations.slice();
-      const share = ((scalar < 0 ? -1 : 1) * Math.sin(ANKLE)) / Math.sqrt(Math.max(1 - scalar ** 2, 1e-12));
-      for (let n = 0; n < 3; n += 1) result[at + n] = rotations[at + n] * share;
-      result[at + 3] = Math.cos(ANKLE);
     }
   }
   return result;

@@ -7,7 +7,7 @@ import { bounded } from "./steering.js";
 const TURN = 88;
 export const FRAMES = 8, SOLES = 4;
 const HIPS = [1, 2], KNEES = [4, 5], ANKLES = [7, 8], BALLS = [10, 11];
-export const FREE = 0.5;
+const FREE = 0.5;
 const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = Math.PI / 45;
 
 /**
@@ -99,33 +99,21 @@ function add(a, i, b, out, k) {
 }
 
 /**
- * Put each foot `shifts` [frame, side, 3] off, turned by `turns` [frame, side] about the middle of its sole. Writes
- * hips, knees and ankles of `rotations`. `free`: share of their length by which legs are stretched at once, in each frame.
- * @param {LegPose} pose @param {ArrayLike<number>} translation @param {Float64Array} shifts @param {Float64Array} turns
- * @param {Float64Array} rotations @param {Float64Array} [free]
+ * Put each ankle `shifts` [frame, side, 3] off. Writes hips, knees and ankles of `rotations`.
+ * @param {LegPose} pose @param {Float64Array} shifts @param {Float64Array} rotations
  */
-export function moveFeet(pose, translation, shifts, turns, rotations, free) {
+export function moveAnkles(pose, shifts, rotations) {
   for (let t = 0; t < FRAMES; t += 1) {
-    for (let side = 0; side < 2; side += 1) {
-      const k = 2 * t + side, turn = turns[k];
-      let x = pose.ankle[3 * k] + translation[3 * t], y = pose.ankle[3 * k + 1] + translation[3 * t + 1];
-      for (let p = 0; p < SOLES; p += 1) {
-        x -= pose.soles[3 * (SOLES * k + p)] / SOLES;
-        y -= pose.soles[3 * (SOLES * k + p) + 1] / SOLES;
-      }
-      const cos = Math.cos(turn) - 1, sin = Math.sin(turn);
-      const shift = [shifts[3 * k] + cos * x - sin * y, shifts[3 * k + 1] + sin * x + cos * y, shifts[3 * k + 2]];
-      moveAnkle(pose, t, side, shift, turn, rotations, free?.[t]);
-    }
+    for (let side = 0; side < 2; side += 1) moveAnkle(pose, t, side, shifts.subarray(3 * (2 * t + side)), rotations);
   }
 }
 
 const one = () => new Float64Array(4);
-const [across, ankleTo, target, bend, swing, twist, hipTurn, kneeTurn, footTurn] = Array.from({ length: 9 }, one);
+const [across, ankleTo, target, bend, swing, hipTurn, kneeTurn] = Array.from({ length: 7 }, one);
 const [thigh, shin, hinge, bentShin] = Array.from({ length: 4 }, () => new Float64Array(3));
 
-/** @param {LegPose} pose @param {number} t @param {number} side @param {number[]} shift @param {number} turn @param {Float64Array} rotations @param {number} [free] */
-export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
+/** @param {LegPose} pose @param {number} t @param {number} side @param {ArrayLike<number>} shift @param {Float64Array} rotations */
+function moveAnkle(pose, t, side, shift, rotations) {
   const k = 2 * t + side, i = 3 * k;
   let before = 0, wanted = 0;
   for (let n = 0; n < 3; n += 1) {
@@ -141,7 +129,7 @@ export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
   const along = dot(thigh, hinge) * dot(shin, hinge), level = dot(thigh, shin) - along, upright = dot(across, hinge);
   const most = Math.max(Math.hypot(level, upright), TINY), fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along;
   const full = Math.sqrt(Math.max(fixed + 2 * most, TINY));
-  const after = reach(Math.sqrt(before), Math.sqrt(wanted), full, free);
+  const after = reach(Math.sqrt(before), Math.sqrt(wanted), full);
   let bent = Math.acos(bounded((after * after - fixed) / (2 * most), -1, 1));
   bent += Math.max(2 * SOFT - bent, 0) ** 2 / (4 * SOFT);
   const half = 0.5 * (bent - Math.atan2(upright, level)), sine = Math.sin(half);
@@ -153,27 +141,21 @@ export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
   cross(ankleTo, target, swing, 1);
   swing[3] = dot(ankleTo, target) + Math.hypot(ankleTo[0], ankleTo[1], ankleTo[2]) * Math.hypot(target[0], target[1], target[2]) + TINY;
   unit(swing);
-  const quarter = turn / 4, up = target[2] < 0 ? -1 : 1;
-  const turned = (up * Math.sin(quarter)) / Math.max(Math.hypot(target[0], target[1], target[2]), 1e-12);
-  twist.set([target[0] * turned, target[1] * turned, target[2] * turned, Math.cos(quarter)]);
-  multiply(twist, 0, swing, 0, swing, 0);
-  twist.set([0, 0, Math.sin(turn / 2), Math.cos(turn / 2)]);
-  multiply(twist, 0, pose.ankleTurn, 4 * k, footTurn, 0);
   multiply(swing, 0, pose.hipTurn, 4 * k, hipTurn, 0);
   multiply(bend, 0, pose.kneeTurn, 4 * k, kneeTurn, 0);
   multiply(swing, 0, kneeTurn, 0, kneeTurn, 0);
   const at = TURN * t;
   relative(pose.rootTurn, 4 * t, hipTurn, 0, rotations, at + 4 * HIPS[side]);
   relative(hipTurn, 0, kneeTurn, 0, rotations, at + 4 * KNEES[side]);
-  relative(kneeTurn, 0, footTurn, 0, rotations, at + 4 * ANKLES[side]);
+  relative(kneeTurn, 0, pose.ankleTurn, 4 * k, rotations, at + 4 * ANKLES[side]);
 }
 
 const LEFT = Float64Array.of(-1, 0, 0);
 
-/** Distance from hip to ankle that a leg takes when it is `wanted`. @param {number} before @param {number} wanted @param {number} leg @param {number} free */
-function reach(before, wanted, leg, free) {
+/** Distance from hip to ankle that a leg takes when it is `wanted`. @param {number} before @param {number} wanted @param {number} leg */
+function reach(before, wanted, leg) {
   const way = STRETCH * leg - before, more = wanted - before;
-  const near = Math.max(free * way, 1e-6), rest = Math.max((1 - free) * way, 1e-6);
+  const near = Math.max(FREE * way, 1e-6), rest = Math.max((1 - FREE) * way, 1e-6);
   const eased = Math.min(more, near) + rest * (1 - Math.exp(-Math.max(more - near, 0) / rest));
   return Math.max(before + eased, Math.min(before, FOLD * leg));
 }

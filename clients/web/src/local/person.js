@@ -2,24 +2,28 @@
 // world/stepping (scheduler, playback, cleanup), for one person. World: metres, Z up; time: frames, 40 a second.
 
 import { FootLock } from "./footlock.js";
-import { broken, fallen, gotUp, smoothed } from "./guards.js";
-import { plant, shorten } from "./planting.js";
-import { calmed, habitsOf, hold, looks } from "./posture.js";
-import { isMirrored, mannerOf, reactionOf, strideOf } from "./random.js";
-import { righted } from "./righting.js";
-import {
-  STANDING, STOPPING, STRAFING, TURNING, WALKING, facingOf, goalAt, goalRows, observe, shortenedGait,
-} from "./steering.js";
+import { bendable, broken, fallen, gotUp } from "./guards.js";
+import { isMirrored, mannerOf, noiseOf, reactionOf } from "./random.js";
+import { STANDING, WALKING, facingOf, goalAt, goalRows, observe } from "./steering.js";
 
 export const FRAMES = 8, SEED = 2, TURN = 88;
 const LEAD = 1; // chunks that are planned ahead of their time
 const REPLAN_FRAMES = 3, REPLAN_MARGIN = 2; // a chunk that is shown this soon is not planned again
-const HALTED = 0.25; // m/s: who is stopping and slower has nothing left of the walk
 const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
 
 /** @typedef {import("./steering.js").Gait} Gait */
 /** @typedef {import("./steering.js").CoreGoal} CoreGoal */
-/** @typedef {import("./planting.js").Seed} Seed */
+/**
+ * The two frames that a step starts from.
+ * @typedef {object} Seed
+ * @property {Float32Array} markers @property {Float32Array} translation @property {Float32Array} rotations
+ */
+/**
+ * New frames, and the markers that the next step starts from.
+ * @typedef {object} Step
+ * @property {Float64Array} translation @property {Float64Array} rotations @property {Float32Array} markers
+ * @property {Uint8Array} contacts left and right of each frame
+ */
 /** Motion between two steps. @typedef {{ seed: Seed, gait: Gait }} Motion */
 /**
  * Eight frames; rotations of 22 joints. `frame`: the world's, of the first one.
@@ -40,8 +44,6 @@ export class Person {
   /** @type {LocalChunk[]} */
   #queue = []; // planned, not sent
   #replanned = false;
-  /** @type {(ReturnType<typeof looks> & { rest: number, upright: number }) | null} */
-  #posture = null; // after what was sent
   #revision = 0;
   /** @type {import("./steering.js").GoalRow[]} */
   #path = [];
@@ -65,9 +67,7 @@ export class Person {
     this.legs = legs;
     this.manner = mannerOf(spec.seed);
     this.mirrored = isMirrored(spec.seed);
-    this.stride = strideOf(spec.seed);
     this.reaction = reactionOf(spec.seed, steering.reactions);
-    this.habits = habitsOf(spec.seed);
     this.lock = new FootLock(legs);
     this.planned = this.#stand(spec.x, spec.y, spec.heading);
     this.committed = this.planned;
@@ -162,29 +162,23 @@ export class Person {
    */
   next({ seed, start, gait: before }, { ahead, judged }) {
     const ready = (this.plannedChunks + this.reaction) % this.steering.reactions === 0;
-    const gait = shortenedGait(this.steering.decide(before, start, ahead, ready), ahead, this.stride);
-    const targets = this.steering.targets(gait, start, ahead);
-    return { seed, start, gait, goal: judged, targets, carried: this.steering.carried(gait, start, ahead) };
+    const gait = this.steering.decide(before, start, ahead, ready);
+    const noise = noiseOf(this.spec.seed, this.plannedChunks);
+    return { seed, start, gait, goal: judged, noise, targets: this.steering.targets(gait, start, ahead) };
   }
 
-  /** Plan a chunk from what the engine has made. @param {ReturnType<Person["next"]>} asked @param {import("./planting.js").Step} made */
-  take({ seed, start, gait, goal, carried }, made) {
+  /** Plan a chunk from what the engine has made. @param {ReturnType<Person["next"]>} asked @param {Step} made */
+  take({ seed, start, gait, goal }, made) {
     const from = [...seed.translation.subarray(3, 6)];
     const isBroken = broken(from, made.translation, [made.translation, made.rotations, made.markers]);
     let step = made;
     if (isBroken) step = { ...made, ...stillFrames(seed) };
-    step = { ...step, rotations: smoothed(seed, step.translation, step.rotations, this.legs) };
-    step = righted(gait.mode, step, this.body.shares);
-    const planted = plant(this.body.soles, gait, seed, start.facing, step, carried);
-    const shortened = shorten(
-      this.planned.gait.shortened, planted.gait.shortened, start.hips, planted.step, planted.seed,
-    );
-    step = shortened.step;
-    const after = observe(planted.gait, start.hips, step.translation, goal);
+    step = { ...step, rotations: bendable(step.rotations, this.legs) };
+    const after = observe(gait, start.hips, step.translation, goal);
     let flags = this.#replanned ? FLAG_REPLANNED : 0;
     if (after.arrived && !gait.arrived) flags |= FLAG_ARRIVED;
     /** @type {Motion} */
-    let end = { seed: shortened.seed, gait: after };
+    let end = { seed: endOf(step), gait: after };
     if (isBroken || fallen(step.translation, step.rotations, this.legs)) {
       if (isBroken) flags |= FLAG_FIRST;
       const heading = Math.atan2(-start.facing[0], start.facing[1]);
@@ -209,24 +203,10 @@ export class Person {
     chunk.frame = this.#shown(chunk.seq);
     this.sentChunks += 1;
     this.committed = chunk.end;
-    const { gait } = chunk.end;
     const shown = { ...chunk, translation: chunk.translation.slice(), rotations: chunk.rotations.slice() };
-    if (!this.spec.footLock) {
-      this.lock.shortenSteps(shown.translation, shown.rotations, gait.shortened);
-      return shown;
-    }
-    if (chunk.flags & FLAG_FIRST) {
-      this.lock.restart();
-      this.#posture = null;
-    }
-    const halted = gait.mode === STOPPING && (gait.speed < HALTED || gait.planted);
-    const stands = gait.mode === STANDING || halted, rests = stands || gait.mode === TURNING;
-    const before = (this.#posture ??= { ...looks(shown.rotations), rest: Number(rests), upright: Number(stands) });
-    const rest = calmed(before.rest, rests, FRAMES), upright = calmed(before.upright, stands, FRAMES);
-    const steps = rests || gait.mode === STRAFING, waits = gait.mode === STANDING;
-    shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, waits, gait.shortened, upright.shares);
-    const held = hold(before, shown.rotations, this.habits, rest.shares);
-    this.#posture = { ...held, rest: rest.share, upright: upright.share };
+    if (!this.spec.footLock) return shown;
+    if (chunk.flags & FLAG_FIRST) this.lock.restart();
+    shown.contacts = this.lock.clean(shown.translation, shown.rotations);
     return shown;
   }
 
@@ -250,17 +230,20 @@ export class Person {
   #stand(x, y, heading) {
     const pose = Number(this.spec.seed % BigInt(this.body.poses));
     const seed = this.body.stand(pose, this.spec.betas, x, y, heading);
-    const places = this.body.soles.flat().flatMap((m) => [seed.markers[3 * m], seed.markers[3 * m + 1]]);
     return {
       seed,
       gait: {
         mode: STANDING, speed: 0, slowSeconds: 0, stopPlace: [x, y], stopFacing: [-Math.sin(heading), Math.cos(heading)],
-        arrived: false, waypoint: 0, carried: [0, 0], trim: 0, shortened: 0, planted: true,
-        soles: Float64Array.from(places),
+        arrived: false, waypoint: 0, trim: 0, rested: true,
       },
     };
   }
 }
+
+/** Where the next step starts. @param {Step} step @returns {Seed} */
+const endOf = ({ markers, translation, rotations }) => ({
+  markers, translation: Float32Array.from(translation.subarray(-3 * SEED)), rotations: Float32Array.from(rotations.subarray(-TURN * SEED)),
+});
 
 /** @param {Seed} seed */
 function stillFrames(seed) {

@@ -2,7 +2,8 @@
 
 const MASK = (1n << 64n) - 1n;
 const STEP = 0x9e3779b97f4a7c15n;
-const REACTION = 1, MANNER = 2, STRIDE = 3, HABITS = 4; // draws of one seed that do not depend on each other
+const REACTION = 1, MANNER = 2; // draws of one seed that do not depend on each other
+const STREAM = 0x5741594641524552n; // keeps the noise of steps apart from other draws
 const LATENT = 128;
 
 /** 64 bits of a seed, spread evenly (the finaliser of SplitMix64). @param {bigint} seed @param {number} draw */
@@ -13,32 +14,26 @@ function mixed(seed, draw) {
   return bits ^ (bits >> 31n);
 }
 
-/** A number 0 … 1. @param {bigint} seed @param {number} draw */
-const share = (seed, draw) => Number(mixed(seed, draw) >> 40n) / 2 ** 24;
-
 /** Which of `moments` steps in turn a person sets off with. @param {bigint} seed @param {number} moments */
 export const reactionOf = (seed, moments) => Number(mixed(seed, REACTION) % BigInt(moments));
 
 /** Whether the model moves the person's mirror image: half of all seeds. @param {bigint} seed */
 export const isMirrored = (seed) => ((seed * STEP) & MASK) >> 63n === 1n;
 
-/** What the length of a person's steps follows from, 0 … 1. @param {bigint} seed */
-export const strideOf = (seed) => share(seed, STRIDE);
-
-/** Numbers 0 … 1 that a person's posture follows from. @param {bigint} seed @param {number} count */
-export const habitNumbers = (seed, count) => Array.from({ length: count }, (_, k) => share(seed, HABITS + k));
-
 /** A latent [128] ~ N(0, I), one of each person for ever. @param {bigint} seed */
-export function mannerOf(seed) {
-  const next = philox(seed, BigInt(MANNER));
-  return Float32Array.from({ length: LATENT }, () => normal(next));
-}
+export const mannerOf = (seed) => latent(philox(seed, BigInt(MANNER), 0n));
+
+/** A latent [128] ~ N(0, I) for a chunk of a person. @param {bigint} seed @param {number} chunk */
+export const noiseOf = (seed, chunk) => latent(philox(seed, STREAM, BigInt(chunk) << 64n));
+
+/** @param {() => number} next */
+const latent = (next) => Float32Array.from({ length: LATENT }, () => normal(next));
 
 // Philox 4×64-10 (Salmon et al. 2011) as numpy has it: a source of 32 bits, the lower half of each word first.
 
-/** @param {bigint} key0 @param {bigint} key1 @returns {() => number} */
-function philox(key0, key1) {
-  let counter = 0n, at = 8;
+/** @param {bigint} key0 @param {bigint} key1 @param {bigint} counter @returns {() => number} */
+function philox(key0, key1, counter) {
+  let at = 8;
   const halves = new Uint32Array(8);
   return () => {
     if (at === 8) {

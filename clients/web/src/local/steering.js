@@ -6,9 +6,7 @@ export const MODES = Object.freeze(["STANDING", "WALKING", "STOPPING", "TURNING"
 export const STEP_SECONDS = 0.2;
 
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
-const HURRY = [1.6, 2.0]; // m/s between which habits of stride go to nothing
-export const STRIDE = [-0.05, 0.11]; // range of the share by which steps are shorter
-const SHORTEN_RATE = 0.6 * STEP_SECONDS;
+const PACE = 0.7; // m/s: nobody who walks to a goal is slower before its end, unless that is asked
 
 /** @typedef {[number, number]} Point */
 /**
@@ -16,8 +14,7 @@ const SHORTEN_RATE = 0.6 * STEP_SECONDS;
  * @typedef {object} Gait
  * @property {number} mode @property {number} speed m/s over the last step @property {number} slowSeconds
  * @property {Point} stopPlace @property {Point} stopFacing @property {boolean} arrived @property {number} waypoint
- * @property {Point} carried m/s in side steps @property {number} trim @property {number} shortened
- * @property {boolean} planted @property {Float64Array} soles places of the sole markers, x and y, while planted
+ * @property {number} trim @property {boolean} rested it stood when the step began
  */
 /**
  * A goal on a path, as steering has it. `given` false: there is none.
@@ -75,26 +72,19 @@ export class Steering {
     };
     this.brakingSeconds = read("braking_seconds");
     this.brakingMargin = read("braking_margin");
-    this.slowingDistance = read("slowing_distance");
-    this.slowest = read("slowest");
-    this.acceleration = read("acceleration");
     this.coastingSeconds = read("coasting_seconds");
-    this.sharp = read("sharp");
-    this.cornerSpeed = read("corner_speed");
     this.pausing = read("pausing");
     this.slow = read("slow");
     this.slowSeconds = read("slow_seconds");
     this.resumeMargin = read("resume_margin");
     this.lookahead = read("lookahead");
-    this.behind = read("behind");
-    this.abeam = read("abeam");
+    this.lookaheadSeconds = read("lookahead_seconds");
     this.faced = read("faced");
     this.astray = read("astray");
-    this.turnAhead = read("turn_ahead");
     this.reactions = read("reactions");
-    this.sideStepSpeed = read("side_step_speed");
-    this.sideStepAcceleration = read("side_step_acceleration");
-    this.sideStepFaced = read("side_step_faced");
+    this.turnRadius = read("turn_radius");
+    this.turnSpeed = read("turn_speed");
+    this.strafeSpeed = read("strafe_speed");
   }
 
   /** Who is done with a goal that another follows is sent on. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
@@ -118,99 +108,58 @@ export class Steering {
     const still = stopping && slowSeconds >= this.slowSeconds - 1e-3;
 
     const holds = goal.given && !(goal.through && arrived);
-    const paused = mode === WALKING && speed < this.pausing * Math.min(goal.speed, this.slowest);
+    const paused = mode === WALKING && speed < this.pausing * Math.min(goal.speed, PACE);
     const far = distance > braking && !(arrived && (isSlow || paused));
     const atRest = still || standing || turning || (walking && isSlow);
-    const waits = !ready && gait.planted && isSlow && (standing || mode === WALKING);
+    const waits = !ready && gait.rested && isSlow && (standing || mode === WALKING);
     const missed = holds && !arrived && !waits;
     const strayed = holds && distance > Math.max(goal.radius, braking) + this.resumeMargin && !waits;
 
-    const direction = times(1 / Math.max(distance, 1e-6), way);
-    const reverses = missed && far && between(start.facing, direction) > (turning ? this.abeam : this.behind)
-      && !goal.strafe;
-    const about = reverses && (atRest || isSlow);
-    let walks = ((walking && holds && (goal.through || far) && !waits) || ((still || standing || turning) && missed)
-      || (!walking && strayed)) && !reverses;
+    const walks = (walking && holds && (goal.through || far) && !waits) || ((still || standing || turning) && missed)
+      || (!walking && strayed);
     const hasHeading = goal.heading !== null && !waits;
     const off = between(start.facing, goal.heading ?? [0, 0]);
     const astray = hasHeading && off > (turning ? this.faced : this.astray);
-    const faces = off < (turning ? this.faced : this.sideStepFaced);
-    const sideSteps = walks && goal.strafe && (mode === STRAFING || (atRest && faces));
-    const turnsFirst = walks && goal.strafe && atRest && !sideSteps;
-    const stopsFirst = walks && goal.strafe && !atRest && !sideSteps;
-    walks &&= !(turnsFirst || stopsFirst);
-    const turns = about || turnsFirst || (atRest && astray && !walks);
+    const turns = atRest && astray && !walks;
     const stands = waits || ((standing || still) && !walks && !turns);
-    const next = sideSteps ? STRAFING : walks ? WALKING : turns ? TURNING : stands ? STANDING : STOPPING;
+    const next = walks && goal.strafe ? STRAFING : walks ? WALKING : turns ? TURNING : stands ? STANDING : STOPPING;
 
     const brakes = walking && !walks && !waits, rests = still && !walks;
-    const turnsAway = (about || turnsFirst) && !turning;
     let { stopPlace, stopFacing } = gait;
-    const facesThere = turns && holds && arrived && !about && !turnsFirst;
-    if (facesThere) stopPlace = goal.place; // its steps take it nearer
-    else if (rests || turnsAway) stopPlace = start.hips;
-    else if (brakes) stopPlace = holds && !reverses && !stopsFirst ? goal.place : this.#rest(gait, start);
-    if (about) stopFacing = direction;
-    else if (hasHeading && !walks && goal.heading) stopFacing = goal.heading;
+    if (turns && holds && arrived) stopPlace = goal.place; // its steps take it nearer
+    else if (rests || (turning && !turns)) stopPlace = start.hips;
+    else if (brakes) stopPlace = holds ? goal.place : this.#rest(gait, start);
+    if (hasHeading && !walks && goal.heading) stopFacing = goal.heading;
     else if (brakes || rests) stopFacing = start.facing;
-    const planted = gait.planted && next !== WALKING && next !== TURNING;
-    return { ...gait, mode: next, slowSeconds, planted, stopPlace, stopFacing };
+    return { ...gait, mode: next, slowSeconds, rested: stands, stopPlace, stopFacing };
   }
 
   /** What the next step aims at. @param {Gait} gait @param {Start} start @param {GoalRow} goal */
   targets(gait, start, goal) {
-    const { mode } = gait;
+    const { mode, stopPlace, stopFacing } = gait;
+    if (mode === TURNING) {
+      const arc = plus(start.facing, stopFacing), share = this.turnRadius / Math.max(Math.hypot(...arc), 0.1);
+      return { place: plus(start.hips, times(share, arc)), facing: stopFacing, speed: this.turnSpeed };
+    }
+    if (mode !== WALKING && mode !== STRAFING) return { place: stopPlace, facing: stopFacing, speed: 0 };
     /** @type {Point} */
-    let facing = [0, 0];
-    if (mode === TURNING) facing = turnedTowards(start.facing, gait.stopFacing, this.turnAhead);
-    else if (mode === STRAFING) facing = goal.heading ?? facing;
-    else if (mode !== WALKING) facing = gait.stopFacing;
-    const place = mode === STRAFING ? start.hips : mode === WALKING ? this.#ahead(start, goal) : gait.stopPlace;
-    return { place, facing, speed: mode === WALKING ? this.#speed(gait, start, goal) : 0 };
-  }
-
-  /** Velocity at the end of the step of a body in side steps. @param {Gait} gait @param {Start} start @param {GoalRow} goal */
-  carried(gait, start, goal) {
-    const way = minus(this.#ahead(start, goal), start.hips), distance = Math.hypot(...way);
-    const target = Math.min(goal.speed, this.sideStepSpeed);
-    const slowing = goal.through ? target : distance / (2 * STEP_SECONDS);
-    const speed = gait.mode === STRAFING ? Math.min(target, slowing) : 0;
-    const change = minus(times(speed / Math.max(distance, 1e-6), way), gait.carried);
-    const most = this.sideStepAcceleration * STEP_SECONDS;
-    return plus(gait.carried, times(Math.min(1, most / Math.max(Math.hypot(...change), 1e-9)), change));
+    const facing = mode === STRAFING && goal.heading ? goal.heading : [0, 0];
+    const speed = Math.min(goal.speed * (1 + gait.trim), goal.strafe ? this.strafeSpeed : Infinity);
+    return { place: this.#ahead(start, goal), facing, speed };
   }
 
   /** @param {Start} start @param {GoalRow} goal @returns {Point} */
   #ahead(start, goal) {
     if (!goal.through) return goal.place;
     const distance = Math.hypot(...minus(goal.place, start.hips));
-    return plus(goal.place, times(Math.max(this.lookahead * Math.cos(goal.bend) - distance, 0), goal.onward));
-  }
-
-  /** @param {Gait} gait @param {Start} start @param {GoalRow} goal */
-  #speed(gait, start, goal) {
-    const distance = Math.hypot(...minus(goal.place, start.hips));
-    const habit = bounded(gait.shortened, STRIDE[0], STRIDE[1]);
-    const target = (goal.speed * (1 + gait.trim)) / (1 - habit);
-    const atGoal = !goal.through ? this.slowest : goal.bend > this.sharp ? this.cornerSpeed : target;
-    const slowing = (target * distance) / this.slowingDistance;
-    const reachable = gait.speed / (1 - gait.shortened) + (this.acceleration * STEP_SECONDS) / (1 - habit);
-    return Math.min(target, reachable, Math.max(slowing, atGoal));
+    const lookahead = Math.max(this.lookahead, this.lookaheadSeconds * goal.speed);
+    return plus(goal.place, times(Math.max(lookahead * Math.cos(goal.bend) - distance, 0), goal.onward));
   }
 
   /** Where a person who begins to brake now comes to rest. @param {Gait} gait @param {Start} start @returns {Point} */
   #rest(gait, start) {
     return plus(start.hips, times(this.coastingSeconds * gait.speed, unit(minus(start.hips, start.first))));
   }
-}
-
-/** The gait with the share that steps are shortened by at its end. @param {Gait} gait @param {GoalRow} goal @param {number} stride 0 … 1 @returns {Gait} */
-export function shortenedGait(gait, goal, stride) {
-  const calm = bounded((HURRY[1] - goal.speed) / (HURRY[1] - HURRY[0]), 0, 1);
-  const habit = (STRIDE[0] + (STRIDE[1] - STRIDE[0]) * stride) * calm;
-  const wanted = gait.mode === WALKING || gait.mode === STOPPING ? habit : 0;
-  const shortened = gait.shortened + bounded(wanted - gait.shortened, -SHORTEN_RATE, SHORTEN_RATE);
-  return { ...gait, shortened: Math.fround(shortened) };
 }
 
 /** What a step brought; `translation`: hips of its frames. @param {Gait} gait @param {Point} start @param {Float64Array} translation @param {GoalRow} goal @returns {Gait} */
@@ -224,8 +173,7 @@ export function observe(gait, start, translation, goal) {
   const last = 3 * (frames - 1);
   const speed = Math.hypot(translation[last] - start[0], translation[last + 1] - start[1]) / STEP_SECONDS;
   const lacks = 1 - speed / Math.max(goal.speed, 1e-3);
-  const steady = goal.given && gait.mode === WALKING && gait.shortened <= Math.fround(STRIDE[1])
-    && Math.abs(lacks) < STEADY;
+  const steady = goal.given && (gait.mode === WALKING || gait.mode === STRAFING) && Math.abs(lacks) < STEADY;
   const trim = bounded(gait.trim + (steady ? TRIM_GAIN * lacks : 0), -TRIM_MOST, TRIM_MOST);
   return { ...gait, speed, trim, arrived: there };
 }
@@ -236,12 +184,6 @@ export function facingOf(q, i) {
   const ahead = [-2 * (x * y + z * w), 1 - 2 * (y * y + z * z)];
   const length = Math.max(Math.hypot(ahead[0], ahead[1]), 1e-9);
   return [ahead[0] / length, ahead[1] / length];
-}
-
-/** @param {Point} facing @param {Point} asked @param {number} most @returns {Point} */
-function turnedTowards([x, y], asked, most) {
-  const angle = bounded(Math.atan2(x * asked[1] - y * asked[0], x * asked[0] + y * asked[1]), -most, most);
-  return [Math.cos(angle) * x - Math.sin(angle) * y, Math.sin(angle) * x + Math.cos(angle) * y];
 }
 
 /** @param {number} value @param {number} low @param {number} high */

@@ -149,14 +149,15 @@ export class LocalWorld {
       put("facing", [side * targets.facing[0], targets.facing[1]]);
       put("term_weights", mode.term_weights);
       put("policy", [mode.policy]);
-      put("noise", Float32Array.from(person.manner, (n) => mode.manner * n));
+      const { temperature, own } = mode, drawn = asked[row].noise;
+      put("noise", Float32Array.from(person.manner, (n, k) => temperature * (Math.sqrt(1 - own) * drawn[k] + Math.sqrt(own) * n)));
     });
     if (feeds.noise.dims[1] !== 1) throw new Error(`the graph takes ${feeds.noise.dims[1]} candidates; export it with 1`);
     if (feeds.seed_markers.dims[2] !== markers || feeds.noise.dims[2] !== LATENT) throw new Error("wayfarer.json: other sizes than this version's");
     return feeds;
   }
 
-  /** A row of the outputs. @param {Record<string, Float32Array>} outputs @param {number} row @param {boolean} mirrored @returns {import("./planting.js").Step} */
+  /** A row of the outputs. @param {Record<string, Float32Array>} outputs @param {number} row @param {boolean} mirrored @returns {import("./person.js").Step} */
   #made(outputs, row, mirrored) {
     const pick = (/** @type {string} */ name, /** @type {number} */ size) => outputs[name].subarray(size * row, size * (row + 1));
     const translation = pick("translation", 3 * FRAMES), rotations = pick("rotations", TURN * FRAMES);

@@ -44,7 +44,6 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
             feet=slots.feet.take(rows),
             feet_begun=slots.feet_begun[rows],
             footing=slots.footing.take(rows),
-            posture=slots.posture.take(rows),
         ),
     )
 

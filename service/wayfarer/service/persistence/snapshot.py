@@ -26,7 +26,6 @@ from wayfarer.world.agents.slots import Motion
 from wayfarer.world.behaviours import AnyBehaviour
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
-from wayfarer.world.output.posture import PostureState
 from wayfarer.world.record_checks import check_session_record
 from wayfarer.world.rows import Flags, Int, Rows
 
@@ -72,13 +71,8 @@ class AgentRows(Rows):
     seq: Int
     motion: Motion
     feet: LockState
-    feet_begun: Flags  # False: the feet have not been locked yet; `feet`, `posture` mean nothing
+    feet_begun: Flags  # False: the feet have not been locked yet; `feet` mean nothing
     footing: Footing
-    posture: PostureState  # since 2026-11-23; older rows end before it, or after its pitch
-
-
-OLDER: Final = (row_bytes(PostureState) // 2, row_bytes(PostureState))
-"""Bytes that rows of older builds lack: half of the posture, `rest` and `upright`, or all of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +168,6 @@ def standing(record: AgentRecord) -> AgentRows:
         feet=LockState.empty(1) if record.feet is None else record.feet,
         feet_begun=np.array([begun]),
         footing=record.footing,
-        posture=record.posture,
     )
 
 
@@ -204,7 +197,6 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
         seq=int(row.seq[0]),
         motion=row.motion,
         feet=row.feet if row.feet_begun[0] else None,
-        posture=row.posture,
         footing=row.footing,
     )
 
@@ -228,17 +220,7 @@ def join_agents(
 
 
 def unpack_agents(arrays: bytes, count: int, where: str) -> AgentRows:
-    """The arrays of `count` agents, or of as many as there are.
-
-    Those that an older build wrote lack the last columns, which are zero. Raises InvalidArgument.
-    """
-    width = row_bytes(AgentRows)
-    for missing in OLDER:
-        if len(arrays) == count * (width - missing):
-            rows = np.zeros((count, width), np.uint8)
-            rows[:, :-missing] = np.frombuffer(arrays, np.uint8).reshape(count, width - missing)
-            arrays = rows.tobytes()
-            break
+    """The arrays of `count` agents, or of as many as there are. Raises InvalidArgument."""
     return unpack(AgentRows, arrays, where)
 
 

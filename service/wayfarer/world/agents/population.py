@@ -24,7 +24,6 @@ from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing, standing
 from wayfarer.world.output.legs import Legs, measure_legs
-from wayfarer.world.output.posture import PostureState
 from wayfarer.world.rows import Double
 
 MEASURED: Final = 1024
@@ -147,7 +146,6 @@ class Population:
             slots.feet_begun[rows] = True
         rows = np.array(entered)
         slots.footing.put(rows, Footing.join([record.footing for record in records]))
-        slots.posture.put(rows, PostureState.join([record.posture for record in records]))
         slots.goal_revision[entered] = [record.goal_revision for record in records]
         slots.revised_chunk[entered] = [record.seq - 1 for record in records]
 

@@ -13,7 +13,6 @@ from wayfarer.world.agents.slots import Motion
 from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
-from wayfarer.world.output.posture import PostureState
 from wayfarer.world.rows import Double, Flags, Int, Rows
 
 
@@ -28,7 +27,6 @@ class AgentRecord:
     seq: int  # of the next chunk
     motion: Motion  # one row: where the last sent frame left it
     feet: LockState | None  # one row; None: its feet have not been locked yet
-    posture: PostureState  # one row; means something when `feet` are there
     footing: Footing  # one row
     goal_revision: int
     path: tuple[Goal, ...]  # goals that are not yet forgotten

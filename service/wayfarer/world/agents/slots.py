@@ -17,8 +17,7 @@ from wayfarer.world.agents.route import Route
 from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
-from wayfarer.world.output.legs import SOLES, Legs
-from wayfarer.world.output.posture import PostureState
+from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Int, Int8, Object, Rows, Shape, UInt64
 
 
@@ -65,11 +64,8 @@ class Gait(Rows):
     stop_facing: Annotated[Float, Shape(2)]  # unit vector it faced when it did
     arrived: Flags  # the goal has been reached
     waypoint: Int  # place of that goal in the path
-    carried: Annotated[Float, Shape(2)]  # m/s at which it is moved in side steps
     trim: Float  # share by which more speed is asked of the model than the goal says
-    shortened: Float  # share that its steps are shortened by; see strides.py
-    planted: Flags  # it stands on both feet, which stay where they are; see planting.py
-    soles: Annotated[Float, Shape(2, SOLES, 2)]  # horizontal places of its sole markers then
+    rested: Flags  # it stood when this step began
 
 
 @dataclass(slots=True)
@@ -110,8 +106,7 @@ class Slots(Rows):
     foot_lock: Flags  # the agent wants its feet locked in what is sent
     legs: Legs
     feet: LockState  # after the frames already sent
-    posture: PostureState  # after the frames already sent
-    feet_begun: Flags  # `feet` and `posture` mean something
+    feet_begun: Flags  # `feet` means something
     scene: Int  # number of the scene that it is in; 0: none
     avoids: Flags  # the others of its session; only in a scene
     route: Route

@@ -68,6 +68,5 @@ class Spawner:
         gait.mode[:] = Mode.STANDING
         gait.stop_place[:] = spec.position
         gait.stop_facing[:] = facing_at(spec.heading)
-        gait.planted[:] = True
-        gait.soles[:] = (markers + hips)[body.sole_markers, :2].reshape(2, -1, 2)
+        gait.rested[:] = True
         return Motion(seed, gait)

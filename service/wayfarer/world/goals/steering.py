@@ -5,8 +5,9 @@
                                                              └─faces its heading─ TURNING
 
 An agent at rest (stopping or standing) that does not face its heading is TURNING until it does.
-Goals to pass through cause no braking. An agent whose goal comes to lie behind it stops, turns on
-the spot and walks on: on a curve as tight as that it would lean by 30 degrees and more.
+Goals to pass through cause no braking. STRAFING is walking that faces its heading on the way. How
+a body sets off, slows down, turns and steps is the model's: it is asked for a place, a speed and a
+facing, of which `motion/trajectory.py` makes the way and the facings of the next second.
 
 Pure functions of columns, vectorised over agents. Everything that is tuned stands in the two
 tables at the top.
@@ -22,11 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.terms import STAND, TURN, WALK, weights
+from wayfarer.terms import STAND, STRAFE, TURN, WALK, weights
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
-from wayfarer.world.agents.style import STRIDE
 from wayfarer.world.output.quaternion import row_length
 from wayfarer.world.rows import Flags, Float, Index
 
@@ -37,14 +37,9 @@ class Search:
 
     weights: Mapping[str, float]
     candidates: int  # K
-    temperature: float  # scale of the latent noise
+    temperature: float = 1.0  # scale of the latent noise
     policy: float = 1.0  # share of the learned policy in the latents; 0: the prior alone
-    zero_latent: bool = False  # candidate 0 has no noise: the policy's mean, or the zero latent
-    manner: float = 0.0  # scale of the agent's own latent, which is added to all noise
-
-
-MANNER: Final = 1.3
-"""`Search.manner` of walking: how much agents differ."""
+    own: float = 0.5  # share of the noise's variance that is the agent's own for ever
 
 
 TRIM_GAIN: Final = 0.12
@@ -53,21 +48,21 @@ TRIM_GAIN: Final = 0.12
 TRIM_MOST: Final = 0.15
 """Bound of the trim, either way."""
 
+PACE: Final = 0.7
+"""m/s: nobody who walks to a goal is slower before its end, unless that is asked."""
+
 STEADY: Final = 0.3
 """Share of the target speed: who is off it by more is setting off or slowing, and not trimmed."""
 
 
 def default_searches() -> dict[Mode, Search]:
-    """The search of each mode.
-
-    Modes of different K go into batches of their own, which costs more than it saves.
-    """
+    """The search of each mode: K = 1, so each primitive is what people did, drawn by the policy."""
     return {
-        Mode.STANDING: Search(STAND, candidates=4, temperature=0.5, zero_latent=True),
-        Mode.WALKING: Search(WALK, candidates=4, temperature=0.7, zero_latent=True, manner=MANNER),
-        Mode.STOPPING: Search(STAND, candidates=4, temperature=0.7, zero_latent=True),
-        Mode.TURNING: Search(TURN, candidates=4, temperature=0.7, zero_latent=True),
-        Mode.STRAFING: Search(STAND, candidates=4, temperature=0.7, zero_latent=True),
+        Mode.STANDING: Search(STAND, candidates=1),
+        Mode.WALKING: Search(WALK, candidates=1, temperature=0.8),
+        Mode.STOPPING: Search(STAND, candidates=1),
+        Mode.TURNING: Search(TURN, candidates=1),
+        Mode.STRAFING: Search(STRAFE, candidates=1, temperature=0.8),
     }
 
 
@@ -86,8 +81,7 @@ class Tables(NamedTuple):
     candidates: Index
     policy: Float
     temperature: Float
-    zero_latent: Flags
-    manner: Float
+    own: Float
 
     @classmethod
     def of(cls, searches: Mapping[Mode, Search]) -> "Tables":
@@ -98,8 +92,7 @@ class Tables(NamedTuple):
             candidates=np.array([s.candidates for s in ordered]),
             policy=np.array([s.policy for s in ordered], np.float32),
             temperature=np.array([s.temperature for s in ordered], np.float32),
-            zero_latent=np.array([s.zero_latent for s in ordered]),
-            manner=np.array([s.manner for s in ordered], np.float32),
+            own=np.array([s.own for s in ordered], np.float32),
         )
 
 
@@ -110,26 +103,20 @@ class Steering:
     searches: Mapping[Mode, Search] = field(default_factory=default_searches)
     braking_seconds: float = 0.1  # braking distance = min(radius / 2, 0.15) + this × speed
     braking_margin: float = 0.15
-    slowing_distance: float = 0.7  # within this distance the target speed falls with it
-    slowest: float = 0.7  # lowest target speed before a stop
-    acceleration: float = 2.0  # m/s²: nobody is asked for full speed at once
     coasting_seconds: float = 0.35  # without a goal an agent comes to rest in this × speed
-    sharp: float = radians(60)  # a path that turns by more is passed at `corner_speed`
-    corner_speed: float = 0.7
     pausing: float = 0.5  # share of the asked speed below which a walker at its goal stops there
     slow: float = 0.15  # below this an agent counts as slow
     slow_seconds: float = 0.4  # an agent that has been slow for this long stands
     resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
-    lookahead: float = 1.0  # a point to pass through is aimed at so far ahead
-    behind: float = radians(120)  # at rest, an agent first turns to a goal farther aside …
-    abeam: float = radians(70)  # … until it is so far aside
+    lookahead: float = 1.0  # a point to pass through is aimed at so far ahead, …
+    lookahead_seconds: float = 0.8  # … or as far as this × speed
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
-    turn_ahead: float = radians(40)  # largest part of a turn on the spot that one step asks for
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
-    side_step_speed: float = 0.6  # at most, when it faces elsewhere than where it goes …
-    side_step_acceleration: float = 1.0  # … m/s² …
-    side_step_faced: float = radians(20)  # … and only once it faces that way
+    turn_radius: float = 0.5  # who turns on the spot aims so far ahead, halfway to the heading, …
+    turn_speed: float = 0.5  # … and steps so fast: asked for no way, a body turns like a turntable
+    climbing: float = 1.5  # steps a second on stairs, where each is as long as a tread
+    strafe_speed: float = 1.2  # at most, when it faces elsewhere than where it goes
 
     def with_search(
         self,
@@ -165,7 +152,7 @@ class Steering:
     ) -> Gait:
         """The gait of the next step, from the gait so far and the seed that it starts from.
 
-        Who stands with planted feet and is not `ready` [A] stands on; None: all are.
+        Who stands and is not `ready` [A] stands on; None: all are.
         """
         hips = seed.translation[:, -1, :2]
         way = goals.position[:, :2] - hips
@@ -188,60 +175,46 @@ class Steering:
         missed = holds & ~gait.arrived
         strayed = holds & (distance > np.maximum(goals.radius, braking) + self.resume_margin)
         # Who comes to rest within reach is there; who walks on at that pace would only sway.
-        paused = gait.speed < self.pausing * np.minimum(goals.speed, self.slowest)
+        paused = gait.speed < self.pausing * np.minimum(goals.speed, PACE)
         paused &= gait.mode == Mode.WALKING
         far = (distance > braking) & ~(gait.arrived & (is_slow | paused))
         at_rest = still | standing | turning | (walking & is_slow)
 
         waits = np.zeros_like(missed) if ready is None else ~ready
-        waits &= gait.planted & is_slow & (standing | (gait.mode == Mode.WALKING))
+        waits &= gait.rested & is_slow & (standing | (gait.mode == Mode.WALKING))
         missed, strayed = missed & ~waits, strayed & ~waits
 
         facing = facing_of(seed.rotations[:, -1, 0])
-        direction = way / np.maximum(distance, 1e-6)[:, None]
-        aside = angle_between(facing, direction)
-        behind = aside > np.where(turning, self.abeam, self.behind)
-        reverses = missed & far & behind & ~goals.strafe
-        about = reverses & (at_rest | is_slow)
         walks = (
             (walking & holds & (goals.through | far) & ~waits)
             | ((still | standing | turning) & missed)
             | (~walking & strayed)
-        ) & ~reverses
+        )
         has_heading = goals.given & goals.heading.any(-1) & ~waits
         off = angle_between(facing, goals.heading)
         astray = has_heading & (off > np.where(turning, self.faced, self.astray))
-        # Side steps begin at rest, and facing as asked.
-        side_steps = walks & goals.strafe & (gait.mode == Mode.STRAFING)
-        faces = off < np.where(turning, self.faced, self.side_step_faced)
-        side_steps |= walks & goals.strafe & at_rest & faces
-        turns_first = walks & goals.strafe & at_rest & ~side_steps
-        stops_first = walks & goals.strafe & ~at_rest & ~side_steps
-        walks &= ~(turns_first | stops_first)
-        turns = about | turns_first | (at_rest & astray & ~walks)
+        turns = at_rest & astray & ~walks
         stands = waits | (standing | still) & ~walks & ~turns
         mode = np.select(
-            [side_steps, walks, turns, stands],
+            [walks & goals.strafe, walks, turns, stands],
             [Mode.STRAFING, Mode.WALKING, Mode.TURNING, Mode.STANDING],
             Mode.STOPPING,
         )
 
         # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
         brakes, rests = walking & ~walks & ~waits, still & ~walks
-        turns_away = (about | turns_first) & ~turning
-        reaches = holds & ~reverses & ~stops_first
         # The steps of a turn at a goal take an agent nearer to it.
-        faces_there = turns & holds & gait.arrived & ~about & ~turns_first
-        rest = np.where(reaches[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
+        faces_there = turns & holds & gait.arrived
+        rest = np.where(holds[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
         return replace(
             gait,
             mode=mode.astype(np.int8),
+            rested=stands,
             slow_seconds=slow_seconds.astype(np.float32),
-            planted=gait.planted & (mode != Mode.WALKING) & (mode != Mode.TURNING),
             stop_place=_choose(
                 [
                     (faces_there, goals.position[:, :2]),
-                    (rests | turns_away, hips),
+                    (rests | (turning & ~turns), hips),
                     (brakes, rest),
                 ],
                 gait.stop_place,
@@ -249,7 +222,6 @@ class Steering:
             # A stopping agent keeps its facing, unless another heading is asked for.
             stop_facing=_choose(
                 [
-                    (about, direction),
                     (has_heading & ~walks, goals.heading),
                     (brakes | rests, facing),
                 ],
@@ -261,39 +233,21 @@ class Steering:
         """What the next step, which `gait` is for, aims at."""
         hips = seed.translation[:, -1, :2]
         walking = _walks(gait)
-        facing = facing_of(seed.rotations[:, -1, 0])
-        turned = _turned_towards(facing, gait.stop_facing, self.turn_ahead)
-        side_steps = gait.mode == Mode.STRAFING  # the body stands, and is carried; see `carried`
-        place = _choose([(side_steps, hips), (walking, self._ahead(hips, goals))], gait.stop_place)
-        speed = np.where(walking & ~side_steps, self._speed(hips, gait, goals), 0.0)
-        return Targets(
-            place=place,
-            speed=speed.astype(np.float32),
-            facing=_choose(
-                [
-                    (gait.mode == Mode.TURNING, turned),
-                    (~walking, gait.stop_facing),
-                    (side_steps, goals.heading),
-                ],
-                np.zeros_like(goals.heading),
-            ),
+        turning = gait.mode == Mode.TURNING
+        arc = facing_of(seed.rotations[:, -1, 0]) + gait.stop_facing
+        arc *= self.turn_radius / np.maximum(row_length(arc), 0.1)[:, None]
+        place = _choose(
+            [(walking, self._ahead(hips, goals)), (turning, hips + arc)], gait.stop_place
         )
-
-    def carried(self, gait: Gait, seed: Seeds, goals: GoalColumns) -> Float:
-        """Velocity [A, 2] at the end of the step, m/s, of bodies that go in side steps.
-
-        0 for all others, who come to rest by degrees if they have just gone in them.
-        """
-        way = self._ahead(seed.translation[:, -1, :2], goals) - seed.translation[:, -1, :2]
-        distance = row_length(way)
-        target = np.minimum(goals.speed, self.side_step_speed)
-        slowing = np.where(goals.through, target, distance / (2 * STEP_SECONDS))
-        speed = np.minimum(target, slowing) * (gait.mode == Mode.STRAFING)
-        change = way * (speed / np.maximum(distance, 1e-6))[:, None] - gait.carried
-        most = self.side_step_acceleration * STEP_SECONDS
-        length = np.maximum(row_length(change), 1e-9)
-        carried = gait.carried + change * np.minimum(1, most / length)[:, None]
-        return carried.astype(np.float32)
+        facing = _choose(
+            [(gait.mode == Mode.STRAFING, goals.heading), (walking, np.zeros_like(goals.heading))],
+            gait.stop_facing,
+        )
+        most = np.where(goals.strafe, self.strafe_speed, np.inf)
+        most = np.where(goals.tread > 0, self.climbing * goals.tread, most)
+        speed = np.minimum(goals.speed * (1 + gait.trim), most)
+        speed = np.select([walking, turning], [speed, self.turn_speed], 0.0)
+        return Targets(place, speed.astype(np.float32), facing)
 
     def _ahead(self, hips: Float, goals: GoalColumns) -> Float:
         """What to walk to [A, 2]: the goal or, near one to pass through, a point beyond it.
@@ -301,7 +255,8 @@ class Steering:
         So nobody slows to meet it. Where the path turns the point is nearer: no corner is cut.
         """
         distance = row_length(goals.position[:, :2] - hips)
-        beyond = np.maximum(self.lookahead * np.cos(goals.bend) - distance, 0) * goals.through
+        lookahead = np.maximum(self.lookahead, self.lookahead_seconds * goals.speed)
+        beyond = np.maximum(lookahead * np.cos(goals.bend) - distance, 0) * goals.through
         return goals.position[:, :2] + goals.onward * beyond[:, None]
 
     def term_weights(self, mode: NDArray[np.int8]) -> Float:
@@ -316,36 +271,17 @@ class Steering:
         """Share of the policy [A] in each agent's latents."""
         return self._tables.policy[mode]
 
-    def draws_noise(self, mode: NDArray[np.int8], candidates: int) -> Flags:
-        """Which agents [A] have a use for noise: not those whose only candidate is without it."""
-        drawn: Flags = ~self._tables.zero_latent[mode] | (candidates > 1)
-        return drawn
-
-    def scale_noise(self, mode: NDArray[np.int8], noise: Float, manner: Float) -> Float:
-        """Standard normal `noise` [A, K, 128] at each mode's temperature, around the share that it
-        has of each agent's own `manner` [A, 128].
+    def noise(self, mode: NDArray[np.int8], drawn: Float, own: Float) -> Float:
+        """Noise [A, K, 128] at each mode's temperature, of what is drawn for the step [A, K, 128]
+        and what is each agent's own [A, 128], both ~ N(0, I).
         """
-        scaled = noise * self._tables.temperature[mode][:, None, None]
-        scaled[self._tables.zero_latent[mode], 0] = 0.0
-        return scaled + (self._tables.manner[mode][:, None] * manner)[:, None]
+        share, scale = self._tables.own[mode], self._tables.temperature[mode]
+        new, kept = scale * np.sqrt(1 - share), scale * np.sqrt(share)
+        return new[:, None, None] * drawn + (kept[:, None] * own)[:, None]
 
     @cached_property
     def _tables(self) -> Tables:
         return Tables.of(self.searches)
-
-    def _speed(self, hips: Float, gait: Gait, goals: GoalColumns) -> Float:
-        """Target speed on the way [A]: less at the start, before a stop, and at a corner."""
-        distance = row_length(goals.position[:, :2] - hips)
-        # The model does not know that its steps are shortened: by habit, which costs no speed, …
-        habit = np.where(goals.tread > 0, 0, np.clip(gait.shortened, *STRIDE))
-        target = goals.speed * (1 + gait.trim) / (1 - habit)
-        at_goal = np.where(goals.bend > self.sharp, self.corner_speed, target)
-        at_goal = np.where(goals.through, at_goal, self.slowest)
-        slowing = target * distance / self.slowing_distance
-        # … and on stairs, which does.
-        more = self.acceleration * STEP_SECONDS / (1 - habit)
-        reachable = gait.speed / (1 - gait.shortened) + more
-        return np.minimum(np.minimum(target, reachable), np.maximum(slowing, at_goal))
 
     def _rest(self, gait: Gait, path: Float) -> Float:
         """Where an agent that begins to brake now would come to rest [A, 2]."""
@@ -357,18 +293,6 @@ class Steering:
 def _walks(gait: Gait) -> Flags:
     walks: Flags = (gait.mode == Mode.WALKING) | (gait.mode == Mode.STRAFING)
     return walks
-
-
-def _turned_towards(facing: Float, asked: Float, most: float) -> Float:
-    """Unit vectors `facing` [A, 2] turned towards those `asked`, by `most` radians at most.
-
-    Asked for half a turn at once, a body would whirl round at 220 degrees a second.
-    """
-    crossed = facing[:, 0] * asked[:, 1] - facing[:, 1] * asked[:, 0]
-    angle = np.clip(np.arctan2(crossed, (facing * asked).sum(-1)), -most, most)
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = facing.T
-    return np.stack([cos * x - sin * y, sin * x + cos * y], -1).astype(np.float32)
 
 
 def _choose(cases: Sequence[tuple[Flags, Float]], default: Float) -> Float:
@@ -391,7 +315,7 @@ def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) ->
     there = goals.given & (distance <= goals.radius[:, None]).any(-1)
     speed = row_length(way) / STEP_SECONDS
     lacks = 1 - speed / np.maximum(goals.speed, 1e-3)
-    steady = goals.given & (gait.mode == Mode.WALKING) & (gait.shortened <= STRIDE[1])
+    steady = goals.given & _walks(gait)
     steady &= np.abs(lacks) < STEADY
     trim = gait.trim + TRIM_GAIN * np.where(steady, lacks, 0)
     return replace(

@@ -21,10 +21,8 @@ from wayfarer.world.output.quaternion import (
     length,
     multiply,
     rotate,
-    stacked,
     unit,
 )
-from wayfarer.world.rows import Float
 
 MOVED: Final = [*HIPS, *KNEES, *ANKLES]
 """Joints whose rotations change."""
@@ -49,29 +47,11 @@ FREE: Final = np.float32(0.5)
 approached ever more slowly, so that a knee does not snap straight."""
 
 
-def move_feet(
-    pose: LegPose, translation: Float, shift: Array, turn: Array, free: Array | np.float32 = FREE
-) -> Array:
-    """As `move_ankles`, with each foot first turned by `turn` radians [2, F, A] about the vertical
-    through the middle of its sole; translation [A, F, 3].
-
-    The knee turns half as far with it.
-    """
-    root = translation.transpose(2, 1, 0)[:, None]
-    arm = (pose.ankle + root)[:2] - pose.soles[:2].mean(1)
-    cos, sin = np.cos(turn) - 1, np.sin(turn)
-    off = stacked(cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1], np.zeros_like(sin))
-    return move_ankles(pose, shift + off, turn, free)
-
-
-def move_ankles(
-    pose: LegPose, shift: Array, turn: Array | None = None, free: Array | np.float32 = FREE
-) -> Array:
+def move_ankles(pose: LegPose, shift: Array) -> Array:
     """Local rotations [A, F, 6, 4] of the joints `MOVED`, with the ankles `shift` [3, 2, F, A] off.
 
-    An ankle that is out of reach goes as far as `reach` lets it, `free` [F, A] as there, in the
-    direction of its target.
-    Feet keep their turn in the world, unless it is changed by `turn` [2, F, A], radians.
+    An ankle that is out of reach goes as far as `reach` lets it in the direction of its target.
+    Feet keep their turn in the world.
     """
     thigh, shin = pose.knee - pose.hip, pose.ankle - pose.knee
     straight, target = pose.ankle - pose.hip, pose.ankle + shift - pose.hip
@@ -82,7 +62,7 @@ def move_ankles(
     most = np.maximum(np.sqrt(level * level + upright * upright), TINY)
     fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along  # of the squared way to the ankle
     full = np.sqrt(np.maximum(fixed + 2 * most, TINY))
-    after = reach(length(straight), length(target), full, free)
+    after = reach(length(straight), length(target), full)
     bent = np.arccos(bounded((after * after - fixed) / (2 * most), -1, 1))
     bent = bent + np.maximum(2 * SOFT - bent, 0) ** 2 / (4 * SOFT)
     half_bend = 0.5 * (bent - np.arctan2(upright, level))
@@ -93,30 +73,23 @@ def move_ankles(
     arc = dot(ankle, target) + length(ankle) * length(target) + TINY
     swing = unit(_quaternion(cross(ankle, target), arc))
 
-    foot_turn = pose.ankle_turn
-    if turn is not None:
-        half = turn / 4
-        upward = unit(target) * np.where(target[2] < 0, np.float32(-1), np.float32(1))
-        swing = multiply(_quaternion(upward * np.sin(half), np.cos(half)), swing)
-        zero = np.zeros_like(turn)
-        foot_turn = multiply(stacked(zero, zero, np.sin(turn / 2), np.cos(turn / 2)), foot_turn)
     hip = multiply(swing, pose.hip_turn)
     knee = multiply(swing, multiply(bend, pose.knee_turn))
     turns = [
         multiply(inverse(pose.root_turn), hip),
         multiply(inverse(hip), knee),
-        multiply(inverse(knee), foot_turn),
+        multiply(inverse(knee), pose.ankle_turn),
     ]
     return np.concatenate(turns, 1).transpose(3, 2, 1, 0)
 
 
-def reach(before: Array, wanted: Array, leg: Array, free: Array | np.float32 = FREE) -> Array:
+def reach(before: Array, wanted: Array, leg: Array) -> Array:
     """Distance from hip to ankle that a leg takes when it is `wanted`; metres, all shapes alike.
 
-    Of the way from `before` to the full length a share is `free`, see `FREE`.
+    Of the way from `before` to the full length a share is free, see `FREE`.
     """
     way = STRETCH * leg - before
-    near, rest = np.maximum(free * way, 1e-6), np.maximum((1 - free) * way, 1e-6)
+    near, rest = np.maximum(FREE * way, 1e-6), np.maximum((1 - FREE) * way, 1e-6)
     more = wanted - before
     beyond = np.maximum(more - near, 0)
     eased = np.minimum(more, near) + rest * (1 - np.exp(-beyond / rest))

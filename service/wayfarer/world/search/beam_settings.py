@@ -49,7 +49,7 @@ class BeamSettings:
     limits: Mapping[str, float] = field(default_factory=dict)  # a child above one is rejected
     policy: float | None = None  # share of the policy in the latents; None: as steering says
     temperature: float | None = None  # scale of the noise; None: as steering says
-    zero_latent: bool | None = None  # first child of a node without noise; None: as steering says
+    own: float | None = None  # share of the noise that is an agent's own; None: as steering says
 
     def __post_init__(self) -> None:
         for name, least in (("children", 1), ("keep", 1), ("depth", 0)):
@@ -85,6 +85,8 @@ class BeamSettings:
             raise InvalidArgument(
                 f"temperature is {self.temperature:g}; allowed: 0 or more, or None", "temperature"
             )
+        if self.own is not None and not 0 <= self.own <= 1:
+            raise InvalidArgument(f"own is {self.own:g}; allowed: 0 to 1, or None", "own")
         _check_terms("weights", self.weights or {})
         _check_terms("tolerances", self.tolerances)
         _check_terms("limits", self.limits)
@@ -110,7 +112,7 @@ class BeamSettings:
             tolerances=HARD,
             policy=1.0,
             temperature=1.0,
-            zero_latent=False,
+            own=0.0,
         )
         return replace(paper, **changes)
 
@@ -121,7 +123,7 @@ class BeamSettings:
 
     def steer(self, steering: Steering) -> Steering:
         """The steering with these latents in every mode."""
-        asked = {name: getattr(self, name) for name in ("policy", "temperature", "zero_latent")}
+        asked = {name: getattr(self, name) for name in ("policy", "temperature", "own")}
         given = {name: value for name, value in asked.items() if value is not None}
         searches = {mode: replace(search, **given) for mode, search in steering.searches.items()}
         return replace(steering, searches=searches)

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
-from wayfarer.spec import LATENT
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.style import manner
@@ -29,10 +28,7 @@ def gather(
 ) -> StepInputs:
     """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
     seeds, chunks = slots.noise_seed[rows], slots.planned_chunks[rows]
-    noise = np.zeros((len(rows), candidates, LATENT), np.float32)
-    drawn = steering.draws_noise(gait.mode, candidates)
-    if drawn.any():  # a draw takes as long as all else that is gathered
-        noise[drawn] = latents(seeds[drawn], chunks[drawn], candidates)
+    noise = latents(seeds, chunks, candidates)
     return assemble(seed, slots.betas[rows], gait, goals, noise, seeds, steering, obstacles)
 
 
@@ -60,7 +56,7 @@ def assemble(
         facing=target.facing,
         term_weights=steering.term_weights(gait.mode),
         policy=steering.policy(gait.mode),
-        noise=steering.scale_noise(gait.mode, noise, manner(noise_seed)),
+        noise=steering.noise(gait.mode, noise, manner(noise_seed)),
         obstacles=no_obstacles(len(betas)) if obstacles is None else obstacles,
     )
 

@@ -42,23 +42,20 @@ _RISE: Final = np.arange(1, NEW_FRAMES + 1, dtype=np.float32) / NEW_FRAMES
 
 
 def coast(
-    seed: Seeds, gait: Gait, targets: Targets, goals: GoalColumns, carried: Float, chunks: Index
+    seed: Seeds, gait: Gait, targets: Targets, goals: GoalColumns, chunks: Index
 ) -> tuple[Float, Float, Flags, Seeds]:
     """The next step of agents: translation [A, F, 3], rotations [A, F, 22, 4], contacts [A, F, 2]
     (left, right), and where the step after it starts.
 
-    `gait`, `targets` and `goals` are those of the step, `carried` [A, 2] is the velocity in side
-    steps at its end, `chunks` [A] the numbers of its chunks.
+    `gait`, `targets` and `goals` are those of the step, `chunks` [A] the numbers of its chunks.
     """
     hips = seed.translation[:, -1]
     way = targets.place - hips[:, :2]
     distance = np.linalg.norm(way, axis=-1)
-    # what the model is asked for makes up for its errors and for shortened steps
-    speed = targets.speed * (1 - gait.shortened) / (1 + gait.trim)
+    speed = targets.speed / (1 + gait.trim)  # what the model is asked for makes up for its errors
     metres = np.minimum(_evenly(gait.speed[:, None], speed[:, None])[..., 0], distance[:, None])
     translation = np.repeat(hips[:, None], NEW_FRAMES, axis=1)
     translation[..., :2] += metres[..., None] * (way / np.maximum(distance, 1e-6)[:, None])[:, None]
-    translation[..., :2] += _evenly(gait.carried, carried)
 
     asked = np.where(targets.facing.any(-1, keepdims=True), targets.facing, way)
     angle = _turn(facing_of(seed.rotations[:, -1, 0]), asked)

@@ -7,7 +7,7 @@ from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import pick
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds
-from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.rows import Flags, Index
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,6 @@ class Batch:
     inputs: StepInputs
     candidates: int
     reduced: Flags  # rows for which steering asks for more candidates
-    carried: Float  # [A, 2] m/s at which side steps move the body at the step's end
     mirrored: Flags  # rows whose mirror image the engine moves; see mirror.py
 
     def take(self, which: Index) -> "Batch":
@@ -36,7 +35,6 @@ class Batch:
             goals=self.goals.take(which),
             inputs=pick(self.inputs, which),
             reduced=self.reduced[which],
-            carried=self.carried[which],
             mirrored=self.mirrored[which],
         )
 

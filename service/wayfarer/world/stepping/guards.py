@@ -1,9 +1,6 @@
 """Guards: a step that no body could take is repaired before it is sent, or continued from.
 
-    knees   are kept within what a knee can do, and so are ankles
-    jerks   a joint that jumps, as one that is turned inside out does, goes from where it was to
-            where it ends by the smoothest way
-    feet    the turns of a leg whose foot jumps, which none of them need do alone, are smoothed
+    knees   are kept within what a knee can do
     falls   a body that leans or squats as no walker does, or that cannot be shown at all, gets up
             to a stand in the course of one step
 
@@ -17,9 +14,9 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
-from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Seeds
-from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, Legs, pose_legs
+from wayfarer.world.output.legs import KNEES, Legs
 from wayfarer.world.output.quaternion import Array, bounded, inverse, length, multiply, stacked
 from wayfarer.world.rows import Flags, Float
 
@@ -29,9 +26,6 @@ KNEE: Final = (radians(-5), radians(150))
 SIDEWAYS: Final = radians(30)
 """Angle that a knee is turned by at most beside its bend: people reach 31 degrees."""
 
-ANKLE: Final = radians(70)
-"""Angle that an ankle is turned by at most, in any direction: people reach 66 degrees."""
-
 FELL: Final = cos(radians(32))
 """Cosine of the lean beyond which a body has fallen; walking people never lean as far."""
 
@@ -40,138 +34,6 @@ FOLDED: Final = 0.76
 
 ARM_MOST: Final = radians(60)
 """Angle by which a joint of an arm turns at most while a body gets up."""
-
-JERK: Final = {
-    "spine": 5.0, "neck": 12.0, "head": 15.0, "collar": 7.0, "shoulder": 8.0, "elbow": 15.0,
-    "wrist": 25.0, "hip": 5.0, "knee": 7.0, "ankle": 25.0, "foot": 40.0,
-}  # fmt: skip
-"""Degrees per frame by which the turning of a joint may change from frame to frame: what hangs on
-it then moves by about 7 cm per frame²."""
-
-
-def _limits() -> Float:
-    """Limits [22] of the squared second difference of quaternions, which is half the angle's."""
-    found = np.full(POSED_JOINTS, np.inf)
-    for number, name in enumerate(joint_names()[1:POSED_JOINTS], start=1):
-        part = name.split("_")[-1].rstrip("123")
-        found[number] = (radians(JERK[part]) / 2) ** 2
-    return found.astype(np.float32)
-
-
-_LIMITS: Final = _limits()
-
-WHIP: Final = 0.06
-"""Metres per frame² by which the way of a foot may change: …"""
-
-REACHES: Final = (0.9, 0.5, 0.14)
-"""… its middle is about so far from hip, knee and ankle, metres."""
-
-_LEG: Final = (HIPS, KNEES, ANKLES)
-
-EVENNESS: Final = 2.0
-"""Weight of the second differences of what is smoothed, against its changes."""
-
-
-def smoothed(seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
-    """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks; its hips
-    are at translation [A, F, 3].
-    """
-    able = _turnable(_bendable(rotations, legs))
-    path = np.concatenate([seed.rotations, able], 1)
-    jerks = _jerks(path).max(1)  # [A, 22]
-    unjerked = _unjerked(able, path, jerks > _LIMITS)
-    if unjerked is not able:
-        path = np.concatenate([seed.rotations, unjerked], 1)
-        jerks = _jerks(path).max(1)
-    return _unwhipped(seed, translation, unjerked, path, jerks, legs)
-
-
-def _unjerked(rotations: Float, path: Float, over: Flags) -> Float:
-    """The same where joints [A, 22] that are `over` their limits go another way than `path`."""
-    if not over.any():
-        return rotations
-    rows, joints = np.nonzero(over)
-    paths = _alike(path[rows, :, joints])
-    before = _jerks(paths).max(1)
-    smooth = _smoothest(paths)
-    # where a joint came fast and ends near by, that way is the more abrupt one
-    after = _jerks(np.concatenate([paths[:, :SEED_FRAMES], smooth], 1)).max(1)
-    better = (before > _LIMITS[joints]) & (after < before)
-    if not better.any():
-        return rotations
-    rows, joints = rows[better], joints[better]
-    mended = rotations.copy()
-    mended[rows, :, joints] = smooth[better]
-    return mended
-
-
-def _unwhipped(
-    seed: Seeds, translation: Float, rotations: Float, path: Float, jerks: Float, legs: Legs
-) -> Float:
-    turning = 2 * np.sqrt(jerks)  # [A, 22] radians per frame²
-    farthest = sum(arm * turning[:, joints] for arm, joints in zip(REACHES, _LEG, strict=True))
-    rows = np.flatnonzero(np.any(farthest > WHIP, -1))
-    if not len(rows):  # nearly always: nobody need be posed
-        return rotations
-    hips = np.concatenate([seed.translation[rows], translation[rows]], 1)
-    feet = pose_legs(legs.take(rows), hips, path[rows]).soles.mean(1)  # [3, 2, S + F, R]
-    whips = length(np.diff(feet, 2, axis=2)).max(1) > WHIP  # [2, R]
-    if not whips.any():
-        return rotations
-    mended = rotations.copy()
-    for joints in _LEG:
-        side, which = np.nonzero(whips)
-        joint = np.array(joints)[side]
-        mended[rows[which], :, joint] = _even(_alike(path[rows[which], :, joint]))
-    return mended
-
-
-def _even(path: Float) -> Float:
-    """New turns [N, F, 4] of paths [N, S + F, 4] with smaller second differences and the same end:
-    the least squares of changes and second differences (Whittaker 1923).
-    """
-    even = sum(share[:, None] * path[:, None, frame] for frame, share in enumerate(_WHITTAKER.T))
-    found: Float = even / np.linalg.norm(even, axis=-1, keepdims=True)
-    return found
-
-
-def _whittaker() -> Float:
-    """The new frames from all of a path [F, S + F]."""
-    total = SEED_FRAMES + NEW_FRAMES
-    bends = np.diff(np.eye(total), 2, axis=0)
-    system = np.eye(total) + EVENNESS * bends.T @ bends
-    free = slice(SEED_FRAMES, total - 1)
-    known = np.eye(total)[free]
-    known[:, :SEED_FRAMES] -= system[free, :SEED_FRAMES]
-    known[:, -1] -= system[free, -1]
-    end = np.eye(total)[-1:]
-    solved = np.linalg.solve(system[free, free], known)
-    return np.concatenate([solved, end]).astype(np.float32)
-
-
-_WHITTAKER: Final = _whittaker()
-
-
-def _jerks(path: Float) -> Float:
-    """Squared second differences [N, F, ...] of turns [N, 2 + F, ..., 4]."""
-    turns = path[:, 1:] - path[:, :-1]
-    change = turns[:, 1:] - turns[:, :-1]
-    change *= change  # in place, as the sum: these arrays are the largest there are
-    squared: Float = change[..., 0] + change[..., 1]
-    squared += change[..., 2]
-    squared += change[..., 3]
-    return squared
-
-
-def _alike(path: Float) -> Float:
-    """Turns [N, F, 4] with the signs that are nearest to each other: both of a quaternion mean the
-    same turn, and one that passes half a turn comes with the other.
-    """
-    flips = (path[:, 1:] * path[:, :-1]).sum(-1) < 0
-    signs = np.cumprod(np.where(flips, np.float32(-1), np.float32(1)), axis=1)
-    alike = path.copy()
-    alike[:, 1:] *= signs[..., None]
-    return alike
 
 
 def _smoothest(path: Float) -> Float:
@@ -211,8 +73,10 @@ def _vector(turn: Array) -> Array:
     return vector
 
 
-def _bendable(rotations: Float, legs: Legs) -> Float:
-    """The same with knees bent within `KNEE`, and no more than `SIDEWAYS` beside it."""
+def bendable(rotations: Float, legs: Legs) -> Float:
+    """Rotations [A, F, 22, 4] of a step with knees bent within `KNEE`, and no more than `SIDEWAYS`
+    beside it; the same array if all are.
+    """
     knees = np.moveaxis(rotations[:, :, KNEES], -1, 0)  # [4, A, F, 2]
     _, y, z, _ = knees
     beside = y * y + z * z
@@ -240,20 +104,6 @@ def _straightened(knees: Array, beside: Array) -> Array:
     more = np.sqrt((1 - less * less * beside) / np.maximum(1 - beside, 1e-6))
     x, y, z, w = knees
     return np.where(beside > most, stacked(more * x, less * y, less * z, more * w), knees)
-
-
-def _turnable(rotations: Float) -> Float:
-    """The same with ankles turned by `ANKLE` at most."""
-    ankles = rotations[:, :, ANKLES]
-    scalar = np.abs(ankles[..., 3])
-    if not (far := scalar < cos(ANKLE / 2)).any():
-        return rotations
-    nearer = ankles * np.where(ankles[..., 3:] < 0, -1, 1)
-    nearer[..., :3] *= sin(ANKLE / 2) / np.sqrt(np.maximum(1 - scalar**2, 1e-12))[..., None]
-    nearer[..., 3] = cos(ANKLE / 2)
-    limited = rotations.copy()
-    limited[:, :, ANKLES] = np.where(far[..., None], nearer, ankles)
-    return limited
 
 
 def _flexion(knees: Array, legs: Legs) -> Array:

@@ -3,7 +3,6 @@ mean.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -13,11 +12,11 @@ from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepOutputs
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
-from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.faults import ENGINE_CALLS, Faults, NotFiniteError, Stage, check_finite
 from wayfarer.world.agents.slots import Gait, Motion, Seeds, SlotTable
-from wayfarer.world.agents.style import sets_off, stride
+from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.output.legs import Legs
@@ -32,15 +31,12 @@ from wayfarer.world.stepping.engine_call import (
     Ready,
     at_once,
 )
-from wayfarer.world.stepping.guards import bearing, fallen, got_up, smoothed
+from wayfarer.world.stepping.guards import bearing, bendable, fallen, got_up
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
-from wayfarer.world.stepping.planting import Step, end_of, plant
 from wayfarer.world.stepping.playback import Chunks, Playback
-from wayfarer.world.stepping.righting import righted
 from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
-from wayfarer.world.stepping.strides import shorten, shortened_gait
 from wayfarer.world.stepping.unstepped import Unstepped
 
 PATIENCE: Final = (0.0, 0.375)
@@ -63,7 +59,6 @@ class Scheduler:
         planned: Callable[[Index, Index, int], None],
         fell: Callable[[Index, Int8, Float, Float], None],
         guide: Guide,
-        soles: Index,
         mirrors: bool,
         faults: Faults,
     ) -> None:
@@ -71,8 +66,7 @@ class Scheduler:
 
         `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
         that are held. `fell(slots, modes, upright, hips)` is called before that with those who get
-        up, and their bearing (see guards.py). `soles` [2, P]: the markers under the left and the
-        right foot. `mirrors`: half of all agents are moved in a mirror.
+        up, and their bearing (see guards.py). `mirrors`: half of all agents are moved in a mirror.
         """
         self._table = table
         self._playback = playback
@@ -84,7 +78,6 @@ class Scheduler:
         self._planned = planned
         self._fell = fell
         self._guide = guide
-        self._soles = soles
         self._rules = settings.rules
         self._mirrors = mirrors
         self._faults = faults
@@ -211,7 +204,6 @@ class Scheduler:
             inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
             candidates=count,
             reduced=asked > count,
-            carried=self._steering.carried(gait, seed, course.ahead),
             mirrored=is_mirrored(slots.noise_seed[rows])
             & (self._mirrors and self._rules.acts("mirror")),
         )
@@ -227,18 +219,22 @@ class Scheduler:
             translation = np.where(still, start[:, None], translation)
             rotations = np.where(still[..., None], batch.seed.rotations[:, -1:], rotations)
         legs = slots.legs.take(rows)
-        step = Step(translation, rotations, outputs.next_seed_markers, outputs.contacts > 0.5)
-        gait, step, seed = self._ruled(batch, start, step, legs)
-        gait = observe(gait, start, step.translation, batch.goals)
+        self._rules.tell(MODEL, rows, translation, rotations)
+        if self._rules.acts("guards"):
+            rotations = self._bendable(rotations, legs)
+            self._rules.tell("guards", rows, translation, rotations)
+        last = slice(-SEED_FRAMES, None)
+        seed = Seeds(outputs.next_seed_markers, translation[:, last], rotations[:, last])
+        gait = observe(batch.gait, start, translation, batch.goals)
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
         # who has coasted had another pose
         flags |= np.where(slots.coasted[rows], ChunkFlag.FIRST, ChunkFlag.NONE)
         chunks = Chunks(
-            translation=step.translation,
-            rotations=step.rotations,
-            contacts=step.contacts,
+            translation=translation,
+            rotations=rotations,
+            contacts=outputs.contacts > 0.5,
             flags=flags.astype(np.uint8),
             goal_revision=slots.goal_revision[rows],
             candidates=np.full(len(rows), batch.candidates, np.int16),
@@ -246,11 +242,11 @@ class Scheduler:
         )
         gets_up = is_broken
         if self._rules.acts("getting up"):
-            gets_up = is_broken | fallen(step.translation, step.rotations, legs)
+            gets_up = is_broken | fallen(translation, rotations, legs)
         if gets_up.any():
             chunks.flags[is_broken] |= np.uint8(ChunkFlag.FIRST)  # it may jump
             which = np.flatnonzero(gets_up)
-            bore = bearing(step.translation[which], step.rotations[which], legs.take(which))
+            bore = bearing(translation[which], rotations[which], legs.take(which))
             unknown = np.where(is_broken[which], np.float32(np.nan), np.float32(0))
             self._fell(rows[which], gait.mode[which], *(value + unknown for value in bore))
             chunks = self._mend(rows, chunks, batch.seed, which)
@@ -347,9 +343,6 @@ class Scheduler:
         chunk = slots.planned_chunks[rows]
         ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
         gait = self._steering.decide(gait, seed, course.ahead, ready)
-        habit = stride(slots.noise_seed[rows], course.ahead.speed)
-        if self._rules.acts("strides"):
-            gait = shortened_gait(gait, course.ahead, habit)
         faults.stage = outer
         return seed, gait, course
 
@@ -364,35 +357,9 @@ class Scheduler:
         slots.coasted[rows] = False
         slots.held[rows] = not candidates
 
-    def _ruled(
-        self, batch: Batch, start: Float, step: Step, legs: Legs
-    ) -> tuple[Gait, Step, Seeds]:
-        """A step after the rules that the next one starts from; start [A, 3]: the hips before."""
-        rules, rows = self._rules, batch.rows
-        rules.tell(MODEL, rows, step.translation, step.rotations)
-        if rules.acts("guards"):
-            mended = self._smoothed(batch.seed, step.translation, step.rotations, legs)
-            step = step._replace(rotations=mended)
-            rules.tell("guards", rows, step.translation, step.rotations)
-        if self._mirrors and rules.acts("righting"):  # it knows where our markers are
-            step = righted(batch.gait.mode, step)
-            rules.tell("righting", rows, step.translation, step.rotations)
-        if rules.acts("planting"):
-            gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
-            rules.tell("planting", rows, step.translation, step.rotations)
-        else:
-            nobody = np.zeros(len(rows), np.bool_)
-            gait = replace(batch.gait, planted=nobody, carried=0 * batch.carried)
-            seed = end_of(step)
-        if rules.acts("strides"):
-            before = self._table.rows.planned.gait.shortened[rows]
-            step, seed = shorten(before, gait, start, step, seed)
-            rules.tell("strides", rows, step.translation, step.rotations)
-        return gait, step, seed
-
-    def _smoothed(self, seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
-        """Rotations of a step within what bodies can do; counts the rows that were not."""
-        mended = smoothed(seed, translation, rotations, legs)
+    def _bendable(self, rotations: Float, legs: Legs) -> Float:
+        """Rotations of a step within what knees can do; counts the rows that were not."""
+        mended = bendable(rotations, legs)
         if mended is not rotations:
             self.mended_steps += int((mended != rotations).any((1, 2, 3)).sum())
         return mended

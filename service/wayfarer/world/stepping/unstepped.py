@@ -1,7 +1,6 @@
 """Chunks that are planned without the engine: agents that rest, coast, or are held by a fault."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -84,12 +83,10 @@ class Unstepped:
         slots = self._table.rows
         seed, before, (ahead, judged) = self._next(rows)
         targets = self._steering.targets(before, seed, ahead)
-        carried = self._steering.carried(before, seed, ahead)
         translation, rotations, contacts, end = coast(
-            seed, before, targets, ahead, carried, slots.planned_chunks[rows]
+            seed, before, targets, ahead, slots.planned_chunks[rows]
         )
-        gait = replace(before, planted=np.zeros(len(rows), np.bool_), carried=carried)
-        gait = observe(gait, seed.translation[:, -1], translation, judged)
+        gait = observe(before, seed.translation[:, -1], translation, judged)
         arrives = np.where(gait.arrived & ~before.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         self._plan(
             rows, translation, rotations, contacts, Motion(end, gait), ChunkFlag.REDUCED | arrives
