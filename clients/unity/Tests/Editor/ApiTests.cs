@@ -112,9 +112,9 @@ namespace Wayfarer.Tests
         {
             Assert.Throws<ArgumentException>(() => new Api("localhost:8080"));
             Assert.Throws<ArgumentException>(() => new Api(""));
-            var query = new Dictionary<string, string> { ["encoding"] = "f16_le" };
+            var query = new Dictionary<string, string> { ["encoding"] = "smallest_three" };
             StreamAddress where = new Api("https://host/x/").StreamAddress("s 1", query, "r.1~a");
-            Assert.AreEqual("wss://host/x/v1/stream?session=s%201&encoding=f16_le&resume_token=r.1~a", where.Url);
+            Assert.AreEqual("wss://host/x/v1/stream?session=s%201&encoding=smallest_three&resume_token=r.1~a", where.Url);
             Assert.AreEqual(new[] { "wayfarer.v1" }, where.Protocols.ToArray());
             var http = new FakeHttp().Answer(200, "{}");
             var api = new Api("http://host:8080", new Access("a+b?~"), http);
