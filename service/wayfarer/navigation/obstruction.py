@@ -1,7 +1,7 @@
 """Why no way leads from one island to another: headroom, a step, a slope or width, and how much."""
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -84,15 +84,13 @@ def _worst(scene: "Scene", one: int, other: int) -> Barrier | None:
     """The greatest trouble on the way through the fewest barriers, of one kind if that leads
     there.
     """
-    return next(
-        filter(
-            None, (_worst_of(scene, one, other, kinds) for kinds in (*((k,) for k in Kind), Kind))
-        ),
-        None,
-    )
+    for kinds in ({Kind.HEADROOM}, {Kind.SLOPE}, {Kind.STEP}, set(Kind)):
+        if (worst := _worst_of(scene, one, other, kinds)) is not None:
+            return worst
+    return None
 
 
-def _worst_of(scene: "Scene", one: int, other: int, kinds: Iterable[Kind]) -> Barrier | None:
+def _worst_of(scene: "Scene", one: int, other: int, kinds: set[Kind]) -> Barrier | None:
     ways: dict[int, list[tuple[int, Barrier]]] = {}
     for barrier in scene.ground.barriers:
         a, b = (scene.island_of(side) for side in barrier.sides)

@@ -129,7 +129,7 @@ class _Ways:
         where = self._where()
         sides = [where[self.part == side] for side in (one, other)]
         # of several that are as hard, the one between the two
-        away = sum(distances(where[hard], side) for side in sides)
+        away = distances(where[hard], sides[0]) + distances(where[hard], sides[1])
         near = where[hard[away <= away.min() + 2 * self.places.grid.cell]]
         at = near[np.linalg.norm(near - near.mean(0), axis=1).argmin()]
         spots = [side[np.linspace(0, len(side) - 1, SPOTS).astype(int)] for side in sides]
