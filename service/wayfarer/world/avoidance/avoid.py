@@ -9,7 +9,7 @@ not for somebody who goes the same way, from behind.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -47,13 +47,15 @@ def avoid(
     preferred: Float,
     clear: Callable[[Float], Float] | None,
     seconds: float,
+    left: Float | None = None,
     rules: Rules = RULES,
 ) -> NextVelocity:
     """The velocities that some people shall take.
 
     rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
     nearest wall at points [A, N, 2] of these rows, [A, N]; None: there are no walls. `seconds`:
-    since they were asked last. A row's result depends on `people`, not on who else is asked.
+    since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops. A
+    row's result depends on `people`, not on who else is asked.
     """
     memory = people.memory.take(rows)
     preferred = keep_together(people, rows, preferred)
@@ -63,11 +65,11 @@ def avoid(
     lane = keep_right(people, pairs, preferred, rules)
     way = np.where(yields[:, None], memory.retreat * rules.yield_speed, lane)
     tried = _candidates(way, memory.chosen, rules)
-    total = costs(people, rows, near, way, tried, memory.chosen, clear, rules)
+    total = costs(people, rows, near, way, tried, memory.chosen, clear, left, rules)
     best = (total <= total.min(1, keepdims=True) + EVEN).argmax(1)
     chosen = tried[np.arange(len(rows)), best]
     waits = ~chosen.any(-1)
-    memory = _remember(memory, people, rows, preferred, chosen, seconds)
+    memory = _remember(memory, preferred, people.velocity[rows], chosen, seconds)
     return NextVelocity(chosen, waits, _make_way(memory, people, rows, near, rules))
 
 
@@ -86,15 +88,14 @@ def _candidates(way: Float, last: Float, rules: Rules) -> Float:
 
 
 def _remember(
-    memory: Memory, people: People, rows: Index, preferred: Float, chosen: Float, seconds: float
+    memory: Memory, preferred: Float, velocity: Float, chosen: Float, seconds: float
 ) -> Memory:
     """Update the waiting times: an agent that moves in its own direction does not wait."""
     speed = np.sqrt((preferred * preferred).sum(-1))
-    velocity = people.velocity[rows]
     on = (velocity * preferred).sum(-1) / np.maximum(speed, 1e-6)
     waited = np.where(on < 0.25 * speed, memory.waited + seconds, 0.0).astype(np.float32)
     yields = np.maximum(memory.yields - np.float32(seconds), 0)
-    return Memory(preferred, chosen, waited, yields, memory.retreat)
+    return replace(memory, preferred=preferred, chosen=chosen, waited=waited, yields=yields)
 
 
 def _make_way(
@@ -130,12 +131,11 @@ def _make_way(
     across = across - ahead * (across * ahead).sum(-1, keepdims=True)
     away = ahead + across / np.maximum(np.sqrt((across * across).sum(-1, keepdims=True)), 1e-6)
     away /= np.maximum(np.sqrt((away * away).sum(-1, keepdims=True)), 1e-6)
-    return Memory(
-        memory.preferred,
-        memory.chosen,
-        np.where(begins, 0, memory.waited).astype(np.float32),
-        np.where(begins, rules.yielding, memory.yields).astype(np.float32),
-        np.where(begins[:, None], away, memory.retreat).astype(np.float32),
+    return replace(
+        memory,
+        waited=np.where(begins, 0, memory.waited).astype(np.float32),
+        yields=np.where(begins, rules.yielding, memory.yields).astype(np.float32),
+        retreat=np.where(begins[:, None], away, memory.retreat).astype(np.float32),
     )
 
 

@@ -21,17 +21,20 @@ def costs(
     tried: Float,
     last: Float,
     clear: Clearance | None,
+    left: Float | None,
     rules: Rules,
 ) -> Float:
     """Costs [A, C] of the velocities `tried` [A, C, 2] by people at `rows` who want to go `way`."""
     total = rules.deviation * _apart(tried, way) + rules.change * _apart(tried, last)
-    total += meetings(people, rows, near, tried, rules)
+    total += meetings(people, rows, near, tried, left, rules)
     if clear is not None:
         total += walls(people, rows, tried, clear, rules)
     return total
 
 
-def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules: Rules) -> Float:
+def meetings(
+    people: People, rows: Index, near: Neighbours, tried: Float, left: Float | None, rules: Rules
+) -> Float:
     """How soon and how nearly others are met. [A, C]"""
     own, their = people.velocity[rows], people.velocity[near.index]
     # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
@@ -50,6 +53,10 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
     dy = near.dy[:, :, None] - rules.reaction * (own[:, None, None, 1] - vy)
     along, fast = wx * dx + wy * dy, np.maximum(wx * wx + wy * wy, 1e-4)
     at = (along / fast).clip(rules.soon, rules.horizon)  # seconds to the nearest approach
+    if left is not None:  # whom it would meet behind the place where it stops, it does not meet
+        speed = np.sqrt((tried * tried).sum(-1))
+        stops = left[:, None] / np.maximum(speed, 1e-3)
+        at = np.minimum(at, np.maximum(stops, rules.soon)[:, None])
     dx -= wx * at
     dy -= wy * at
     square = dx * dx + dy * dy
@@ -60,7 +67,12 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
     # people who all stand 0.8 m apart could else not move, for fear of a touch seconds later
     waited = people.memory.waited[rows]
     asked = np.maximum(rules.comfort / (1 + waited / rules.push), rules.least_comfort)
-    room = touch + np.where(same, 0.05, asked[:, None])
+    if left is not None:  # nor does it ask for more room on the way than where it stops
+        asked = np.minimum(asked, np.maximum(rules.stands_apart, 0.25 * left))
+    # an agent that stands will stay where it is, and can be passed closely
+    stands = ~people.walks[near.index] & ~their.any(-1)
+    asked = np.where(stands, np.minimum(asked, rules.beside_standing)[:, None], asked[:, None])
+    room = touch + np.where(same, 0.05, asked)
     weight = np.where(near.nobody, 0, rules.collision / np.where(same, 0.05, rules.comfort))
     room, weight = room[:, :, None], weight.astype(np.float32)[:, :, None]
     depth = weight * np.maximum(room - np.sqrt(square), 0)

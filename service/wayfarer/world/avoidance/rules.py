@@ -43,6 +43,8 @@ class Rules:
     yield_speed: float = 0.6
     push: float = 4.0  # seconds of waiting until a person is content with half of that room
     least_comfort: float = 0.15  # and the room that it wants however long it waits
+    beside_standing: float = 0.1  # preferred room beside an agent that stands
+    stands_apart: float = 0.05  # room beside those where it stops
     hurry: float = 2.5  # seconds of waiting; after n times that it looks ahead 1/n as far
     shortest: float = 1.0  # seconds that it looks ahead at least
 

@@ -62,7 +62,7 @@ class SceneContext:
             settings.path_queries_per_step,
             faults,
         )
-        self.guide = SceneGuide(slots, routes, self.scenery, planner)
+        self.guide = SceneGuide(slots, routes, self.scenery, planner, self.tell)
 
     def refresh(self) -> None:
         """Take up what has changed in scenes; ways are looked at again as agents come to step."""
