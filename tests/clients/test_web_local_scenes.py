@@ -11,7 +11,7 @@ from tests.clients.web_scripts import node
 from wayfarer.errors import InvalidArgument, Unreachable
 from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.world.avoidance.avoid import avoid
-from wayfarer.world.avoidance.people import Float, Memory, People
+from wayfarer.world.avoidance.people import Aims, Float, Memory, People
 from wayfarer_lab.engine_export.scene import read_scene, write_scene
 
 CROWDS, WAYS, SECONDS = 100, 200, 0.2
@@ -41,8 +41,9 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
         height=np.zeros(count, np.float32),
         velocity=np.float32(0.7) * _vectors(rng, count) * moves,
         walks=walks,
-        radius=np.full(count, 0.25, np.float32),
+        radius=np.full(count, 0.22, np.float32),
         memory=memory,
+        aims=Aims.empty(count),
     )
 
 

@@ -97,25 +97,14 @@ class Scene:
         check_obstacle(obstacle, "obstacle")
         if name not in self.obstacles and len(self.obstacles) >= MAX_OBSTACLES:
             raise ResourceExhausted(f"a scene holds at most {MAX_OBSTACLES} obstacles")
-        old = self.obstacles.get(name)
-        left = () if old is None else (old,)
-        return self._next(left, (obstacle,), {**self.obstacles, name: obstacle})
+        return self._next(self.obstacles.get(name), obstacle, {**self.obstacles, name: obstacle})
 
     def remove(self, name: str) -> "Scene":
         """The next version, without the obstacle. Raises NotFound."""
         if name not in self.obstacles:
             raise NotFound(f"no obstacle {name!r} in the scene", "obstacle", name)
         rest = {key: value for key, value in self.obstacles.items() if key != name}
-        return self._next((self.obstacles[name],), (), rest)
-
-    def with_people(self, people: Mapping[str, Obstacle]) -> "Scene":
-        """A version in which these stand as well, to plan a way around them: for one question.
-
-        Raises FailedPrecondition when no free ground would be left.
-        """
-        if not people:
-            return self
-        return self._next((), tuple(people.values()), {**self.obstacles, **people})
+        return self._next(self.obstacles[name], None, rest)
 
     def path(self, start: Point2 | Point3, goal: Point2 | Point3) -> GroundPath:
         """A short way that keeps the radius free, and more around corners where there is room.
@@ -240,23 +229,20 @@ class Scene:
         return [shape for shape in shapes if near.intersects(shape)]
 
     def _next(
-        self,
-        old: tuple[Obstacle, ...],
-        new: tuple[Obstacle, ...],
-        obstacles: dict[str, Obstacle],
+        self, old: Obstacle | None, new: Obstacle | None, obstacles: dict[str, Obstacle]
     ) -> "Scene":
-        """The version after those of `old` left and those of `new` came."""
+        """The version after `old` left and `new` came."""
         scene = replace(self, version=self.version + 1, obstacles=MappingProxyType(obstacles))
         for number in range(len(self.ground.layers)):
             scene = scene._relaid(number, old, new)
         return replace(scene, main_island=_main_island(scene))
 
-    def _relaid(self, number: int, old: tuple[Obstacle, ...], new: tuple[Obstacle, ...]) -> "Scene":
+    def _relaid(self, number: int, old: Obstacle | None, new: Obstacle | None) -> "Scene":
         """The same version with one layer's mesh and field repaired around the change."""
         layer, walkable = self.ground.layers[number], self.spec.walkable
         left, came = (
-            [footprint(o) for o in obstacles if baking.blocks(o, layer, walkable)]
-            for obstacles in (old, new)
+            [footprint(o)] if o is not None and baking.blocks(o, layer, walkable) else []
+            for o in (old, new)
         )
         if not left and not came:
             return self

@@ -1,19 +1,15 @@
 """Ways around people who stand in the way, and who they are where no way leads around them."""
 
-from collections.abc import Sequence
-from math import dist
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import FailedPrecondition, Unreachable
-from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.scene_spec import Cylinder, Floor, SceneSpec
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Flags, Index
+from wayfarer.world.scenes.around import way_around
 from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.planner import RETRY
 from wayfarer.world.scenes.routes import Routes
@@ -27,30 +23,32 @@ AHEAD: Final = np.arange(0.2, 4.01, 0.2)
 IN_WAY: Final = 0.36
 """Metres from the way within which somebody stands in it."""
 
-TRUNK: Final = 0.12
-"""Metres: radius of an agent that stands, as an obstacle. Ways keep the walker's radius from it, so
-their hips pass at .43 m: shoulders are .42 m wide."""
+PASSES: Final = 0.42
+"""Metres from somebody who stands at which a way around passes: shoulders are that wide."""
 
-AROUND: Final = 10.0
-"""Metres from an agent within which people who stand are planned around."""
+AROUND: Final = 8.0
+"""Metres along its way after which a way around is on it again, or at its end."""
 
-MOST: Final = 64
-"""People who are planned around at a time, the nearest."""
+ASIDE: Final = 5.0
+"""Metres beside that stretch within which it is looked for."""
+
+CELL: Final = 0.15
+"""Metres between the places that are tried."""
+
+SLACK: Final = 0.05
+"""Metres by which they may be nearer to a wall than the walker's radius: they are `CELL` apart."""
+
+MOST: Final = 512
+"""Corners of a way around."""
 
 LONGER: Final = 2.0
-"""A way around is taken up to this share of the way that is left …"""
+"""A way around is taken up to this share of the way that it replaces …"""
 
 BIT: Final = 1.0
 """… and this many metres more."""
 
 STOPS: Final = 1.2
 """Metres from somebody in its way at which an agent without a way around brakes: .75 m are left."""
-
-MARGIN: Final = 5.0
-"""Metres of the flat floor around those concerned on which a way is looked for."""
-
-KEPT: Final = 8
-"""Scenes with people in them that are kept: agents near each other ask for the same."""
 
 
 class Barred(NamedTuple):
@@ -68,7 +66,6 @@ class Detours:
         self._slots = slots
         self._routes = routes
         self._scenery = scenery
-        self._with_people: dict[object, Scene | None] = {}
 
     def update(self, rows: Index, hips: Array, goals: Array, everybody: SessionPeople) -> Barred:
         """Let rows of one session that want to go to `goals` [A, 3] walk around people who stand.
@@ -131,64 +128,59 @@ class Detours:
         return Barred(hit.any(1), near, by)
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
-        """Look for a way around; returns whether there is one."""
-        slots, route = self._slots, self._slots.route
-        people = everybody.people
-        me = int(everybody.rows(np.array([slot]))[0])
-        away = np.linalg.norm(people.position - place, axis=-1)
-        stand = everybody.stand & (away < AROUND) & (np.abs(people.height - people.height[me]) < 1)
-        stand[me] = False
-        who = np.flatnonzero(stand)
-        who = np.sort(who[np.argsort(away[who], kind="stable")[:MOST]])
-        floor = float(slots.footing.hips[slot])
-        spots = [(x, y, floor) for x, y in people.position[who].astype(np.float64).tolist()]
-        start = float(place[0]), float(place[1]), floor
-        end = float(goal[0]), float(goal[1]), float(goal[2])
-        led = bool(self.is_led(np.array([slot]))[0])
-        rest = float(route.length[slot] - route.progress[slot]) if led else dist(start[:2], end[:2])
-        number = int(slots.scene[slot])
-        scene = self._scenery.scene(number) if number else _floor([start, end, *spots])
-        crowded = self._crowded(scene if number else None, scene, spots)
-        if crowded is None:
+        """Look for a way around, and lay it; returns whether there is one."""
+        people, me = everybody.people, int(everybody.rows(np.array([slot]))[0])
+        row, level = np.array([slot]), np.abs(people.height - people.height[me]) < 1.0
+        level[me] = False
+        [back] = self.ahead(row, place[None], goal[None], np.array([AROUND]))[0]
+        low = np.minimum(place, back) - ASIDE
+        columns, rows = np.ceil((np.maximum(place, back) + ASIDE - low) / CELL).astype(int)
+        x, y = low[0] + CELL * np.arange(columns), low[1] + CELL * np.arange(rows)
+        room = self._room(slot, np.stack(np.meshgrid(x, y), -1))
+        here = ((people.position > low) & (people.position < [x[-1], y[-1]])).all(-1)
+        for spot in people.position[everybody.stand & level & here]:
+            apart = np.hypot(x - spot[0], (y - spot[1])[:, None]) - PASSES
+            room = np.minimum(room, apart)
+        ends = np.rint((np.stack([place, back]) - low) / CELL).astype(np.int64)[:, ::-1].copy()
+        corners = np.empty((MOST, 2), np.int64)
+        count = way_around(room, ends[0], ends[1], corners)
+        if count == 0:
             return False
-        try:
-            path = crowded.path(start, end)
-        except Unreachable:
+        points = low + CELL * corners[:count, ::-1]
+        points[0], points[-1] = place, back
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        direct = min(AROUND, float(self._left(row, place[None], goal[None])[0]))
+        if length > LONGER * direct + BIT:
             return False
-        if path.goal_moved > 0.3 or path.length > LONGER * rest + BIT:
-            return False
-        waypoint = int(slots.planned.gait.waypoint[slot])
-        self._routes.lay(slot, path.points, int(slots.goal_revision[slot]), waypoint)
+        self._lay(slot, points, goal)
         return True
 
-    def _crowded(
-        self, known: Scene | None, scene: Scene, spots: Sequence[tuple[float, float, float]]
-    ) -> Scene | None:
-        """The scene with people at these places; None: no ground would be left."""
-        key = known, tuple((round(x, 2), round(y, 2)) for x, y, _ in spots)
-        if known is not None and key in self._with_people:
-            return self._with_people[key]
-        people = {
-            f"person {number}": Cylinder((x, y), TRUNK, 1.8, floor)
-            for number, (x, y, floor) in enumerate(spots)
-        }
-        found: Scene | None
-        try:
-            found = scene.with_people(people)
-        except FailedPrecondition:
-            found = None
-        if known is not None:
-            while len(self._with_people) >= KEPT:
-                del self._with_people[next(iter(self._with_people))]
-            self._with_people[key] = found
-        return found
+    def _room(self, slot: int, points: Array) -> Array:
+        """Metres that a slot has to walls beyond what it needs at points [R, C, 2]. [R, C]"""
+        number = int(self._slots.scene[slot])
+        if number == NOWHERE:
+            return np.full(points.shape[:2], np.inf)
+        scene, floor = self._scenery.scene(number), self._slots.footing.hips[slot]
+        heights = np.full((*points.shape[:2], 1), floor)
+        room: Array = scene.distance(np.concatenate([points, heights], -1))
+        return room.astype(np.float64) - (scene.spec.walkable.radius - SLACK)
 
+    def _lay(self, slot: int, points: Array, goal: Array) -> None:
+        """Let a slot go by points [P, 2], and on by the rest of its way to `goal`."""
+        slots = self._slots
+        number, floor = int(slots.scene[slot]), float(slots.footing.hips[slot])
+        whole = np.column_stack([points, np.full(len(points), floor)])
+        if number != NOWHERE:
+            whole[:, 2] = self._scenery.scene(number).floor(whole)
+        led = self.is_led(np.array([slot]))[0]
+        rest = self._routes.rest(slot, AROUND) if led else goal[None]
+        if np.linalg.norm(rest[-1, :2] - points[-1]) > CELL:
+            whole = np.concatenate([whole, rest])
+        waypoint = int(slots.planned.gait.waypoint[slot])
+        self._routes.lay(slot, whole, int(slots.goal_revision[slot]), waypoint)
 
-def _floor(points: Sequence[tuple[float, ...]]) -> Scene:
-    """The flat floor around points, as a scene."""
-    (x0, y0), (x1, y1) = (
-        (bound([p[0] for p in points]), bound([p[1] for p in points])) for bound in (min, max)
-    )
-    low, high = (x0 - MARGIN, y0 - MARGIN), (x1 + MARGIN, y1 + MARGIN)
-    corners = (low, (high[0], low[1]), high, (low[0], high[1]))
-    return bake(SceneSpec(floors=(Floor(corners),)))
+    def _left(self, rows: Index, hips: Array, goals: Array) -> Array:
+        """Metres of the ways of rows that lie ahead [A]."""
+        route = self._slots.route
+        straight = np.linalg.norm(goals[:, :2] - hips, axis=-1)
+        return np.where(self.is_led(rows), route.length[rows] - route.progress[rows], straight)

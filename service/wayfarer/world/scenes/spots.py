@@ -21,7 +21,16 @@ NEAR: Final = 5.0
 """Metres from its goal within which an agent looks whether it is taken."""
 
 APART: Final = 0.65
-"""Metres between two who stand: nearer their shoulders touch."""
+"""Metres between two who share a goal: nearer their shoulders touch."""
+
+STRANGERS: Final = 0.4
+"""Metres to somebody with another goal: agents may be sent as near as bodies are wide."""
+
+SHARED: Final = 0.3
+"""Metres between two goals that are one."""
+
+SLACK: Final = 0.1
+"""Metres that may be missing until another spot is taken."""
 
 RADIUS: Final = 0.2
 """Metres from its spot within which an agent is there."""
@@ -38,7 +47,7 @@ WAY: Final = 0.35
 TOO_FAR: Final = 10.0
 """Cost of a spot that does not count as arrived."""
 
-RINGS: Final = ((0.7, 12), (1.4, 18), (2.1, 24), (2.8, 30), (3.5, 36))
+RINGS: Final = ((0.4, 8), (0.7, 12), (1.4, 18), (2.1, 24), (2.8, 30), (3.5, 36))
 """Metres from the goal, and spots that are tried there."""
 
 SPOTS: Final = np.concatenate(
@@ -93,11 +102,13 @@ def take_spots(
         mine = float(np.linalg.norm(spot - place))
         first = apart < mine - KEEPS
         first |= (apart <= mine + KEEPS) & (them.number < them.number[me])
-        taken = claims[others & (standing | first)]
-        if not len(taken):
-            continue
-        if np.linalg.norm(taken - spot, axis=-1).min() < APART - 0.1:
-            aims.spot[row] = _free_spot(place, goal, claims[others], clear[row], room, spot)
+        share = np.linalg.norm(them.aims.asked - goal, axis=-1) < SHARED
+        apart_by = np.where(share, APART, STRANGERS)
+        taken = others & (standing | first)
+        gaps = np.linalg.norm(claims - spot, axis=-1) - apart_by
+        if (gaps[taken] < -SLACK).any():
+            some = claims[others], apart_by[others]
+            aims.spot[row] = _free_spot(place, goal, *some, clear[row], room, spot)
     moved = (aims.spot != aims.asked).any(-1) & goals.given & ~goals.through
     goals.position[moved, :2] = aims.spot[moved]
     goals.radius[moved] = np.minimum(goals.radius[moved], RADIUS)
@@ -106,14 +117,14 @@ def take_spots(
 
 
 def _free_spot(
-    place: Array, goal: Array, taken: Array, clear: Clear, room: float, last: Array
+    place: Array, goal: Array, taken: Array, by: Array, clear: Clear, room: float, last: Array
 ) -> Array:
-    """The best place [2] for one at `place`; where there is none, `last`."""
+    """The best place [2] for one at `place`, apart by [N] from those `taken` [N, 2]; or `last`."""
     way = place - goal
     length = float(np.linalg.norm(way))
     x, y = way / length if length > 1e-3 else np.array([1.0, 0.0])
     spots = goal + SPOTS @ np.array([[x, y], [-y, x]])
-    free = np.linalg.norm(spots[:, None] - taken, axis=-1).min(1) >= APART
+    free = (np.linalg.norm(spots[:, None] - taken, axis=-1) >= by).all(1)
     lines = goal + _LINE[None] * (spots - goal)[:, None]
     near = clear(lines.reshape(-1, 2)).reshape(len(spots), -1)
     free &= (near[:, -1] >= room) & (near.min(1) > 0)
