@@ -1,16 +1,20 @@
 """Compiled rules: numba makes machine code of them, once per machine.
 
 The code is kept where the first of these can be written: NUMBA_CACHE_DIR, beside the sources, the
-user's cache folder. Where none can, it is made anew at every start. A cache knows a rule by the
-text of its own file alone, so a compiled function uses nothing that another file defines.
+user's cache folder. Where none can, it is made anew at every start. It lies in a folder of its own
+for each text of the rule's file: numba itself would take code of another release for this one's, or
+fail to read it. So a compiled function uses nothing of the project that another file defines.
 """
 
-from collections.abc import Callable
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
+import numba
 import structlog
-from numba import njit
 
 log = structlog.get_logger(__name__)
 
@@ -20,10 +24,14 @@ OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
 
 def compiled(rule: Callable[..., Any]) -> Any:
     """A rule, compiled when it is first called with arguments of new types; see `warm`."""
+    folder = _kept_in(Path(rule.__code__.co_filename))
+    if folder is None:
+        return numba.njit(**OPTIONS)(rule)
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
     try:
-        return njit(cache=True, **OPTIONS)(rule)
-    except RuntimeError:  # there is no folder that can be written
-        return njit(**OPTIONS)(rule)
+        return numba.njit(cache=True, **OPTIONS)(rule)
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 def warm(rule: Any, *arguments: Any) -> None:
@@ -34,3 +42,27 @@ def warm(rule: Any, *arguments: Any) -> None:
     elif not any(Path(folder).glob(f"*.{rule.__name__}-*.nbi")):
         log.info("compiling a rule for this machine, once", rule=rule.__name__, kept_in=folder)
     rule(*arguments)
+
+
+def _kept_in(file: Path) -> Path | None:
+    """The folder for the code of a file's rules; None: there is none that can be written."""
+    text = file.read_bytes() + Path(__file__).read_bytes()
+    for base in _bases(file):
+        folder = base / f"wayfarer-{sha256(text).hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            continue
+        return folder
+    return None
+
+
+def _bases(file: Path) -> Iterator[Path]:
+    if asked := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(asked)
+    yield file.parent / "__pycache__"
+    try:
+        yield Path.home() / ".cache"
+    except RuntimeError:  # whoever runs this has no home
+        return

@@ -24,7 +24,7 @@ from wayfarer.world.avoidance.kernel import (
     WALL_ROOM,
     WALL_TIMES,
     Choices,
-    Crowd,
+    Everybody,
     Next,
     decide,
     weigh,
@@ -60,10 +60,10 @@ def avoid(
     since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops. A
     row's result depends on `people`, not on who else is asked.
     """
-    crowd, count = _crowd(people), len(rows)
+    everybody, count = _everybody(people), len(rows)
     made = _room_for(count)
     stops = np.full(count, np.inf, np.float32) if left is None else left
-    weigh(crowd, rows, preferred, stops, made)
+    weigh(everybody, rows, preferred, stops, made)
     if clear is not None:
         made.costs[:] += _walls(people, rows, made.tried, clear)
     found = Next(
@@ -72,7 +72,7 @@ def avoid(
         yields=np.empty(count, np.float32),
         retreat=np.empty((count, 2), np.float32),
     )
-    decide(crowd, rows, made, float(seconds), found)
+    decide(everybody, rows, made, float(seconds), found)
     memory = Memory(made.preferred, found.velocity, found.waited, found.yields, found.retreat)
     return NextVelocity(found.velocity, ~found.velocity.any(-1), memory)
 
@@ -82,15 +82,15 @@ def prepare() -> None:
     """Compile the rule, or load it, before anybody walks."""
     people, row = People.empty(1), np.zeros(1, np.int64)
     made = _room_for(1)
-    warm(weigh, _crowd(people), row, np.ones((1, 2), np.float32), np.ones(1, np.float32), made)
+    warm(weigh, _everybody(people), row, np.ones((1, 2), np.float32), np.ones(1, np.float32), made)
     still = np.zeros(1, np.float32), np.zeros(1, np.float32)
     found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
-    warm(decide, _crowd(people), row, made, 0.2, found)
+    warm(decide, _everybody(people), row, made, 0.2, found)
 
 
-def _crowd(people: People) -> Crowd:
+def _everybody(people: People) -> Everybody:
     memory = people.memory
-    return Crowd(
+    return Everybody(
         people.number,
         people.group,
         people.position,

@@ -72,7 +72,7 @@ GROUP_SLOWEST: Final = 0.6  # share of its speed to which it slows down
 TINY: Final = 1e-6
 
 
-class Crowd(NamedTuple):
+class Everybody(NamedTuple):
     """Everybody of a session [N]: the columns of `People` and of its `Memory` (see people.py)."""
 
     number: Int
@@ -95,7 +95,7 @@ class Choices(NamedTuple):
     preferred: Float  # [A, 2] as their groups have it
     tried: Float  # [A, C, 2] velocities
     costs: Float  # [A, C]
-    near: Index  # [A, K] those who matter soonest: rows of the crowd, the first `count` of each
+    near: Index  # [A, K] those who matter soonest: rows of everybody, the first `count` of each
     count: Index  # [A]
 
 
@@ -124,17 +124,17 @@ def _length(x: float, y: float) -> float:
 
 
 @compiled
-def _keep_together(crowd: Crowd, me: int, x: float, y: float) -> float:
+def _keep_together(everybody: Everybody, me: int, x: float, y: float) -> float:
     """Share of its speed that who is before its group keeps."""
-    if crowd.group[me] <= 0:
+    if everybody.group[me] <= 0:
         return 1.0
     speed = max(_length(x, y), TINY)
     ahead, count = 0.0, 0
-    for other in range(len(crowd.group)):
-        if crowd.group[other] != crowd.group[me]:
+    for other in range(len(everybody.group)):
+        if everybody.group[other] != everybody.group[me]:
             continue
-        dx = float(crowd.position[me, 0] - crowd.position[other, 0])
-        dy = float(crowd.position[me, 1] - crowd.position[other, 1])
+        dx = float(everybody.position[me, 0] - everybody.position[other, 0])
+        dy = float(everybody.position[me, 1] - everybody.position[other, 1])
         if dx * dx + dy * dy < NEAR * NEAR:
             ahead += (dx * x + dy * y) / speed
             count += 1
@@ -142,23 +142,23 @@ def _keep_together(crowd: Crowd, me: int, x: float, y: float) -> float:
 
 
 @compiled
-def _neighbours(crowd: Crowd, me: int, near: Index, urgencies: Double) -> int:
+def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -> int:
     """Those in sight who are near now, or will be in a second; the nearest first. How many."""
     count = 0
-    for other in range(len(crowd.number)):
-        dx = float(crowd.position[other, 0] - crowd.position[me, 0])
-        dy = float(crowd.position[other, 1] - crowd.position[me, 1])
+    for other in range(len(everybody.number)):
+        dx = float(everybody.position[other, 0] - everybody.position[me, 0])
+        dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         square = dx * dx + dy * dy
         if square > SIGHT * SIGHT or other == me:
             continue
-        if abs(crowd.height[other] - crowd.height[me]) >= STOREY:
+        if abs(everybody.height[other] - everybody.height[me]) >= STOREY:
             continue
         distance = sqrt(square)
         if count == NEIGHBOURS and distance >= urgencies[count - 1]:
             continue
         soon = _length(
-            dx + crowd.velocity[other, 0] - crowd.velocity[me, 0],
-            dy + crowd.velocity[other, 1] - crowd.velocity[me, 1],
+            dx + everybody.velocity[other, 0] - everybody.velocity[me, 0],
+            dy + everybody.velocity[other, 1] - everybody.velocity[me, 1],
         )
         urgency = distance + soon
         if count == NEIGHBOURS and urgency >= urgencies[count - 1]:
@@ -173,7 +173,7 @@ def _neighbours(crowd: Crowd, me: int, near: Index, urgencies: Double) -> int:
 
 
 @compiled
-def _keep_right(crowd: Crowd, me: int, px: float, py: float) -> tuple[float, float]:
+def _keep_right(everybody: Everybody, me: int, px: float, py: float) -> tuple[float, float]:
     """The preferred velocity, turned to the right for who is oncoming.
 
     Everybody in sight counts, not the nearest few: in a stream those are one's own. What counts is
@@ -183,15 +183,20 @@ def _keep_right(crowd: Crowd, me: int, px: float, py: float) -> tuple[float, flo
     speed = max(_length(px, py), TINY)
     ux, uy = px / speed, py / speed
     pair, total, count = 0.0, 0.0, 0
-    for other in range(len(crowd.number)):
-        dx = float(crowd.position[other, 0] - crowd.position[me, 0])
-        dy = float(crowd.position[other, 1] - crowd.position[me, 1])
+    for other in range(len(everybody.number)):
+        dx = float(everybody.position[other, 0] - everybody.position[me, 0])
+        dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         ahead, left = dx * ux + dy * uy, dy * ux - dx * uy
-        if ahead <= 0 or ahead >= LANE_SIGHT or abs(left) >= LANE_WIDE or not crowd.walks[other]:
+        if (
+            ahead <= 0
+            or ahead >= LANE_SIGHT
+            or abs(left) >= LANE_WIDE
+            or not everybody.walks[other]
+        ):
             continue
-        if abs(crowd.height[other] - crowd.height[me]) >= STOREY:
+        if abs(everybody.height[other] - everybody.height[me]) >= STOREY:
             continue
-        x, y = float(crowd.preferred[other, 0]), float(crowd.preferred[other, 1])
+        x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
         fast = max(_length(x, y), TINY)
         if -(x * ux + y * uy) / fast <= OPPOSITE:
             continue
@@ -224,14 +229,14 @@ def _candidates(wx: float, wy: float, tried: Float) -> None:
 
 
 @compiled
-def _meet(crowd: Crowd, me: int, other: int, left: float, fan: Fan) -> None:
+def _meet(everybody: Everybody, me: int, other: int, left: float, fan: Fan) -> None:
     """How soon and how nearly one other is met at each velocity of the fan, added to its costs."""
-    own_x, own_y = float(crowd.velocity[me, 0]), float(crowd.velocity[me, 1])
-    their_x, their_y = float(crowd.velocity[other, 0]), float(crowd.velocity[other, 1])
-    to_x = float(crowd.position[other, 0] - crowd.position[me, 0])
-    to_y = float(crowd.position[other, 1] - crowd.position[me, 1])
-    waited, walks = float(crowd.waited[me]), crowd.walks[other]
-    touch = float(crowd.radius[me] + crowd.radius[other])
+    own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
+    their_x, their_y = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
+    to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
+    to_y = float(everybody.position[other, 1] - everybody.position[me, 1])
+    waited, walks = float(everybody.waited[me]), everybody.walks[other]
+    touch = float(everybody.radius[me] + everybody.radius[other])
     # the longer a person has waited, the less room it asks for and the less far it looks ahead:
     # people who all stand .8 m apart could else not move, for fear of a touch seconds later;
     # nor does it ask for more room on the way than where it stops
@@ -241,7 +246,7 @@ def _meet(crowd: Crowd, me: int, other: int, left: float, fan: Fan) -> None:
     fast = their_x * their_x + their_y * their_y
     if not walks and fast == 0:  # a person that stands will stay there, and can be passed closely
         room = min(room, BESIDE_STANDING)
-    if crowd.group[me] > 0 and crowd.group[me] == crowd.group[other]:
+    if everybody.group[me] > 0 and everybody.group[me] == everybody.group[other]:
         room, weight = IN_GROUP, COLLISION / IN_GROUP
     room += touch
     # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
@@ -267,7 +272,7 @@ def _meet(crowd: Crowd, me: int, other: int, left: float, fan: Fan) -> None:
 
 
 @compiled
-def weigh(crowd: Crowd, rows: Index, preferred: Float, left: Float, made: Choices) -> None:
+def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made: Choices) -> None:
     """What people `rows` [A] may do that would walk at `preferred` [A, 2], into `made`.
 
     left [A]: metres to where each will stop. Walls are not among the costs.
@@ -276,17 +281,17 @@ def weigh(crowd: Crowd, rows: Index, preferred: Float, left: Float, made: Choice
     urgencies = np.empty(NEIGHBOURS)
     for row in range(len(rows)):
         me, stops = rows[row], float(left[row])
-        slowed = _keep_together(crowd, me, float(preferred[row, 0]), float(preferred[row, 1]))
+        slowed = _keep_together(everybody, me, float(preferred[row, 0]), float(preferred[row, 1]))
         made.preferred[row, 0] = slowed * preferred[row, 0]
         made.preferred[row, 1] = slowed * preferred[row, 1]
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
         near = made.near[row]
-        made.count[row] = _neighbours(crowd, me, near, urgencies)
-        if crowd.yields[me] > 0:
-            px, py = YIELD_SPEED * crowd.retreat[me, 0], YIELD_SPEED * crowd.retreat[me, 1]
+        made.count[row] = _neighbours(everybody, me, near, urgencies)
+        if everybody.yields[me] > 0:
+            px, py = YIELD_SPEED * everybody.retreat[me, 0], YIELD_SPEED * everybody.retreat[me, 1]
         else:
-            px, py = _keep_right(crowd, me, px, py)
-        last_x, last_y = float(crowd.chosen[me, 0]), float(crowd.chosen[me, 1])
+            px, py = _keep_right(everybody, me, px, py)
+        last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
         _candidates(px, py, made.tried[row])
         made.tried[row, TRIED - 2, 0], made.tried[row, TRIED - 2, 1] = last_x, last_y
         made.tried[row, TRIED - 1, 0], made.tried[row, TRIED - 1, 1] = 0.0, 0.0
@@ -297,7 +302,7 @@ def weigh(crowd: Crowd, rows: Index, preferred: Float, left: Float, made: Choice
             stop = stops / max(_length(fan.x[k], fan.y[k]), 1e-3)
             fan.last[k] = min(HORIZON, max(stop, SOON))
         for k in range(made.count[row]):
-            _meet(crowd, me, near[k], stops, fan)
+            _meet(everybody, me, near[k], stops, fan)
         for k in range(TRIED):
             cost = DEVIATION * _length(fan.x[k] - px, fan.y[k] - py)
             cost += CHANGE * _length(fan.x[k] - last_x, fan.y[k] - last_y)
@@ -305,21 +310,23 @@ def weigh(crowd: Crowd, rows: Index, preferred: Float, left: Float, made: Choice
 
 
 @compiled
-def _in_the_way(crowd: Crowd, me: int, near: Index, count: int, px: float, py: float) -> int:
+def _in_the_way(
+    everybody: Everybody, me: int, near: Index, count: int, px: float, py: float
+) -> int:
     """Of a lower number, the nearest that stands before one and would come towards one; or -1."""
     pace = max(_length(px, py), TINY)
     for k in range(count):
         other = near[k]
-        if not crowd.walks[other] or crowd.number[other] >= crowd.number[me]:
+        if not everybody.walks[other] or everybody.number[other] >= everybody.number[me]:
             continue
-        dx = float(crowd.position[other, 0] - crowd.position[me, 0])
-        dy = float(crowd.position[other, 1] - crowd.position[me, 1])
+        dx = float(everybody.position[other, 0] - everybody.position[me, 0])
+        dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         distance = _length(dx, dy)
-        x, y = float(crowd.preferred[other, 0]), float(crowd.preferred[other, 1])
+        x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
         speed = max(_length(x, y), TINY)
         towards = -(x * dx + y * dy) / (max(distance, TINY) * speed)
         along = (x * px + y * py) / (speed * pace)
-        moves = _length(float(crowd.velocity[other, 0]), float(crowd.velocity[other, 1]))
+        moves = _length(float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1]))
         slow = moves < 0.5 * speed
         if distance < BLOCKING and towards > FACING and along < OPPOSITE and slow:
             return int(other)
@@ -327,7 +334,7 @@ def _in_the_way(crowd: Crowd, me: int, near: Index, count: int, px: float, py: f
 
 
 @compiled
-def decide(crowd: Crowd, rows: Index, made: Choices, seconds: float, found: Next) -> None:
+def decide(everybody: Everybody, rows: Index, made: Choices, seconds: float, found: Next) -> None:
     """Take the choices of least cost, and remember them, into `found`."""
     for row in range(len(rows)):
         me = rows[row]
@@ -339,22 +346,22 @@ def decide(crowd: Crowd, rows: Index, made: Choices, seconds: float, found: Next
         found.velocity[row] = made.tried[row, best]
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
         speed = _length(px, py)
-        on = crowd.velocity[me, 0] * px + crowd.velocity[me, 1] * py
+        on = everybody.velocity[me, 0] * px + everybody.velocity[me, 1] * py
         # a person that moves in its own direction does not wait
-        waited = crowd.waited[me] + seconds if on / max(speed, TINY) < 0.25 * speed else 0.0
+        waited = everybody.waited[me] + seconds if on / max(speed, TINY) < 0.25 * speed else 0.0
         found.waited[row] = waited
-        found.yields[row] = max(crowd.yields[me] - seconds, 0.0)
-        found.retreat[row] = crowd.retreat[me]
+        found.yields[row] = max(everybody.yields[me] - seconds, 0.0)
+        found.retreat[row] = everybody.retreat[me]
         if found.waited[row] <= PATIENCE or found.yields[row] > 0:
             continue
-        other = _in_the_way(crowd, me, made.near[row], made.count[row], px, py)
+        other = _in_the_way(everybody, me, made.near[row], made.count[row], px, py)
         if other < 0:
             continue
-        x, y = float(crowd.preferred[other, 0]), float(crowd.preferred[other, 1])
+        x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
         speed = max(_length(x, y), TINY)
         x, y = x / speed, y / speed
-        dx = float(crowd.position[other, 0] - crowd.position[me, 0])
-        dy = float(crowd.position[other, 1] - crowd.position[me, 1])
+        dx = float(everybody.position[other, 0] - everybody.position[me, 0])
+        dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         along = -dx * x - dy * y
         across_x, across_y = -dx - along * x, -dy - along * y
         wide = max(_length(across_x, across_y), TINY)
