@@ -23,8 +23,8 @@ AHEAD: Final = np.arange(0.2, 4.01, 0.2)
 IN_WAY: Final = 0.36
 """Metres from the way within which somebody stands in it."""
 
-PASSES: Final = 0.42
-"""Metres from somebody who stands at which a way around passes: shoulders are that wide."""
+PASSES: Final = 0.45
+"""Metres from somebody who stands at which a way around passes: shoulders are .42 m wide."""
 
 AROUND: Final = 8.0
 """Metres along its way after which a way around is on it again, or at its end."""
