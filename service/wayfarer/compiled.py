@@ -27,11 +27,12 @@ def compiled(rule: Callable[..., Any]) -> Any:
     folder = _kept_in(Path(rule.__code__.co_filename))
     if folder is None:
         return numba.njit(**OPTIONS)(rule)
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
         return numba.njit(cache=True, **OPTIONS)(rule)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
 
 
 def warm(rule: Any, *arguments: Any) -> None:

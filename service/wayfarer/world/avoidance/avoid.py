@@ -74,7 +74,7 @@ def avoid(
     )
     decide(everybody, rows, made, float(seconds), found)
     memory = Memory(made.preferred, found.velocity, found.waited, found.yields, found.retreat)
-    return NextVelocity(found.velocity, ~found.velocity.any(-1), memory)
+    return NextVelocity(found.velocity, (found.velocity == 0).all(-1), memory)
 
 
 @cache
@@ -112,7 +112,7 @@ def _room_for(count: int) -> Choices:
         tried=np.empty((count, TRIED, 2), np.float32),
         costs=np.empty((count, TRIED)),
         near=np.empty((count, NEIGHBOURS), np.int64),
-        count=np.empty(count, np.int64),
+        known=np.empty(count, np.int64),
     )
 
 

@@ -94,9 +94,9 @@ class Choices(NamedTuple):
 
     preferred: Float  # [A, 2] as their groups have it
     tried: Float  # [A, C, 2] velocities
-    costs: Float  # [A, C]
-    near: Index  # [A, K] those who matter soonest: rows of everybody, the first `count` of each
-    count: Index  # [A]
+    costs: Double  # [A, C]
+    near: Index  # [A, K] those who matter soonest: rows of everybody, the first `known` of each
+    known: Index  # [A]
 
 
 class Fan(NamedTuple):
@@ -286,7 +286,7 @@ def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made
         made.preferred[row, 1] = slowed * preferred[row, 1]
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
         near = made.near[row]
-        made.count[row] = _neighbours(everybody, me, near, urgencies)
+        made.known[row] = _neighbours(everybody, me, near, urgencies)
         if everybody.yields[me] > 0:
             px, py = YIELD_SPEED * everybody.retreat[me, 0], YIELD_SPEED * everybody.retreat[me, 1]
         else:
@@ -301,7 +301,7 @@ def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made
             # whom it would meet behind the place where it stops, it does not meet
             stop = stops / max(_length(fan.x[k], fan.y[k]), 1e-3)
             fan.last[k] = min(HORIZON, max(stop, SOON))
-        for k in range(made.count[row]):
+        for k in range(made.known[row]):
             _meet(everybody, me, near[k], stops, fan)
         for k in range(TRIED):
             cost = DEVIATION * _length(fan.x[k] - px, fan.y[k] - py)
@@ -354,7 +354,7 @@ def decide(everybody: Everybody, rows: Index, made: Choices, seconds: float, fou
         found.retreat[row] = everybody.retreat[me]
         if found.waited[row] <= PATIENCE or found.yields[row] > 0:
             continue
-        other = _in_the_way(everybody, me, made.near[row], made.count[row], px, py)
+        other = _in_the_way(everybody, me, made.near[row], made.known[row], px, py)
         if other < 0:
             continue
         x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
