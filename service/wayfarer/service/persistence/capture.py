@@ -45,6 +45,8 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
             feet_begun=slots.feet_begun[rows],
             footing=slots.footing.take(rows),
             posture=slots.posture.take(rows),
+            memory=slots.memory.take(rows),
+            aims=slots.aims.take(rows),
         ),
     )
 

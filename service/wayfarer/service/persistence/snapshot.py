@@ -23,6 +23,7 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Motion
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.behaviours import AnyBehaviour
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
@@ -75,10 +76,17 @@ class AgentRows(Rows):
     feet_begun: Flags  # False: the feet have not been locked yet; `feet`, `posture` mean nothing
     footing: Footing
     posture: PostureState  # since 2026-11-23; older rows end before it, or after its pitch
+    memory: Memory  # since 2026-11-26, as the next; older rows end before it
+    aims: Aims
 
 
-OLDER: Final = (row_bytes(PostureState) // 2, row_bytes(PostureState))
-"""Bytes that rows of older builds lack: half of the posture, `rest` and `upright`, or all of it."""
+_COMPANY: Final = row_bytes(Memory) + row_bytes(Aims)
+
+OLDER: Final = tuple(
+    _COMPANY + posture for posture in (0, row_bytes(PostureState) // 2, row_bytes(PostureState))
+)
+"""Bytes that rows of older builds lack: memory and aims, and before that half of the posture
+(`rest` and `upright`) or all of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +183,8 @@ def standing(record: AgentRecord) -> AgentRows:
         feet_begun=np.array([begun]),
         footing=record.footing,
         posture=record.posture,
+        memory=record.memory,
+        aims=record.aims,
     )
 
 
@@ -205,6 +215,8 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
         motion=row.motion,
         feet=row.feet if row.feet_begun[0] else None,
         posture=row.posture,
+        memory=row.memory,
+        aims=row.aims,
         footing=row.footing,
     )
 

@@ -10,7 +10,7 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
-from wayfarer.world.avoidance.people import Memory
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.output.posture import PostureState
@@ -30,6 +30,8 @@ class AgentRecord:
     feet: LockState | None  # one row; None: its feet have not been locked yet
     posture: PostureState  # one row; means something when `feet` are there
     footing: Footing  # one row
+    memory: Memory  # one row
+    aims: Aims  # one row
     goal_revision: int
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
@@ -49,7 +51,6 @@ class LiveRows(Rows):
     held: Flags
     near_since: Int
     begun_seq: Int  # of the first chunk of its behaviour, or of the part of a routine
-    memory: Memory
 
 
 @dataclass(frozen=True, slots=True)
