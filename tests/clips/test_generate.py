@@ -1,4 +1,5 @@
 import numpy as np
+import pygltflib
 import pytest
 
 from tests.world.fakes import BODIES, FakeEngine, make_world
@@ -67,6 +68,10 @@ def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
         generate(tmp_path / "walk.glb", keep=2)
     with pytest.raises(InvalidArgument, match="--candidates works with --search online only"):
         generate(tmp_path / "walk.glb", search=SearchKind.BEAM, candidates=8)
+    with pytest.raises(InvalidArgument, match="no outfit 'toga'; there are tee"):
+        generate(tmp_path / "walk.glb", outfit="toga")
+    with pytest.raises(InvalidArgument, match="--outfit dresses the shipped body"):
+        generate(tmp_path / "walk.glb", outfit="suit", character=tmp_path / "me.glb")
     with pytest.raises(InvalidArgument, match="children is 0"):
         generate(tmp_path / "walk.glb", search=SearchKind.BEAM, children=0)
 
@@ -118,6 +123,12 @@ def test_the_name_chooses_the_form(tmp_path, clip: Clip, name):
     write_clip(tmp_path / name, clip)
     start = (tmp_path / name).read_bytes()[:4]
     assert start == {"glb": b"glTF", "bvh": b"HIER", "npz": b"PK\x03\x04"}[name[2:].lower()]
+
+
+def test_a_clip_is_worn_in_the_outfit_that_was_asked_for(tmp_path, engine):
+    generate(tmp_path / "walk.glb", outfit="suit", seconds=0.5)
+    about = pygltflib.GLTF2().load(str(tmp_path / "walk.glb")).extras
+    assert "suit" in str(about)
 
 
 def test_a_character_gets_its_own_legs_and_keeps_its_file(tmp_path, monkeypatch):

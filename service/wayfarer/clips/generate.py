@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import Progress
 
+from wayfarer.body.outfit import OUTFIT_TEXT, check_outfit
 from wayfarer.body.phenotype import betas_from_phenotype
 from wayfarer.characters.character import Character
 from wayfarer.clips.clip import Clip, join_chunks
@@ -87,6 +88,9 @@ def generate(
         str | None,
         typer.Option(help="female or male; default female, for a --character the one that fits."),
     ] = None,
+    outfit: Annotated[
+        str, typer.Option(help=f"What the body wears: {OUTFIT_TEXT.partition(';')[0]}.")
+    ] = "",
     height: Annotated[
         float | None,
         typer.Option(help="Standing height in metres, e.g. 1.70; without it, the mean body."),
@@ -168,6 +172,9 @@ def generate(
     wayfarer generate cycle.glb --goal 0,12 --seconds 8 --loop --root in_place --fps 30
     """
     check_target(target)
+    check_outfit(outfit)
+    if outfit and character is not None:
+        raise InvalidArgument("--outfit dresses the shipped body, not a --character", "outfit")
     options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
     own = None if character is None else read_character(character, options)
@@ -196,7 +203,7 @@ def generate(
             body = bundle.bodies[gender]
             clip = plan_clip(bundle.engine, body, spec, start, goals, seconds, beam, watch)
     if own is None:
-        write_clip(target, clip, options)
+        write_clip(target, clip, options, outfit)
     else:
         target.write_bytes(on_character(clip, own, options, target.stem, scale))
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
