@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pygltflib
 import pytest
@@ -49,6 +51,15 @@ def test_the_same_seed_gives_the_same_clip_and_the_world_is_left_empty():
 def test_goals_out_of_reach_are_counted_not_hidden():
     clip = generate_clip(make_world(), AgentSpec(), [Goal((0.0, 50.0, 0.0))], 2.0)
     assert (clip.frames, clip.meta["goals_reached"]) == (80, "0")
+
+
+def test_without_a_length_it_ends_a_second_after_the_arrival_and_says_when_that_was():
+    goals = [Goal((0.0, 2.0, 0.0)), Goal((2.0, 2.0, 0.0))]
+    clip = generate_clip(make_world(), AgentSpec(noise_seed=4), goals)
+    first, last = map(float, clip.meta["arrivals"].split())
+    assert clip.meta["goals_reached"] == "2" and 1 < first < last
+    assert last + 1.0 <= clip.seconds <= last + 2.0
+    np.testing.assert_allclose(clip.translation[-40:, :2], [[2.0, 2.0]] * 40, atol=0.5)
 
 
 @pytest.mark.parametrize("seconds", [0.0, -3.0, 0.001])
@@ -104,6 +115,7 @@ def test_the_command_chooses_its_search(tmp_path, engine, capsys):
     assert {call[1:] for call in engine.calls} == {(6, 1)}
     said = capsys.readouterr().out
     assert said.count("240 frames, 6.0 s, 1 of 1 goals reached") == 2
+    assert re.search(r"goals reached \(after \d\.\d s\)", said)
 
 
 @pytest.mark.parametrize("search", list(SearchKind))
