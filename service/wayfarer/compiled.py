@@ -7,7 +7,6 @@ fail to read it. So a compiled function uses nothing of the project that another
 """
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from pathlib import Path
@@ -52,10 +51,10 @@ def _kept_in(file: Path) -> Path | None:
         folder = base / f"wayfarer-{sha256(text).hexdigest()[:16]}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=folder).close()
         except OSError:
             continue
-        return folder
+        if os.access(folder, os.W_OK):
+            return folder
     return None
 
 
