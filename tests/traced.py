@@ -39,6 +39,7 @@ def asked(record: Path) -> Asked:
             continue
         resumed_or_failed = line.startswith("<...") or "= -1 E" in line
         reads = name.startswith("open") and not re.search("O_WRONLY|O_RDWR|O_CREAT", line)
-        if not resumed_or_failed and not reads:
+        nameless = "O_TMPFILE" in line  # so numba asks whether it may write in a folder
+        if not (resumed_or_failed or reads or nameless):
             written.update(re.findall(r'"((?:[^"\\]|\\.)*)"', line)[-1:])
     return Asked(hosts, written)
