@@ -39,7 +39,11 @@ ENV PATH=/opt/wayfarer/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1
 ENV WAYFARER_HOST=0.0.0.0
 # a volume mounted here belongs to the service; it is used when WAYFARER_STATE_DIR names it
 RUN install --directory --owner wayfarer --mode 700 /var/lib/wayfarer
+# what numba compiles is kept here; the image brings it, for processors like the builder's
+ENV NUMBA_CACHE_DIR=/var/cache/wayfarer
+RUN install --directory --owner wayfarer --mode 700 /var/cache/wayfarer
 USER wayfarer
+RUN /opt/wayfarer/bin/python3 -m wayfarer.world.scenes.prepare
 EXPOSE 8080 50051
 HEALTHCHECK --interval=10s --timeout=3s --start-period=20s --retries=3 \
   CMD ["wayfarer", "probe"]

@@ -19,7 +19,6 @@ ARGS ?=
 PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto')
 CLIENT := clients/python/pyproject.toml clients/python/build_hook.py
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
-NODE := clients/node
 WEB := clients/web
 NPM_TOOLS := tests/node_modules/.package-lock.json
 BUF := tests/node_modules/.bin/buf
@@ -47,14 +46,13 @@ demo: $(VENV)/.engines $(WEB)/node_modules/.package-lock.json ## write a static 
 	@$(BIN)/python -m wayfarer_lab.demo $(or $(ARGS),build/demo)
 
 test: $(VENV)/.dev ## set up and run all tests
-	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(WEB)/node_modules/.package-lock.json $(NPM_TOOLS); \
-	else echo "skipped: clients/node, clients/web and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(WEB)/node_modules/.package-lock.json $(NPM_TOOLS); \
+	else echo "skipped: clients/web and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 	@if ! { command -v cmake && command -v clang++ && test -e /usr/include/boost/beast.hpp; } >/dev/null; then \
 	echo "skipped: clients/cpp and clients/unreal need compilers and libraries (.ci/run lists them)" >&2; [ -z "$${CI:-}" ]; fi
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
-	@if [ -d $(NODE)/src/gen ] && command -v npm >/dev/null; then cd $(NODE) && npm test; fi
 
 lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	$(BIN)/ruff check $(CHECKED)
@@ -93,14 +91,9 @@ image-check: $(VENV)/.client ## build and run the image; an agent walks in it (d
 
 clean: ## remove the virtual environment, generated code and caches
 	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
-	rm -rf $(NODE)/node_modules $(NODE)/src/gen $(WEB)/node_modules $(WEB)/types tests/node_modules
+	rm -rf $(WEB)/node_modules $(WEB)/types tests/node_modules
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find service lab clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
-
-# The node client: its packages, then its code of proto/.
-$(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/buf.gen.yaml $(wildcard proto/wayfarer/v1/*.proto)
-	@echo "installing the packages of $(NODE) and generating its code (once)"
-	@cd $(NODE) && npm ci --silent --ignore-scripts && npm run --silent generate && touch src/gen
 
 # What the web client's tests need: engines, types.
 $(WEB)/node_modules/.package-lock.json: $(WEB)/package-lock.json
@@ -127,6 +120,7 @@ $(VENV)/.serve: $(PACKAGE) $(PINNED) | $(BIN)/python
 	@echo "installing the service into $(VENV) (once; about half a minute)"
 	@$(BIN)/pip install --quiet --no-deps --require-hashes $(PINNED:%=--requirement %)
 	@$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m wayfarer.world.scenes.prepare
 	@touch $@
 
 # Old releases of pip read the first variable for what builds a package, too; newer ones the second.

@@ -96,7 +96,7 @@ def recorded(models: ModelFolder, seed: int, steps: int, every: int) -> Inputs:
         len(genders), Steering().with_search(candidates=1)
     )
     specs = [AgentSpec(gender=g, noise_seed=int(random.integers(2**31))) for g in genders]
-    session = world.create_session(SessionSpec(), 0.0)
+    session = world.create_session(SessionSpec(avoid=False), 0.0)
     crowd = world.create_agents(session.session_id, specs, 0.0)
     for step in range(steps):
         now = step * STEP_SECONDS

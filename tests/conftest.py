@@ -22,7 +22,6 @@ SLOW = (
     "integration",  # starts the real server
     "viewer",  # a browser
     "clients/test_examples.py",  # real servers
-    "clients/test_node.py",
     "lab/evaluation/commands",  # whole tables, over the shipped model
     "lab/evaluation/maneuvers/test_run.py",
     "lab/evaluation/test_scenarios.py",

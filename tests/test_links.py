@@ -12,7 +12,6 @@ CODE = [
         "service",
         "lab",
         "clients/python",
-        "clients/node/examples",
         "tests",
         "benchmarks",
     )

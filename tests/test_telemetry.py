@@ -126,11 +126,10 @@ def test_a_command_that_does_it_is_found_out(environment, tmp_path):
 
 @traced
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [1, 2])
-def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, tmp_path, workers):
+def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, tmp_path):
     record, state = tmp_path / "trace", tmp_path / "state"
     with Service(
-        *("--workers", str(workers), "--state-dir", str(state)),
+        *("--workers", "2", "--state-dir", str(state)),
         before=strace(record),
         environment=environment,
     ) as service:

@@ -39,6 +39,8 @@ def asked(record: Path) -> Asked:
             continue
         resumed_or_failed = line.startswith("<...") or "= -1 E" in line
         reads = name.startswith("open") and not re.search("O_WRONLY|O_RDWR|O_CREAT", line)
-        if not resumed_or_failed and not reads:
+        # numba asks so whether it may write in a folder, which it makes if it is not there
+        asks = "O_TMPFILE" in line or (name == "mkdir" and "<unfinished" in line)
+        if not (resumed_or_failed or reads or asks):
             written.update(re.findall(r'"((?:[^"\\]|\\.)*)"', line)[-1:])
     return Asked(hosts, written)

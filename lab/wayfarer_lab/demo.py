@@ -28,8 +28,8 @@ RUNTIME: Final = WEB / "node_modules" / "onnxruntime-web" / "dist"
 PAGE: Final = ("index.html", "demo.js")
 STAGE: Final = (
     "bodies.js", "character.js", "dressing.js", "files.js", "glb.js", "ground.js", "latest.js",
-    "level.js", "rig.js", "scene.js", "scenes.js", "shapes.js", "textures.js",
-    "vendor/three.min.js", "vendor/three.LICENSE", "vendor/meshopt.min.js",
+    "level.js", "packed.js", "rig.js", "scene.js", "scenes.js", "shapes.js", "textures.js",
+    "vendor/three.min.js", "vendor/three.LICENSE", "vendor/meshopt.min.js", "vendor/draco.min.js",
 )  # fmt: skip
 WASM: Final = (
     "ort.wasm.min.mjs", "ort-wasm-simd-threaded.mjs", "ort-wasm-simd-threaded.wasm",

@@ -47,11 +47,17 @@ def main() -> None:
     except WayfarerError as error:
         sys.exit(_fail(str(error)))
     except ModuleNotFoundError as error:
-        package = (error.name or "").partition(".")[0]
-        if package not in INSTALL or str(error.name).startswith(f"{LAB}."):
+        if not (cure := _cure(error)):
             raise
-        command = f"pip install {INSTALL[package]}"
-        sys.exit(_fail(f"this command needs {package}; in the repository's root: {command}"))
+        sys.exit(_fail(f"this command {cure}"))
+
+
+def _cure(error: ModuleNotFoundError) -> str:
+    """What is missing and how it comes; empty where it is a module of ours that is missing."""
+    package = (error.name or "").partition(".")[0]
+    if package not in INSTALL or str(error.name).startswith(f"{LAB}."):
+        return ""
+    return f"needs {package}; in the repository's root: pip install {INSTALL[package]}"
 
 
 def _fail(message: str) -> int:
@@ -83,7 +89,14 @@ def _command(
     )
     def run(context: typer.Context) -> None:
         module, _, attribute = target.partition(":")
-        found: Callable[..., Any] = getattr(importlib.import_module(module), attribute)
+        try:
+            found: Callable[..., Any] = getattr(importlib.import_module(module), attribute)
+        except ModuleNotFoundError as error:
+            cure = _cure(error)
+            if not cure or "--help" not in context.args:
+                raise
+            typer.echo(f"{help_text}\n\nIt {cure}\nThen --help shows its options.")
+            return
         if not isinstance(found, typer.Typer):
             single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
             single.command()(found)

@@ -7,7 +7,7 @@ are written with commas.
 """
 
 import re
-from ipaddress import ip_address
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Final, Literal
 from urllib.parse import urlsplit
@@ -49,6 +49,17 @@ def _host(text: str) -> str:
     if not re.fullmatch(r"\*|[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9_])?", text):
         raise ValueError(f"{text!r} is no host name; write example.org, with no scheme and no port")
     return text.lower()
+
+
+def _root_path(text: str) -> str:
+    text = text.rstrip("/")
+    if text and not re.fullmatch(r"(/(?!\.{1,2}(/|$))[\w.~-]+)+", text):
+        raise ValueError(f"{text!r} is no path to stand below; write /wf")
+    return text
+
+
+def _network(text: str) -> str:
+    return str(ip_network(text, strict=False))
 
 
 def _node_host(text: str) -> str:
@@ -223,6 +234,18 @@ class Settings(BaseSettings):
         default=(),
         description="further host names of the server, e.g. wayfarer.example.org; *: any; checked "
         "only on servers without credentials",
+    )
+    root_path: Annotated[str, AfterValidator(_root_path)] = Field(
+        default="",
+        max_length=200,
+        description="path of a proxy below which the server stands, e.g. /wf; the proxy may leave "
+        "it on or take it off",
+    )
+    trusted_proxies: Annotated[
+        Texts, AfterValidator(lambda found: tuple(_network(text) for text in found))
+    ] = Field(
+        default=("127.0.0.0/8", "::1/128"),
+        description="addresses or networks of proxies whose X-Forwarded-Prefix counts as root_path",
     )
     node_hosts: Annotated[
         Texts, AfterValidator(lambda found: tuple(_node_host(text) for text in found))

@@ -10,6 +10,8 @@ import inspect
 import os
 import signal
 import sys
+import threading
+import webbrowser
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, nullcontext
 from functools import partial
@@ -50,14 +52,15 @@ M_ARENA_MAX: Final = -8
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 OPTIONS: Final = (
-    *("host", "http_port", "grpc_port", "model", "engine", "threads", "workers", "pin_workers"),
+    *("host", "http_port", "grpc_port", "root_path", "model", "engine", "threads", "workers"),
+    "pin_workers",
     *("candidates", "state_dir", "models_dir", "auth.keys_file", "insecure_no_auth", "tls_cert"),
     *("tls_key", "tls_client_ca", "log_level", "log_format"),
 )
 """Settings that the command line knows."""
 
 
-async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
+async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bool = False) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
     As a node of several (`plan`), or as the whole server. Raises Unavailable when the motion loop
@@ -98,7 +101,7 @@ async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
             if plan:
                 log.info("node ready", http=server.http_url, grpc=server.grpc_address)
             else:
-                announce(settings, server.http_url, server.grpc_address)
+                announce(settings, server.http_url, server.grpc_address, shows_page)
             await stop.wait()
             if plan is None:  # a node is told more than once that it shall end
                 for sign in SIGNALS:
@@ -140,8 +143,14 @@ def settle() -> None:
         libc.malloc_trim(0)
 
 
-def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
-    """Say where the service is: to a person on a terminal, else to the log."""
+def announce(
+    settings: Settings, http_url: str, grpc_address: str, shows_page: bool = False
+) -> None:
+    """Say where the service is: to a person on a terminal, else to the log. `shows_page`: open the
+    viewer in a browser, too.
+    """
+    if shows_page:  # beside: a browser in a terminal returns when it is closed
+        threading.Thread(target=show_page, args=(f"{http_url}/",), daemon=True).start()
     model = Path(settings.model).name
     if not sys.stdout.isatty():
         log.info("ready", http=http_url, grpc=grpc_address, model=model, workers=settings.workers)
@@ -154,6 +163,12 @@ def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
     if settings.workers > 1:
         console.print(f"  workers {settings.workers}, at ports of their own")
     console.print("Ctrl-C stops it.")
+
+
+def show_page(url: str) -> None:
+    """Open it in the browser of whoever sits there; say so where there is none."""
+    if not webbrowser.open(url):
+        log.warning("there is no browser to open; open the page by hand", page=url)
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -197,6 +212,9 @@ def serve_command(
             help="Print all settings with their sources, check their files, and exit.",
         ),
     ] = False,
+    shows_page: Annotated[
+        bool, typer.Option("--open", help="Open the viewer in a browser when it is ready.")
+    ] = False,
     **options: Any,
 ) -> None:
     """Start the server: gRPC, HTTP and the viewer.
@@ -215,14 +233,14 @@ def serve_command(
         return
     check_state(settings)
     if settings.workers == 1:
-        run(serve(settings))
+        run(serve(settings, shows_page=shows_page))
         return
     from wayfarer.cluster.one_machine import serve_nodes
 
     model_folder(settings)
     warn_if_open(settings)
     settings = with_engine(settings)
-    run(serve_nodes(settings, partial(announce, settings)))
+    run(serve_nodes(settings, partial(announce, settings, shows_page=shows_page)))
 
 
 def node_command() -> None:

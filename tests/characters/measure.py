@@ -23,9 +23,14 @@ import numpy as np
 from wayfarer.characters.character import Character
 from wayfarer.clips import generate as command
 from wayfarer.clips.clip import Clip
-from wayfarer.clips.on_character import on_character
+from wayfarer.clips.files import FileOptions
+from wayfarer.clips.on_character import body_of, on_character
 from wayfarer.errors import WayfarerError
 from wayfarer.model_bundle import open_bundle
+from wayfarer.spec import BETAS
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.goals.steering import Steering
 
 CASES = Path(__file__).with_name("cases")
 NEAR = 0.01
@@ -325,6 +330,25 @@ def walked(
         target = Path(folder) / "out.glb"
         command.generate(target, goal=list(goals), seconds=seconds, character=file)
         return target.read_bytes(), np.asarray(clips[0].contacts)
+
+
+@cache
+def recorded() -> Clip:
+    """A stride of the mean woman on her way, as `walked` has it: the same for all characters."""
+    bundle = cached_bundle(command.DEFAULT_MODEL, 1)
+    world = bundle.world(1, Steering().with_search(candidates=command.CANDIDATES))
+    spec = AgentSpec(gender="female", betas=(0.0,) * BETAS)
+    goals = [Goal((3.0, 2.0, 0.0), speed=command.SPEED)]
+    return command.generate_clip(world, spec, goals, 2.0)[28:]
+
+
+def retargeted(data: bytes) -> tuple[bytes, Array]:
+    """The recorded stride on a character, scaled as `generate --character` scales it, and which
+    feet stand [F, 2]. Raises WayfarerError.
+    """
+    character, clip = Character.read(data), recorded()
+    scale = body_of(character).scale
+    return on_character(clip, character, FileOptions(), "walk", scale), np.asarray(clip.contacts)
 
 
 def main() -> None:

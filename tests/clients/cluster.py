@@ -52,18 +52,11 @@ class RunningCluster:
         ready = self._cluster.ready
         await self._cluster.until(lambda s: url not in self._urls(s) and ready(s) == 2)
 
+    @contextlib.contextmanager
     def drained_meanwhile(self):
         """The node of the first agent that comes is drained; its session moves to the other one."""
-        return self._meanwhile(self._drain())
-
-    def killed_meanwhile(self):
-        """The same, but it is killed; another is started elsewhere."""
-        return self._meanwhile(self._kill())
-
-    @contextlib.contextmanager
-    def _meanwhile(self, work):
         with ThreadPoolExecutor() as pool:
-            done = pool.submit(self._call, work)
+            done = pool.submit(self._call, self._drain())
             yield
             done.result(timeout=30)
 
@@ -73,12 +66,6 @@ class RunningCluster:
         await self._cluster.directory.drain(name)
         await self._cluster.until(lambda s: name not in [node.node.name for node in s.nodes])
         await self._cluster.add_node()
-
-    async def _kill(self):
-        name = await self._walked_on()
-        urls = self._urls(await self._cluster.directory.status())
-        os.kill(self._cluster.keeper(name).pid, signal.SIGKILL)
-        await self._until_replaced(next(url for url, own in urls.items() if own == name))
 
     async def _walked_on(self):
         """The name of the node with agents, once they walk, and clients that test a lost connection

@@ -43,6 +43,7 @@ def traced(
     commands: list[tuple],
     scene: Scene | None = None,
     seconds: float = SECONDS,
+    avoid: bool = True,
 ) -> dict:
     """What a world of the server sends to these people with these commands, one candidate."""
     settings = WorldSettings(steering=Steering().with_search(candidates=1), phases=1)
@@ -50,7 +51,7 @@ def traced(
     poses = load_start_poses(START_POSES)
     world = World(engine, load_bodies("anny52"), poses, settings, scenes=scenes)
     number = scenes.add(scene).scene_id if scene else ""
-    spec = SessionSpec(lock_step=True, scene=number)
+    spec = SessionSpec(lock_step=True, scene=number, avoid=avoid)
     session = world.create_session(spec, now=0.0).session_id
     agents = world.create_agents(session, specs, now=0.0)
     numbers = {agent.agent_id: number for number, agent in enumerate(agents)}
@@ -79,6 +80,7 @@ def traced(
     run(seconds)
     return {
         "seconds": seconds,
+        "avoid": avoid,
         "people": [
             {
                 "gender": spec.gender,
@@ -97,7 +99,10 @@ def traced(
 
 
 def both_ways() -> dict[str, Any]:
-    """Everybody is there twice: with foot lock and postures, and as the model moves them."""
+    """Everybody is there twice: with foot lock and postures, and as the model moves them.
+
+    They walk through each other: the C++ core has no avoidance.
+    """
     specs = [*PEOPLE, *(replace(spec, foot_lock=False) for spec in PEOPLE)]
     commands = [(at, who + twin, goals) for at, who, goals in COMMANDS for twin in (0, len(PEOPLE))]
-    return traced(specs, commands)
+    return traced(specs, commands, avoid=False)

@@ -45,8 +45,8 @@ def test_it_compiles_and_puts_bones_where_the_traces_have_them(tmp_path):
     )
     golden = f'-DGOLDEN_FOLDER="{ROOT / "tests" / "golden"}"'
     run(
-        *("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter", golden),
-        *("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+        *("clang++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter", golden),
+        *("-fsanitize=undefined,local-bounds", "-fsanitize-trap=all"),
         *(f"-I{folder}" for folder in folders),
         *(together, SOURCE / "WayfarerCore" / "Private" / "WayfarerCore.cpp"),
         CORE / "tests" / "golden.cpp",

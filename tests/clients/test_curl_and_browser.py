@@ -82,7 +82,7 @@ def test_session_agents_goals_stream_goal_change_resume(real_server, page):
     assert curl("PUT", goal, {"position": {"x": 0, "y": 0, "z": 3}}) == (200, {"revision": 1})
 
     socket = f"{api.replace('http', 'ws')}/stream?session={session['session_id']}"
-    socket += "&encoding=f16_le&fps=20"
+    socket += "&encoding=smallest_three&fps=20"
     walked = page.evaluate(f"follow('{socket}', ({{ chunks }}) => chunks.at(-1)?.last[2] > 0.5)")
     assert walked["header"]["sentFps"] == 20 and walked["header"]["encoding"] == 2
     assert [chunk["seq"] for chunk in walked["chunks"]] == list(range(len(walked["chunks"])))

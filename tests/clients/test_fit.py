@@ -15,7 +15,7 @@ from wayfarer_client.rig import BONES
 MAPS = {case.name: map_bones(case.rig, case.humanoid) for case in GLTF} | {
     name: map_bones(rig) for name, rig in foreign_rigs().items()
 }
-WALKED = ("a_pose", "mixamo", "missing_chest", "vrm1", "makehuman", "cmu", "rigify")
+WALKED = ("a_pose", "missing_chest", "vrm1", "rigify")
 MEAN = wf.AgentSpec(seed=3)
 
 

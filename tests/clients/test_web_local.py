@@ -84,15 +84,19 @@ def test_a_model_that_fails_is_told(exported):
 
 
 def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, tmp_path):
-    """Two meet between boxes, and one crosses: few, as each decision may hang on a last digit."""
+    """Two meet between boxes, one crosses and goes around one who stands, one more goes where that
+    one goes: few, as each decision may hang on a last digit.
+    """
+    places = [((-4, 0.2), 0.0), ((4, 0), 3.1), ((3, -4), 1.6), ((-3, 5), 0.0), ((2.1, -1.4), 1.0)]
     specs = [
         AgentSpec(("female", "male")[k % 2], position=place, heading=heading, noise_seed=50 + k)
-        for k, (place, heading) in enumerate([((-4, 0.2), 0.0), ((4, 0), 3.1), ((3, -4), 1.6)])
+        for k, (place, heading) in enumerate(places)
     ]
     commands = [
         (0.5, 0, [{"x": 4, "y": 0.5}]),
         (0.5, 1, [{"x": -2, "y": 0, "stop": False}, {"x": -4, "y": -3, "speed": 1.3}]),
         (0.5, 2, [{"x": 0.5, "y": 4}]),
+        (0.5, 3, [{"x": 0.5, "y": 4}]),
     ]
     solids = (Box((0.0, 1.2), (2.0, 0.6), 2.0, 0.4), Box((-1.5, -1.2), (0.8, 1.6), 1.0))
     scene = write_scene(SceneSpec((Floor(rectangle(-7, -7, 7, 7)),), solids), tmp_path / "scene")
@@ -105,9 +109,10 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
     for person, chunks in zip(found["people"], told["chunks"], strict=True):
         assert person["chunks"][0] == person["chunks"][1] == len(chunks) > 0
         assert person["hips"] < 1e-3 and person["otherStates"] == 0
-    for chunks, (_, _, goals) in zip(told["chunks"], commands, strict=True):
+    for chunks, (_, who, goals) in zip(told["chunks"][:-1], commands, strict=True):
         end = np.array(chunks[-1]["translation"][-3:-1])  # they have got there, not only alike
-        assert np.hypot(*(end - [goals[-1]["x"], goals[-1]["y"]])) < 0.5
+        off = np.hypot(*(end - [goals[-1]["x"], goals[-1]["y"]]))
+        assert off < (1.0 if who > 1 else 0.5)  # two of them share a goal
 
 
 class _Quiet(SimpleHTTPRequestHandler):

@@ -11,7 +11,8 @@ from tests.clients.web_scripts import node
 from wayfarer.errors import InvalidArgument, Unreachable
 from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.world.avoidance.avoid import avoid
-from wayfarer.world.avoidance.people import Float, Memory, People
+from wayfarer.world.avoidance.people import Aims, Float, Memory, People
+from wayfarer.world.scenes.around import way_around
 from wayfarer_lab.engine_export.scene import read_scene, write_scene
 
 CROWDS, WAYS, SECONDS = 100, 200, 0.2
@@ -41,12 +42,13 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
         height=np.zeros(count, np.float32),
         velocity=np.float32(0.7) * _vectors(rng, count) * moves,
         walks=walks,
-        radius=np.full(count, 0.25, np.float32),
+        radius=np.full(count, 0.22, np.float32),
         memory=memory,
+        aims=Aims.empty(count),
     )
 
 
-def _sent(people: People, preferred: Float) -> list[dict]:
+def _sent(people: People, preferred: Float, left: Float) -> list[dict]:
     return [
         {
             "number": int(people.number[k]),
@@ -54,10 +56,17 @@ def _sent(people: People, preferred: Float) -> list[dict]:
             "velocity": people.velocity[k].tolist(),
             "walks": bool(people.walks[k]),
             "preferred": preferred[k].tolist(),
+            "left": float(left[k]),
             "memory": {name: getattr(people.memory, name)[k].tolist() for name in REMEMBERED},
         }
         for k in range(len(preferred))
     ]
+
+
+def _around(room: np.ndarray) -> list[list[int]]:
+    corners = np.empty((200, 2), np.int64)
+    last = np.array(room.shape) - 1
+    return corners[: way_around(room, np.zeros(2, np.int64), last, corners)].tolist()
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="needs node: apt-get install nodejs")
@@ -73,8 +82,9 @@ def test_choices_and_ways_are_the_servers(tmp_path):
         people = _crowd(rng, count)
         angle, speed = rng.uniform(0, 2 * np.pi, count), rng.uniform(0.3, 1.6, count)
         preferred = np.float32(np.stack([np.cos(angle), np.sin(angle)], -1) * speed[:, None])
-        crowds.append(_sent(people, preferred))
-        courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS))
+        left = rng.uniform(0, 9, count).astype(np.float32)
+        crowds.append(_sent(people, preferred, left))
+        courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS, left))
     ways, paths = [], []
     for x, y, to_x, to_y in rng.uniform(0, 20, (WAYS, 4)).tolist():
         try:
@@ -83,8 +93,12 @@ def test_choices_and_ways_are_the_servers(tmp_path):
             continue
         ways.append({"from": [x, y], "to": [to_x, to_y]})
     assert len(ways) > WAYS / 2
+    rooms = [rng.uniform(-0.4, 1.0, (int(rows), 12)) for rows in rng.integers(6, 30, 40)]
+    for room in rooms:
+        room[0, 0] = room[-1, -1] = 0.5
+    grids = [{"room": room.ravel().tolist(), "columns": 12} for room in rooms]
     file = tmp_path / "crowds.json"
-    file.write_text(json.dumps({"people": crowds, "ways": ways}))
+    file.write_text(json.dumps({"people": crowds, "ways": ways, "grids": grids}))
     found = json.loads(node("local_avoid.js", file, tmp_path / "scene"))
 
     pairs = [
@@ -102,6 +116,8 @@ def test_choices_and_ways_are_the_servers(tmp_path):
     ]
     assert len(pairs) > 500
     assert same.count(False) <= 1  # costs that differ by EVEN itself may fall either way
+    around = [_around(room) for room in rooms]
+    assert found["around"] == around and sum(len(corners) > 2 for corners in around) > 10
     for path, way in zip(paths, found["ways"], strict=True):
         np.testing.assert_allclose(way["points"], path.points[:, :2], atol=1e-6)
         assert abs(path.goal_moved - way["moved"]) < 1e-6

@@ -1,4 +1,7 @@
+import re
+
 import numpy as np
+import pygltflib
 import pytest
 
 from tests.world.fakes import BODIES, FakeEngine, make_world
@@ -47,6 +50,15 @@ def test_goals_out_of_reach_are_counted_not_hidden():
     assert (clip.frames, clip.meta["goals_reached"]) == (80, "0")
 
 
+def test_without_a_length_it_ends_a_second_after_the_arrival_and_says_when_that_was():
+    goals = [Goal((0.0, 2.0, 0.0)), Goal((2.0, 2.0, 0.0))]
+    clip = generate_clip(make_world(), AgentSpec(noise_seed=4), goals)
+    first, last = map(float, clip.meta["arrivals"].split())
+    assert clip.meta["goals_reached"] == "2" and 1 < first < last
+    assert last + 1.0 <= clip.seconds <= last + 2.0
+    np.testing.assert_allclose(clip.translation[-40:, :2], [[2.0, 2.0]] * 40, atol=0.5)
+
+
 @pytest.mark.parametrize("seconds", [0.0, -3.0, 0.001])
 def test_a_clip_without_frames_is_refused(seconds):
     with pytest.raises(InvalidArgument, match="seconds"):
@@ -64,6 +76,10 @@ def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
         generate(tmp_path / "walk.glb", keep=2)
     with pytest.raises(InvalidArgument, match="--candidates works with --search online only"):
         generate(tmp_path / "walk.glb", search=SearchKind.BEAM, candidates=8)
+    with pytest.raises(InvalidArgument, match="no outfit 'toga'; there are tee"):
+        generate(tmp_path / "walk.glb", outfit="toga")
+    with pytest.raises(InvalidArgument, match="--outfit dresses the shipped body"):
+        generate(tmp_path / "walk.glb", outfit="suit", character=tmp_path / "me.glb")
     with pytest.raises(InvalidArgument, match="children is 0"):
         generate(tmp_path / "walk.glb", search=SearchKind.BEAM, children=0)
 
@@ -96,6 +112,7 @@ def test_the_command_chooses_its_search(tmp_path, engine, capsys):
     assert {call[1:] for call in engine.calls} == {(6, 1)}
     said = capsys.readouterr().out
     assert said.count("240 frames, 6.0 s, 1 of 1 goals reached") == 2
+    assert re.search(r"goals reached \(after \d\.\d s\)", said)
 
 
 @pytest.mark.parametrize("search", list(SearchKind))
@@ -115,6 +132,12 @@ def test_the_name_chooses_the_form(tmp_path, clip: Clip, name):
     write_clip(tmp_path / name, clip)
     start = (tmp_path / name).read_bytes()[:4]
     assert start == {"glb": b"glTF", "bvh": b"HIER", "npz": b"PK\x03\x04"}[name[2:].lower()]
+
+
+def test_a_clip_is_worn_in_the_outfit_that_was_asked_for(tmp_path, engine):
+    generate(tmp_path / "walk.glb", outfit="suit", seconds=0.5)
+    about = pygltflib.GLTF2().load(str(tmp_path / "walk.glb")).extras
+    assert "suit" in str(about)
 
 
 def test_a_character_gets_its_own_legs_and_keeps_its_file(tmp_path, monkeypatch):

@@ -26,8 +26,9 @@ TESTS = Path(__file__).parents[1]
 SCRIPT = """
 const { validateBytes } = require("gltf-validator");
 const { readFileSync } = require("fs");
-validateBytes(new Uint8Array(readFileSync(process.argv[1])), { maxIssues: 20 })
-  .then(({ issues }) => console.log(JSON.stringify(issues)));
+const validate = (file) => validateBytes(new Uint8Array(readFileSync(file)), { maxIssues: 20 });
+Promise.all(process.argv.slice(1).map(validate))
+  .then((reports) => console.log(JSON.stringify(reports.map(({ issues }) => issues))));
 """
 
 NOTES = {"UNUSED_OBJECT", "UNSUPPORTED_EXTENSION", "NODE_EMPTY", "BUFFER_VIEW_TARGET_MISSING"}
@@ -40,15 +41,21 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def issues(path: Path) -> list[str]:
-    """Errors and warnings."""
+def issues(*paths: Path) -> list[str]:
+    """Errors and warnings of all files."""
     done = subprocess.run(
-        ["node", "-e", SCRIPT, str(path)], cwd=TESTS, capture_output=True, text=True, check=True
+        ["node", "-e", SCRIPT, *map(str, paths)],
+        cwd=TESTS,
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    found = json.loads(done.stdout)
-    assert {m["code"] for m in found["messages"] if m["severity"] > 1} <= NOTES
-    wrong = [f"{m['code']} {m.get('pointer', '')}" for m in found["messages"] if m["severity"] <= 1]
-    assert len(wrong) == found["numErrors"] + found["numWarnings"] or found["truncated"]
+    wrong = []
+    for path, found in zip(paths, json.loads(done.stdout), strict=True):
+        assert {m["code"] for m in found["messages"] if m["severity"] > 1} <= NOTES
+        mine = [m for m in found["messages"] if m["severity"] <= 1]
+        assert len(mine) == found["numErrors"] + found["numWarnings"] or found["truncated"]
+        wrong += [f"{path.stem}: {m['code']} {m.get('pointer', '')}" for m in mine]
     return wrong
 
 

@@ -30,7 +30,7 @@ SPECIAL = [  # rotations in which encodings could go wrong
     (0.0, 0.6, -0.8, 0.0),
     (0.6, -0.8, 0.0, 0.0),
 ]
-TOLERANCE_DEG = {"f32_le": 0.0, "f16_le": 0.057, "smallest_three": 0.009}
+TOLERANCE_DEG = {"f32_le": 0.0, "smallest_three": 0.009}
 ENCODINGS = [PoseEncoding(name) for name in TOLERANCE_DEG]  # of poses
 
 

@@ -115,9 +115,7 @@ def bakeries(service: Process) -> list[psutil.Process]:
     return [one for one in below if "wayfarer.world.scenes.bake_process" in one.cmdline()]
 
 
-@pytest.mark.parametrize(
-    ("sign", "workers"), [(signal.SIGTERM, 2), (signal.SIGKILL, 1), (signal.SIGKILL, 2)]
-)
+@pytest.mark.parametrize(("sign", "workers"), [(signal.SIGTERM, 2), (signal.SIGKILL, 1)])
 def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
     with serve(*ANY_PORTS, "--workers", str(workers)) as service:
         assert not bakeries(service)

@@ -324,3 +324,55 @@ def test_an_obstacle_that_parts_the_ground_floor_keeps_people_off_the_roof() -> 
     assert parted.floor(np.array([*middle, 0.0])) == pytest.approx(inside[2], abs=0.05)
     again = parted.remove("wall")
     assert again.main_island == again.island_of([inside]) and again.islands == 2
+
+
+def court(*pieces: trimesh.Trimesh) -> Scene:
+    return bake(level(box((-2, -5, -0.2), (2, 5, 0)), *pieces))
+
+
+def platform(height: float) -> trimesh.Trimesh:
+    return box((-2, 2, 0), (2, 5, height))
+
+
+def ramp(degrees: float, height: float) -> trimesh.Trimesh:
+    """A wedge up to the platform's edge."""
+    foot = 2 - height / np.tan(np.radians(degrees))
+    corners = [(x, *at) for x in (-1, 1) for at in ((foot, 0), (2, 0), (2, height))]
+    return trimesh.convex.convex_hull(trimesh.PointCloud(corners).vertices)
+
+
+def place_of(told: str, what: str) -> list[float]:
+    return [float(part) for part in told.partition(f"{what} at (")[2].partition(")")[0].split(", ")]
+
+
+def test_a_step_that_is_too_high_is_told_and_of_stairs_one_of_theirs() -> None:
+    told = refusal(court(platform(0.6)), (0, -3, 0), (0, 4, 0.6))
+    assert "is in the way, where 0.25 m are taken (walkable.step_height)" in told
+    assert place_of(told, "a step of 0.6 m")[1] == pytest.approx(2, abs=0.1)
+    stairs = [box((-1, 2 - 0.3 * k, 0), (1, 2, 1.6 - 0.4 * k)) for k in range(1, 4)]
+    assert "a step of 0.4 m" in refusal(court(platform(1.6), *stairs), (0, -3, 0), (0, 4, 1.6))
+    flat = bake(SceneSpec((Floor(rectangle(0, 0, 4, 9)),), (Box((2.0, 4.0), (4.0, 0.4), 0.5),)))
+    assert flat.ground.cell == 0
+    assert "a step of 0.5 m" in refusal(flat, (2.0, 2.0, 0.0), (2.0, 8.0, 0.0))
+
+
+@pytest.mark.parametrize(("degrees", "height"), [(45, 2.5), (60, 2.5), (60, 0.8)])
+def test_a_slope_that_is_too_steep_is_told(degrees: float, height: float) -> None:
+    told = refusal(court(platform(height), ramp(degrees, height)), (0, -4, 0), (0, 4, height))
+    assert "is in the way, where 40° are walked on (walkable.slope_deg)" in told
+    x, y, z = place_of(told, f"a slope of {degrees}°")
+    assert abs(x) < 1.1 and -1 < y < 2.1 and 0 <= z <= height
+
+
+def test_a_stage_elsewhere_is_not_the_step_that_is_told_nor_a_wall() -> None:
+    stage = box((-2, -5, 0), (2, -3, 0.8))
+    assert "in the way" not in refusal(court(platform(3), stage), (0, 0, 0), (0, 4, 3))
+    both = court(platform(0.8), stage)
+    for goal, y in (((0.0, 4.0, 0.8), 2.0), ((0.0, -4.0, 0.8), -3.0)):
+        told = refusal(both, (0.0, 0.0, 0.0), goal)
+        assert place_of(told, "a step of 0.8 m")[1] == pytest.approx(y, abs=0.1)
+
+
+def test_of_several_kinds_the_greatest_trouble_is_told() -> None:
+    mixed = court(platform(2.5), ramp(50, 2.5), box((-2, -5, 0), (2, -3, 0.9)))
+    assert "a step of 0.9 m" in refusal(mixed, (0, -4, 0.9), (0, 4, 2.5))

@@ -17,7 +17,6 @@ ROOT = Path(__file__).parents[2]
 PROTO = ROOT / "proto"
 SOURCES = sorted(f"wayfarer/v1/{path.name}" for path in (PROTO / "wayfarer" / "v1").glob("*.proto"))
 STEMS = sorted(Path(source).stem for source in SOURCES)
-NODE = ROOT / "clients" / "node"
 OLDEST = str(protoc.PROTOC_EXE)
 """3.21, from the wheel of the same version; `libprotoc 21.11` and 3.21.11 are the same."""
 
@@ -85,17 +84,6 @@ def test_csharp(compiler: str, tmp_path: Path) -> None:
 def test_java(compiler: str, tmp_path: Path) -> None:
     made = compiled(compiler, tmp_path, f"--java_out={tmp_path}")
     assert {"wayfarer/v1/Goal.java", "wayfarer/v1/AgentSpec.java"} <= set(made)
-
-
-@compilers
-@pytest.mark.skipif(
-    not (NODE / "node_modules").is_dir(), reason="clients/node is not set up: npm ci"
-)
-def test_javascript(compiler: str, tmp_path: Path) -> None:
-    plugin = f"--plugin=protoc-gen-es={NODE / 'node_modules' / '.bin' / 'protoc-gen-es'}"
-    made = compiled(compiler, tmp_path, plugin, f"--es_out={tmp_path}", "--es_opt=target=js+dts")
-    kinds = ("d.ts", "js")
-    assert made == sorted(f"wayfarer/v1/{stem}_pb.{kind}" for stem in STEMS for kind in kinds)
 
 
 @compilers

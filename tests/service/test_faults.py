@@ -3,303 +3,31 @@
 Every stage of a turn fails here for one agent, or for its session, in the real service.
 """
 
-import asyncio
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
 import pytest
 
+from tests.service.fault_rig import GUILTY, MARK, POST, InjectedError, Reader, Rig
+from tests.service.injected_faults import CASES, failing
 from tests.service.kept_worlds import fake_worlds, open_journal
 from tests.service.running import until
-from tests.world.fakes import FakeEngine, people
-from tests.world.scenes.grounds import BOX, FIELD
+from tests.world.fakes import people
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable
-from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
-from wayfarer.service.faults import FaultLog
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.persistence import capture
-from wayfarer.service.persistence.record import Recordings
-from wayfarer.service.streams.goal_events import GoalEvents
-from wayfarer.service.streams.publications import SlowReader, StreamOptions
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.root_tracks import RootTracks
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.service.thread import FAILURES
-from wayfarer.transport.metrics import Metrics
 from wayfarer.world import sending
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec, Sight
+from wayfarer.world.agents.agent import AgentState, SessionSpec, Sight
 from wayfarer.world.agents.faults import MAX_FAULTS, PAUSE, Stage
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.behaviours import Wander
-from wayfarer.world.behaviours.runner import BehaviourRunner
 from wayfarer.world.events import EventKind
-from wayfarer.world.goals.steering import Steering
-from wayfarer.world.scenes import populate
-from wayfarer.world.scenes.guide import SceneGuide
-from wayfarer.world.scenes.messages import Crowd, SceneSource
-from wayfarer.world.scenes.planner import Planner
-from wayfarer.world.scenes.world_scenes import WorldScenes
-from wayfarer.world.stepping import load, scheduler
+from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.stepping import load
 from wayfarer.world.stepping.budget import DegradationLevel
-from wayfarer.world.stepping.scheduler import Scheduler
 from wayfarer.world.stepping.unstepped import Unstepped
-
-GUILTY, MARK = "bad", 2.5
-"""The session with an agent that has this first beta; it is the first of three."""
-
-SOURCE = SceneSource(SceneSpec((FIELD,), (BOX,)))
-
-
-POST = Cylinder((1.0, 11.0), 0.2, 1.0)
-
-
-class InjectedError(Exception):
-    """What a test injects."""
-
-
-class Rig:
-    """A service whose session `bad` has one agent that a stage fails for, and `good` has none."""
-
-    def __init__(self, tmp_path=None, engine=None, **settings):
-        self.metrics = Metrics()
-        self.engine = engine or MarkedEngine()
-        journal = None if tmp_path is None else open_journal(tmp_path / "state")
-        settings = {"steering": Steering(reactions=1)} | settings
-        worlds = replace(
-            fake_worlds(journal, self.engine, **settings), report=FaultLog(self.metrics)
-        )
-        self.service = MotionService(worlds, meter=self.metrics)
-        self.world = self.service._world
-        self.unready = 0
-
-    async def __aenter__(self):
-        self.service.start()
-        await until(lambda: self.service.ready, 20)
-        self.scene = (await self.service.scenes.create_scene(SOURCE)).scene_id
-        self.watch = asyncio.create_task(self._watch())
-        return self
-
-    async def __aexit__(self, *_):
-        self.watch.cancel()
-        await self.service.stop()
-
-    async def _watch(self):
-        while True:
-            self.unready += not (self.service.ready and self.service.alive)
-            await asyncio.sleep(0.005)
-
-    async def populate(self, record=False):
-        spec = SessionSpec(GUILTY, scene="" if record else self.scene, record=record)
-        await self.service.create_session(spec)
-        await self.service.create_session(SessionSpec("good"))
-        specs = [replace(s, position=(2.0 + 2 * i, 2.0)) for i, s in enumerate(people(3))]
-        specs[0] = replace(specs[0], betas=(MARK, *specs[0].betas[1:]), gender="female")
-        made = await self.service.create_agents(GUILTY, specs)
-        self.guilty, *self.fellows = [agent.agent_id for agent in made]
-        self.slot = self.world.registry.agents[self.guilty].slot
-        elsewhere = [replace(s, position=(50.0 + 2 * i, 0.0)) for i, s in enumerate(people(2))]
-        for agent in await self.service.create_agents("good", elsewhere):
-            await self.service.give(agent.agent_id, Goal((50.0, 90.0, 0.0)))
-        self.good = Reader(await self.service.subscribe("good", StreamOptions()))
-        return self
-
-    async def read(self, **options):
-        self.bad = Reader(await self.service.subscribe(GUILTY, StreamOptions(**options)))
-        await until(lambda: len(self.bad.seqs) == 3 and len(self.good.seqs) == 2, 20)
-
-    def counted(self, name, **labels):
-        return self.metrics.registry.get_sample_value(name, labels) or 0
-
-    def faults(self, stage):
-        return self.counted("wayfarer_faults_total", stage=str(stage))
-
-
-class Reader:
-    """Reads a stream beside the test."""
-
-    def __init__(self, subscription):
-        self.subscription = subscription
-        self.seqs, self.events, self.states = {}, [], {}
-        self.flags = 0
-        self.error = None
-        self.task = asyncio.create_task(self._read(subscription))
-
-    async def _read(self, subscription):
-        try:
-            async for publication in subscription:
-                for chunk in publication.chunks:
-                    assert np.isfinite(chunk.translation).all()
-                    assert np.isfinite(chunk.rotations).all()
-                    self.seqs.setdefault(chunk.agent_id, []).append(chunk.seq)
-                    self.states[chunk.agent_id] = chunk.state
-                    self.flags |= int(chunk.flags)
-                self.events += publication.events
-        except Exception as error:
-            self.error = error
-
-    def missed_nothing(self):
-        assert self.error is None
-        assert not self.flags & ChunkFlag.GAP
-        for seqs in self.seqs.values():
-            assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
-        return bool(self.seqs)
-
-    def told(self, stage_words=""):
-        return [
-            e for e in self.events if e.kind is EventKind.FAULT and stage_words in (e.detail or "")
-        ]
-
-    async def more(self, count):
-        """Wait for so many more chunks of one agent."""
-        before = {name: len(seqs) for name, seqs in self.seqs.items()}
-        await until(
-            lambda: any(len(s) >= before.get(n, 0) + count for n, s in self.seqs.items()), 20
-        )
-
-
-class MarkedEngine(FakeEngine):
-    """Fails for a marked row, if it is told to."""
-
-    fails = False
-
-    def step(self, gender, inputs):
-        if self.fails and (inputs.betas[:, 0] == np.float32(MARK)).any():
-            raise InjectedError("the engine does not like the row")
-        return super().step(gender, inputs)
-
-
-@dataclass
-class Case:
-    """How a stage is made to fail, and what that means."""
-
-    stage: Stage
-    inject: Callable
-    of_agent: bool = True  # else of its session
-    options: dict | None = None
-    goal: object = Goal((2.0, 10.0, 0.0))
-    holds: bool = False  # the agent stands meanwhile
-
-
-def failing(monkeypatch, owner, name, is_guilty):
-    """Let a function fail when `is_guilty(arguments)`."""
-    real = getattr(owner, name)
-
-    def wrapped(*args, **kwargs):
-        if is_guilty(*args):
-            raise InjectedError(f"{name} fails")
-        return real(*args, **kwargs)
-
-    monkeypatch.setattr(owner, name, wrapped)
-
-
-def engine_fails(rig, monkeypatch):
-    rig.engine.fails = True
-
-
-def engine_gives_nan(rig, monkeypatch):
-    rig.engine.nan_for_beta = MARK
-
-
-def way_is_not_found(rig, monkeypatch):
-    failing(monkeypatch, Planner, "_look", lambda self, slot, *_: slot == rig.slot)
-
-
-def way_fails(rig, monkeypatch):
-    failing(monkeypatch, SceneGuide, "_led", lambda self, rows, *_: rig.slot in rows)
-
-
-def steering_fails(rig, monkeypatch):
-    seed = rig.world.slots.noise_seed[rig.slot] = np.uint64(666)
-    failing(monkeypatch, scheduler, "sets_off", lambda seeds, *_: seed in seeds)
-
-
-def inputs_fail(rig, monkeypatch):
-    failing(monkeypatch, scheduler, "gather", lambda slots, rows, *_: rig.slot in rows)
-
-
-def rules_fail(rig, monkeypatch):
-    failing(monkeypatch, Scheduler, "apply", lambda self, batch, *_: rig.slot in batch.rows)
-
-
-def rules_give_nan(rig, monkeypatch):
-    real = scheduler.shorten
-
-    def shorten(before, gait, start, step, seed):
-        step, seed = real(before, gait, start, step, seed)
-        mine = np.abs(start[:, 0] - 2.0) < 1.0  # where the guilty one is
-        seed.markers[mine] = np.nan
-        return step, seed
-
-    monkeypatch.setattr(scheduler, "shorten", shorten)
-
-
-def feet_fail(rig, monkeypatch):
-    failing(monkeypatch, sending, "clean_feet", lambda slots, sent, *_: rig.slot in sent.slots)
-
-
-def ground_fails(rig, monkeypatch):
-    failing(monkeypatch, sending, "ground", lambda s, scenery, sent, *_: rig.slot in sent.slots)
-
-
-def behaviour_fails(rig, monkeypatch):
-    failing(
-        monkeypatch, BehaviourRunner, "_update", lambda self, agent: agent.agent_id == rig.guilty
-    )
-
-
-def recording_fails(rig, monkeypatch):
-    failing(monkeypatch, Recordings, "sent", lambda self, due: due.session_id == GUILTY)
-
-
-def schedule_fails(rig, monkeypatch):
-    log = rig.service._live._publisher._logs[GUILTY]
-    failing(monkeypatch, type(log), "has_holders", lambda self: self is log)
-
-
-def sights_fail(rig, monkeypatch):
-    failing(monkeypatch, Publisher, "sights", lambda self, session_id, _: session_id == GUILTY)
-
-
-def roots_fail(rig, monkeypatch):
-    failing(monkeypatch, RootTracks, "follow", lambda self, chunks: rig.guilty in chunks.agent_id)
-
-
-def events_fail(rig, monkeypatch):
-    failing(monkeypatch, GoalEvents, "_of", lambda self, chunk: chunk.agent_id == rig.guilty)
-
-
-def crowd_fails(rig, monkeypatch):
-    failing(monkeypatch, populate, "drawn_person", lambda crowd, *_: crowd.seed == 666)
-
-
-def scene_fails(rig, monkeypatch):
-    failing(monkeypatch, WorldScenes, "_take_up", lambda *_: True)
-
-
-NEAR = Goal((2.0, 3.0, 0.0))
-CASES = {
-    "way not found": Case(Stage.WAY, way_is_not_found),
-    "way": Case(Stage.WAY, way_fails, holds=True),
-    "steering": Case(Stage.STEERING, steering_fails, holds=True),
-    "inputs": Case(Stage.INPUTS, inputs_fail, holds=True),
-    "engine": Case(Stage.ENGINE, engine_fails, holds=True),
-    "engine gives NaN": Case(Stage.ENGINE, engine_gives_nan, holds=True),
-    "rules": Case(Stage.RULES, rules_fail, holds=True),
-    "rules give NaN": Case(Stage.RULES, rules_give_nan, holds=True),
-    "behaviour": Case(Stage.BEHAVIOUR, behaviour_fails, goal=Wander(None)),
-    "feet": Case(Stage.FEET, feet_fail),
-    "ground": Case(Stage.GROUND, ground_fails),
-    "event": Case(Stage.EVENT, events_fail, goal=NEAR),
-    "record": Case(Stage.RECORD, recording_fails, of_agent=False),
-    "schedule": Case(
-        Stage.SCHEDULE, schedule_fails, of_agent=False, options={"slow_reader": SlowReader.HOLD}
-    ),
-    "sight": Case(Stage.SIGHT, sights_fail, of_agent=False),
-    "roots": Case(Stage.ROOTS, roots_fail, of_agent=False, options={"roots": True}),
-    "crowd": Case(Stage.CROWD, crowd_fails, of_agent=False),
-    "scene": Case(Stage.SCENE, scene_fails, of_agent=False),
-}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -425,9 +153,10 @@ async def test_an_engine_that_fails_for_all_is_nobodys_fault():
         await rig.populate()
         await rig.read()
         await rig.bad.more(1)
-        rig.engine.fail_next = 9
+        rig.engine.is_down = True
         await until(lambda: rig.unready, 20)
-        await until(lambda: rig.engine.fail_next == 0 and rig.service.ready, 20)
+        await rig.service._live.ask(lambda *_: setattr(rig.engine, "is_down", False))
+        await until(lambda: rig.service.ready, 20)
         await rig.good.more(4)
         assert rig.bad.missed_nothing() and rig.good.missed_nothing()
         assert not rig.bad.told() and not rig.good.told()

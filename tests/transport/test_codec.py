@@ -19,7 +19,6 @@ from wayfarer.world.agents.agent import NO_CHUNKS, ChunkFlag, MotionChunks
 
 WORST_DEG = {
     PoseEncoding.F32_LE: 1e-4,
-    PoseEncoding.F16_LE: 0.056,
     PoseEncoding.SMALLEST_THREE: smallest_three.WORST_ERROR_DEG + 1e-4,
 }
 FINGERS = slice(22, 52)

@@ -253,12 +253,12 @@ async def test_http_changes_agents(rig):
 
 
 async def test_a_clip_is_lines_of_json(rig):
-    request = {"seconds": 0.4, "agent": {"seed": 3}, "format": {"encoding": "f16_le"}}
+    request = {"seconds": 0.4, "agent": {"seed": 3}, "format": {"encoding": "smallest_three"}}
     answer = await rig.http.post("/v1/clips", json=request)
     assert answer.headers["content-type"] == "application/x-ndjson"
     header, *batches = map(json.loads, answer.text.splitlines())
     assert list(header) == ["header"] and all(list(line) == ["batch"] for line in batches)
-    assert header["header"]["pose_encoding"] == "f16_le"
+    assert header["header"]["pose_encoding"] == "smallest_three"
     chunks = [line["batch"]["chunks"] for line in batches]
     assert [chunk["seqs"] for chunk in chunks] == [[0], [1]]
     assert chunks[0]["states"] == ["standing"]

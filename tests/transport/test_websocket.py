@@ -34,7 +34,7 @@ async def test_a_websocket_client_that_vanishes_is_cleaned_up(rig):
         ("none&encoding=jpeg", 4422, "encoding"),
         ("none&resume_token=1", 4404, "no session"),
         ("none&colour=red", 4422, "colour: unknown; known are session, agent, "),
-        ("none&encodng=f16_le", 4422, "encodng: unknown; did you mean encoding?"),
+        ("none&encodng=smallest_three", 4422, "encodng: unknown; did you mean encoding?"),
         ('none&interest={"ring":[]}', 4422, "interest.ring: unknown; did you mean rings?"),
     ],
 )

@@ -1,5 +1,6 @@
 """A character of the user's, dropped on the viewer: a real browser against the real service."""
 
+import base64
 import math
 from pathlib import Path
 
@@ -128,3 +129,35 @@ def test_what_cannot_walk_is_refused_in_words(visit: Page, files: dict[str, Path
         page.drop(file, 280, 240)
         page.wait_for(f"{MESSAGES}.includes('{said}')", 10)
     assert page.problems == []
+
+
+CHARACTERS = Path(__file__).parents[1] / "characters"
+LEVELS = Path(__file__).parents[1] / "navigation" / "levels"
+LOOK = """(async (text) => {
+  const { loadGlb } = await import("./packed.js");
+  const { Box3 } = await import("./vendor/three.min.js");
+  const { scene } = await loadGlb(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+  let triangles = 0;
+  scene.traverse((node) => triangles += (node.geometry?.index?.count ?? 0) / 3);
+  const { min, max } = new Box3().setFromObject(scene, true);
+  return [triangles, ...min, ...max];
+})"""
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        [CHARACTERS / "cases" / "long_shoes.glb", *(CHARACTERS / "packed").glob("*.glb")],
+        sorted(LEVELS.glob("hill_*.glb")),
+    ],
+    ids=["characters", "levels"],
+)
+def test_what_draco_and_meshopt_have_packed_is_drawn(page: Page, files: list[Path]) -> None:
+    """The page's own decoders: its policy lets nothing in from elsewhere."""
+    page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=")
+    page.wait_for("Boolean(globalThis.wayfarer)", 60)
+    texts = [base64.b64encode(file.read_bytes()).decode() for file in files]
+    plain, *packed = (page.evaluate(f"{LOOK}({text!r})") for text in texts)
+    assert plain[0] > 200 and len(packed) >= 2
+    for found in packed:
+        np.testing.assert_allclose(found, plain, atol=2e-3)

@@ -253,7 +253,7 @@ def test_a_broken_row_stands_where_it_was_and_spoils_no_other():
     def run(broken):
         engine = FakeEngine()
         world = make_world(engine, phases=1)
-        world.create_session(SessionSpec("s"), 0.0)
+        world.create_session(SessionSpec("s", avoid=False), 0.0)
         specs = people(3, gender="male")
         specs[1] = people(1, gender="male", betas=(1.5, *[0.0] * 9), position=(2.0, 1.0))[0]
         ids = [a.agent_id for a in world.create_agents("s", specs, 0.0)]

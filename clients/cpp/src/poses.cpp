@@ -20,24 +20,6 @@ float single(const std::uint8_t* at) {
   return value;
 }
 
-double half(std::uint32_t bits) {
-  const double sign = bits & 0x8000 ? -1 : 1;
-  const int exponent = static_cast<int>(bits >> 10 & 0x1f);
-  const double fraction = bits & 0x3ff;
-  if (exponent == 0) return sign * std::ldexp(fraction, -24);
-  if (exponent == 0x1f) return fraction > 0 ? NAN : sign * INFINITY;
-  return sign * std::ldexp(1 + fraction / 1024, exponent - 15);
-}
-
-void read_halves(const std::uint8_t* at, float* out) {
-  double q[4], squares = 0;
-  for (int k = 0; k < 4; ++k) {
-    q[k] = half(word(at + 2 * k));
-    squares += q[k] * q[k];
-  }
-  for (int k = 0; k < 4; ++k) out[k] = static_cast<float>(q[k] / std::sqrt(squares));
-}
-
 void read_smallest(const std::uint8_t* at, float* out) {
   const std::uint32_t left_out = word(at) >> 15 | word(at + 2) >> 15 << 1;
   double squares = 0;
@@ -54,7 +36,6 @@ void read_smallest(const std::uint8_t* at, float* out) {
 std::size_t rotation_bytes(std::uint32_t encoding) {
   switch (encoding) {
     case F32_LE: return 16;
-    case F16_LE: return 8;
     case SMALLEST_THREE: return 6;
     default:
       throw DecodeError("pose encoding " + std::to_string(encoding) +
@@ -77,8 +58,6 @@ void unpack_poses(const std::uint8_t* bytes, std::size_t count, std::uint32_t en
     for (std::size_t bone = 0; bone < bones; ++bone, bytes += each, out += 4) {
       if (encoding == F32_LE) {
         for (int k = 0; k < 4; ++k) out[k] = single(bytes + 4 * k);
-      } else if (encoding == F16_LE) {
-        read_halves(bytes, out);
       } else {
         read_smallest(bytes, out);
       }

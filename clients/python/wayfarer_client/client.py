@@ -99,7 +99,7 @@ class Client:
         `seed`: from which agents without one of their own draw theirs. `lease`: seconds that it
         outlives its last call and stream. `lock_step`: time passes in `Session.step` only.
         `record`: keep its commands for `Session.export_log`. `scene`: where its agents walk; empty:
-        the endless flat floor. `avoid`: in a scene, they keep out of each other's way.
+        the endless flat floor. `avoid`: they keep out of each other's way.
         """
         request = session_pb2.CreateSessionRequest(
             basis=enum_label(common_pb2.Basis, basis, "basis"),

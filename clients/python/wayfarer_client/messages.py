@@ -35,7 +35,7 @@ class Flag(IntFlag):
 class PoseFormat:
     """What poses hold and how they are packed."""
 
-    # or "f16_le" (rotations within 0.06°), "smallest_three" (0.009°); of streams "root"
+    # or "smallest_three" (rotations within 0.009°); of streams "root"
     encoding: str = "f32_le"
     profile: str = "body"  # 22 bones; "full": 52, fingers at rest; "bones": those named
     bones: Sequence[str] = ()  # with "bones": names of the skeleton

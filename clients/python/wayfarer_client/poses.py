@@ -14,7 +14,6 @@ from wayfarer_client.v1 import catalog_pb2, common_pb2, motion_pb2
 
 ROTATION_TYPES: Final = {
     motion_pb2.POSE_ENCODING_F32_LE: np.dtype(("<f4", 4)),
-    motion_pb2.POSE_ENCODING_F16_LE: np.dtype(("<f2", 4)),
     motion_pb2.POSE_ENCODING_SMALLEST_THREE: np.dtype(("<u2", 3)),
 }
 MOST_BONES: Final = 52
@@ -75,11 +74,7 @@ class PoseLayout:
     def _rotations(self, packed: NDArray[Any]) -> NDArray[np.float32]:
         if self.encoding == motion_pb2.POSE_ENCODING_F32_LE:
             return packed
-        if self.encoding == motion_pb2.POSE_ENCODING_SMALLEST_THREE:
-            return unpack_smallest_three(packed)
-        wide = packed.astype(np.float32)
-        length = np.linalg.norm(wide, axis=-1, keepdims=True)
-        return np.asarray(wide / length, np.float32)
+        return unpack_smallest_three(packed)
 
 
 class RootLayout:

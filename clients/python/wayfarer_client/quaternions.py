@@ -12,7 +12,7 @@ IDENTITY: Final = np.array([0.0, 0.0, 0.0, 1.0])
 
 def multiply(p: Array, q: Array) -> Array:
     """The rotation `q`, then `p`: [4], [4] → [4]."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = p, q
+    (ax, ay, az, aw), (bx, by, bz, bw) = map(float, p), map(float, q)  # far quicker than scalars
     return np.array(
         [
             aw * bx + ax * bw + ay * bz - az * by,
@@ -30,8 +30,11 @@ def inverse(q: Array) -> Array:
 
 def rotate(q: Array, v: Array) -> Array:
     """A vector [3] turned by a rotation [4]."""
-    t = 2 * np.cross(q[:3], v)
-    return v + q[3] * t + np.cross(q[:3], t)
+    (x, y, z, w), (a, b, c) = map(float, q), map(float, v)
+    i, j, k = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return np.array(
+        [a + w * i + (y * k - z * j), b + w * j + (z * i - x * k), c + w * k + (x * j - y * i)]
+    )
 
 
 def arc(a: Array, b: Array) -> Array:

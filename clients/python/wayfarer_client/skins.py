@@ -6,11 +6,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from .packed import DRACO, meshopt_of, unpack_primitive, unpack_view
 from .quaternions import Array, from_axes
 from .rig import Node, Rig
 
 KINDS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+PLACING: Final = ("POSITION", "JOINTS_0", "WEIGHTS_0")
 POSED: Final = 0.01
 """Share of the skeleton's size by which, and radians by which, a joint must be off the pose that
 the skin was bound in, by another joint, for the nodes to stand in another pose.
@@ -53,8 +55,8 @@ class Skins:
 
     def points(self) -> tuple[Array, Array]:
         """Vertices [V, 3] in the space of the scene, of the rig as it stands, and the node [V] of
-        the rig that moves each most. None where the data lies outside of the file, or is
-        compressed.
+        the rig that moves each most. None where the data lies outside of the file, or cannot be
+        unpacked.
         """
         world = worlds(self.rig)
         at = {number: k for k, number in enumerate(self.numbers)}
@@ -65,8 +67,8 @@ class Skins:
                 continue
             skin = self.document["skins"][node["skin"]] if "skin" in node else None
             for primitive in self.document["meshes"][node["mesh"]]["primitives"]:
-                attributes = primitive["attributes"]
-                bound = self.array(attributes.get("POSITION"))
+                attributes = self._attributes(primitive)
+                bound = attributes["POSITION"]
                 if bound is None:
                     continue
                 upright = np.pad(bound, ((0, 0), (0, 1)), constant_values=1.0)
@@ -74,8 +76,7 @@ class Skins:
                     places.append((upright @ world[k].T)[:, :3])
                     nodes.append(np.full(len(bound), k))
                     continue
-                which = self.array(attributes.get("JOINTS_0"))
-                weights = self.array(attributes.get("WEIGHTS_0"))
+                which, weights = attributes["JOINTS_0"], attributes["WEIGHTS_0"]
                 inverses = self.inverses(skin)
                 if which is None or weights is None or inverses is None:
                     continue
@@ -131,29 +132,57 @@ class Skins:
             return None
         return found.reshape(-1, 4, 4).swapaxes(1, 2)
 
+    def _attributes(self, primitive: Json) -> dict[str, Array | None]:
+        """Those that place a vertex [V, C], None where they cannot be read."""
+        numbers = primitive["attributes"]
+        found = {name: self.array(numbers.get(name)) for name in PLACING}
+        packed = primitive.get("extensions", {}).get(DRACO)
+        if packed and found["POSITION"] is None:
+            view = self.document["bufferViews"][packed["bufferView"]]
+            data = self._bytes(view)
+            found |= (data and unpack_primitive(primitive, data)) or {}
+            position = self.document["accessors"][numbers["POSITION"]]
+            if found["POSITION"] is not None and position.get("normalized"):
+                found["POSITION"] /= np.iinfo(KINDS[position["componentType"]]).max
+        return found
+
     def array(self, number: int | None) -> Array | None:
-        """[N, C] of an accessor in the binary chunk; None: it lies elsewhere, or is compressed."""
+        """[N, C] of an accessor; None: its data lies outside of the file, or is packed by what is
+        not installed.
+        """
         if number is None:
             return None
         found = self.document["accessors"][number]
         if "bufferView" not in found or "sparse" in found:
             return None
         view = self.document["bufferViews"][found["bufferView"]]
-        buffer = self.document["buffers"][view["buffer"]]
-        compressed = "EXT_meshopt_compression" in view.get("extensions", {})
-        if view["buffer"] != 0 or "uri" in buffer or compressed:
+        data = self._bytes(view)
+        if data is None:
             return None
+        packed = meshopt_of(view)
         kind, width = np.dtype(KINDS[found["componentType"]]), WIDTHS[found["type"]]
-        start = view.get("byteOffset", 0) + found.get("byteOffset", 0)
-        stride = view.get("byteStride", kind.itemsize * width)
+        start = found.get("byteOffset", 0)
+        size = kind.itemsize * width
+        stride = (packed or view).get("byteStride", size)
         count = found["count"]
-        if not count > 0 or start + (count - 1) * stride + kind.itemsize * width > len(self.binary):
+        if not count > 0 or start + (count - 1) * stride + size > len(data):
             raise ValueError(f"accessor {number} reaches beyond its data")
-        rows = np.ndarray((count, width), kind, self.binary, start, (stride, kind.itemsize))
+        rows = np.ndarray((count, width), kind, data, start, (stride, kind.itemsize))
         values = rows.astype(float)
         if found.get("normalized"):
             values = np.maximum(values / np.iinfo(kind).max, -1.0)
         return values
+
+    def _bytes(self, view: Json) -> bytes | None:
+        """What a buffer view holds, from the binary chunk."""
+        packed = meshopt_of(view)
+        where = packed or view
+        if where["buffer"] != 0 or "uri" in self.document["buffers"][0]:
+            return None
+        if packed:
+            return unpack_view(packed, self.binary)
+        start = view.get("byteOffset", 0)
+        return self.binary[start : start + view["byteLength"]]
 
 
 def local_matrix(node: Node) -> Array:

@@ -125,8 +125,8 @@ test("the stream's address follows the page's", () => {
   const of = (href, ...rest) => client.streamAddress("s 1", ...rest, new URL(href)).url;
   assert.equal(of("http://host:8080/", {}, ""), "ws://host:8080/v1/stream?session=s+1");
   assert.equal(
-    of("https://host/x/", { encoding: "f16_le", fps: 20 }, "r.1"),
-    "wss://host/v1/stream?session=s+1&encoding=f16_le&fps=20&resume_token=r.1",
+    of("https://host/x/", { encoding: "smallest_three", fps: 20 }, "r.1"),
+    "wss://host/v1/stream?session=s+1&encoding=smallest_three&fps=20&resume_token=r.1",
   );
 });
 

@@ -31,3 +31,7 @@ for (const { name, entry, calls, about, home } of cases) {
 test("a stream's close reason names the node", () => {
   for (const [reason, host, port] of reasons) assert.deepEqual(placeOf(reason), { host, port });
 });
+
+test("an entry below a path of a proxy's names other nodes without it", () => {
+  assert.equal(new Homes("https://example.org/wf").node("", 81), "https://example.org:81");
+});

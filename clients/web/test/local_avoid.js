@@ -2,6 +2,7 @@
 
 import { readFile } from "node:fs/promises";
 import { pathToFileURL } from "node:url";
+import { wayAround } from "../src/local/around.js";
 import { avoid } from "../src/local/avoidance.js";
 import { LocalScene } from "../src/local/scene.js";
 
@@ -10,9 +11,11 @@ const scene = await LocalScene.read(async (name) => {
   const { buffer, byteOffset, byteLength } = await readFile(new URL(name, `${pathToFileURL(scenery).href}/`));
   return buffer.slice(byteOffset, byteOffset + byteLength);
 });
-const { people, ways } = JSON.parse(await readFile(crowds, "utf8"));
+const { people, ways, grids } = JSON.parse(await readFile(crowds, "utf8"));
 const clear = (x, y) => scene.distance(x, y);
 console.log(JSON.stringify({
-  chosen: people.map((crowd) => crowd.map((self) => avoid(crowd, self, self.preferred, clear, 0.2))),
+  chosen: people.map((crowd) => crowd.map((self) => avoid(crowd, self, self.preferred, clear, 0.2, self.left))),
+  around: grids.map(({ room, columns }) => wayAround(
+    { room: Float64Array.from(room), rows: room.length / columns, columns }, [0, 0], [room.length / columns - 1, columns - 1])),
   ways: ways.map(({ from, to }) => scene.path(from, to)),
 }));

@@ -20,12 +20,12 @@ const reader = (from) => async (name) => {
 };
 const read = reader(folder);
 const { about, bodies, run } = await openExport(read, ort);
-const { people: specs, commands, chunks, seconds } = JSON.parse(await readFile(traced, "utf8"));
+const { people: specs, commands, chunks, seconds, avoid } = JSON.parse(await readFile(traced, "utf8"));
 const scene = scenery ? await LocalScene.read(reader(scenery)) : null;
 const met = [];
-const world = new LocalWorld(about, bodies, run, scene, (person, kind, waypoint, place) => {
-  met.push({ who: people.indexOf(person), kind, waypoint, place });
-});
+const world = new LocalWorld(about, bodies, run, scene, (person, kind, waypoint, what) => {
+  met.push({ who: people.indexOf(person), kind, waypoint, what: kind === "blocked" ? what.map((other) => people.indexOf(other)) : what });
+}, avoid);
 const people = specs.map((spec) => world.add({ ...spec, seed: BigInt(spec.seed) }, 0));
 const own = people.map(() => []);
 

@@ -35,8 +35,8 @@ LEAD_IN: Final = 2.0
 EARLY: Final = 1e-3
 """Seconds by which times of chunks may differ from sums of steps."""
 
-FLOOR: Final = SessionSpec()
-"""A session on an endless flat floor."""
+FLOOR: Final = SessionSpec(avoid=False)
+"""A session on an endless flat floor, where agents do not see each other."""
 
 
 @dataclass(frozen=True)

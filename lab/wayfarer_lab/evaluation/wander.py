@@ -65,7 +65,7 @@ def wander(
     watch: Watch = lambda done, total: None,
 ) -> Wandering:
     """Send agents from goal to goal, 3 … 8 m apart, for `seconds` of motion."""
-    session = world.create_session(SessionSpec(), 0.0).session_id
+    session = world.create_session(SessionSpec(avoid=False), 0.0).session_id
     agents = [a.agent_id for a in world.create_agents(session, specs, 0.0)]
     spec_of = dict(zip(agents, specs, strict=True))
     health = {a: _healthy(bodies, spec) for a, spec in spec_of.items()}

@@ -32,4 +32,6 @@ def mix_policies(first: Path, second: Path, share: float, out: Path) -> None:
     torch.save({"model": mixed, "step": 0}, out / "last.pt")
     config = {"first": str(first), "second": str(second), "share": share}
     (out / "config.json").write_text(json.dumps(config, indent=2) + "\n")
-    (out / "log.txt").write_text(f"mixed: {1 - share:g} of {first.name}, {share:g} of {second.name}\n")
+    (out / "log.txt").write_text(
+        f"mixed: {1 - share:g} of {first.name}, {share:g} of {second.name}\n"
+    )

@@ -196,7 +196,7 @@ def _send_about(
 ) -> None:
     random = np.random.default_rng(seed)
     world = bundle.world(agents, Steering().with_search(candidates=candidates))
-    session = world.create_session(SessionSpec(), 0.0).session_id
+    session = world.create_session(SessionSpec(avoid=False), 0.0).session_id
     specs = [
         AgentSpec(
             gender=GENDERS[number % len(GENDERS)],

@@ -1,5 +1,6 @@
 """Clothes, shoes and hair on a body: meshes of their own, bound to the same joints and betas."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Final
@@ -9,12 +10,14 @@ from numpy.typing import NDArray
 
 from wayfarer.body import hems
 from wayfarer.body.library import FOLDER, SHIPPED, load_arrays
-from wayfarer.body.mesh import vertex_normals
 from wayfarer.body.model import BodyModel
 from wayfarer.body.outfit import BARE, EYEBALLS, EYES, HAIR, HAIRCUTS, SKIN, Look, regions
 
 Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
+
+BODY: Final = "body"
+"""The name of the body among what lies beneath a garment."""
 
 LAYOUT: Final = 1
 """Version of the arrays in the file."""
@@ -24,9 +27,6 @@ PLACE_M: Final = 1e-4
 
 DIRECTION_M: Final = 1e-5
 """Metres per unit of beta that its numbers of directions count."""
-
-TUCK_M: Final = 0.006
-"""Metres that skin beside what is hidden lies deeper, so that it does not come through a hem."""
 
 IRIS: Final = 0.86
 """Cosine of the angle around the way ahead that the iris fills."""
@@ -47,7 +47,17 @@ class Garment:
     skin_weights: Array  # [V, 4]
     faces: Index  # [F, 3]
     regions: Index  # [F]
-    hides: Index  # vertices of the body
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What a garment makes of a mesh beneath it, the body or shoes."""
+
+    hides: Index  # vertices; what is between such vertices alone is left out
+    tucks: Index  # [N] vertices beside it, which lie deeper and move as the garment does
+    shifts: Array  # [N, 3] metres
+    skin_joints: Index  # [N, 4]
+    skin_weights: Array  # [N, 4]
 
 
 @lru_cache(maxsize=128)
@@ -55,16 +65,34 @@ def load_garment(name: str, gender: str, detail: str) -> Garment:
     """A garment of the shipped body. Raises KeyError for an unknown one, ArtifactError."""
     arrays = load_arrays(FOLDER / wardrobe_file(SHIPPED))
     key = f"{name}/{detail}"
-    weights = arrays[f"{key}/skin_weights"].astype(np.float64)
     return Garment(
         bind_vertices=arrays[f"{key}/{gender}/vertices"] * PLACE_M,
         bind_vertices_dirs=arrays[f"{key}/{gender}/vertices_dirs"] * DIRECTION_M,
         skin_joints=arrays[f"{key}/skin_joints"].astype(np.int64),
-        skin_weights=weights / weights.sum(-1, keepdims=True),
+        skin_weights=_shares(arrays[f"{key}/skin_weights"]),
         faces=arrays[f"{key}/faces"].astype(np.int64),
         regions=arrays[f"{key}/regions"].astype(np.int64),
-        hides=arrays[f"{key}/hides"].astype(np.int64),
     )
+
+
+@lru_cache(maxsize=512)
+def load_cover(name: str, below: str, detail: str) -> Cover | None:
+    """What a garment makes of shoes of that name or of the BODY; None: it is not over them."""
+    arrays = load_arrays(FOLDER / wardrobe_file(SHIPPED))
+    key = f"{name}/{detail}/over/{below}"
+    if f"{key}/hides" not in arrays:
+        return None
+    return Cover(
+        hides=arrays[f"{key}/hides"].astype(np.int64),
+        tucks=arrays[f"{key}/tucks"].astype(np.int64),
+        shifts=arrays[f"{key}/shifts"] * PLACE_M,
+        skin_joints=arrays[f"{key}/skin_joints"].astype(np.int64),
+        skin_weights=_shares(arrays[f"{key}/skin_weights"]),
+    )
+
+
+def _shares(weights: NDArray[Any]) -> Array:
+    return np.asarray(weights / weights.sum(-1, keepdims=True, dtype=np.float64))
 
 
 def dressed(body: BodyModel, look: Look) -> tuple[BodyModel, Index]:
@@ -75,38 +103,64 @@ def dressed(body: BodyModel, look: Look) -> tuple[BodyModel, Index]:
     """
     if body.name != SHIPPED:
         return hems.painted(body) if look.outfit != BARE else (body, _skin(body))
-    garments = [load_garment(name, body.gender, body.detail) for name in look.garments]
-    hidden = np.zeros(len(body.bind_vertices), bool)
-    for garment in garments:
-        hidden[garment.hides] = True
-    kept = ~hidden[body.faces].all(-1)
-    starts = np.cumsum([len(body.bind_vertices), *(len(g.bind_vertices) for g in garments)])
+    skin = Garment(
+        bind_vertices=body.bind_vertices,
+        bind_vertices_dirs=body.bind_vertices_dirs,
+        skin_joints=body.skin_joints,
+        skin_weights=body.skin_weights,
+        faces=body.faces,
+        regions=_skin(body),
+    )
+    if any(name in cut for cut in HAIRCUTS.values() for name in look.garments):
+        skin.regions[(regions(body)[body.faces] == HAIR).all(-1)] = HAIR  # seen between strands
+    parts = {BODY: skin}
+    parts |= {name: load_garment(name, body.gender, body.detail) for name in look.garments}
+    kept = {}
+    for below in parts:
+        covers = [load_cover(name, below, body.detail) for name in look.garments]
+        parts[below], kept[below] = _beneath(parts[below], [c for c in covers if c])
+    worn = list(parts.values())
+    starts = np.cumsum([0, *(len(part.bind_vertices) for part in worn)])
     uv_faces = body.uv_faces
     if uv_faces is not None:
-        bare = np.full((sum(len(g.faces) for g in garments), 3), -1)
-        uv_faces = np.concatenate([uv_faces[kept], bare])
-    edge = np.intersect1d(np.flatnonzero(hidden), body.faces[kept])
-    skin = body.bind_vertices.copy()
-    skin[edge] -= TUCK_M * vertex_normals(skin, body.faces)[edge]
+        bare = np.full((sum(len(part.faces) for part in worn[1:]), 3), -1)
+        uv_faces = np.concatenate([uv_faces[kept[BODY]], bare])
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in worn])
+
     together = replace(
         body,
-        bind_vertices=np.concatenate([skin, *(g.bind_vertices for g in garments)]),
-        bind_vertices_dirs=np.concatenate(
-            [body.bind_vertices_dirs, *(g.bind_vertices_dirs for g in garments)]
-        ),
-        skin_joints=np.concatenate([body.skin_joints, *(g.skin_joints for g in garments)]),
-        skin_weights=np.concatenate([body.skin_weights, *(g.skin_weights for g in garments)]),
-        faces=np.concatenate(
-            [body.faces[kept], *(g.faces + at for g, at in zip(garments, starts, strict=False))]
-        ),
+        bind_vertices=joined("bind_vertices"),
+        bind_vertices_dirs=joined("bind_vertices_dirs"),
+        skin_joints=joined("skin_joints"),
+        skin_weights=joined("skin_weights"),
+        faces=np.concatenate([part.faces + at for part, at in zip(worn, starts, strict=False)]),
         regions=None,
         uv_faces=uv_faces,
     )
-    skin_of = _skin(body)
-    if any(name in cut for cut in HAIRCUTS.values() for name in look.garments):
-        scalp = (regions(body)[body.faces] == HAIR).all(-1)
-        skin_of[scalp] = HAIR  # seen between strands
-    return together, np.concatenate([skin_of[kept], *(g.regions for g in garments)])
+    return together, joined("regions")
+
+
+def _beneath(part: Garment, covers: Sequence[Cover]) -> tuple[Garment, NDArray[np.bool_]]:
+    """What is left of a mesh beneath garments, and which of its faces [F]."""
+    hidden = np.zeros(len(part.bind_vertices), bool)
+    places = part.bind_vertices.copy()
+    joints, weights = part.skin_joints.copy(), part.skin_weights.copy()
+    for cover in covers:
+        hidden[cover.hides] = True
+        places[cover.tucks] += cover.shifts
+        joints[cover.tucks], weights[cover.tucks] = cover.skin_joints, cover.skin_weights
+    kept: NDArray[np.bool_] = np.asarray(~hidden[part.faces].all(-1))
+    left = replace(
+        part,
+        bind_vertices=places,
+        skin_joints=joints,
+        skin_weights=weights,
+        faces=part.faces[kept],
+        regions=part.regions[kept],
+    )
+    return left, kept
 
 
 def _skin(body: BodyModel) -> Index:

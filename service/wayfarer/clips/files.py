@@ -192,11 +192,13 @@ def check_target(path: Path) -> None:
         raise InvalidArgument(f"{path}: there is no folder {path.parent}", "target")
 
 
-def write_clip(path: Path, clip: Clip, options: FileOptions | None = None) -> None:
-    """Write the clip in the format of the file's name. Raises as `encode`."""
+def write_clip(
+    path: Path, clip: Clip, options: FileOptions | None = None, outfit: str = ""
+) -> None:
+    """Write the clip in the format of the file's name. `outfit`: see `look`. Raises as `encode`."""
     check_target(path)
     options = replace(options or FileOptions(), format=format_of(path))
-    path.write_bytes(encode([Performance("person", clip)], options, path.stem))
+    path.write_bytes(encode([Performance("person", clip, outfit=outfit)], options, path.stem))
 
 
 def read_clip(path: Path) -> Clip:

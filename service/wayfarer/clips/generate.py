@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import Progress
 
+from wayfarer.body.outfit import OUTFIT_TEXT, check_outfit
 from wayfarer.body.phenotype import betas_from_phenotype
 from wayfarer.characters.character import Character
 from wayfarer.clips.clip import Clip, join_chunks
@@ -28,7 +29,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.service.walk import walk
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk
+from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
@@ -36,6 +37,12 @@ from wayfarer.world.world import World
 
 SPEED = 1.2
 """Metres per second of a person, if nothing else is asked for."""
+MOST_SECONDS = 120.0
+"""Of a clip that ends with the arrival."""
+REST = 1.0
+"""Seconds that such a clip goes on after it."""
+NOBODY_GOES = 20.0
+"""Seconds of a clip without goals, or of one that beam search plans, if nothing else is asked."""
 CANDIDATES = 4
 """Candidates per step of the online search, if nothing else is asked for."""
 
@@ -51,25 +58,36 @@ def generate_clip(
     world: World,
     spec: AgentSpec,
     goals: Sequence[Goal],
-    seconds: float,
+    seconds: float | None = None,
     watch: Callable[[float], None] = lambda done: None,
 ) -> Clip:
     """One agent visits `goals` in turn, each after it has come to a stand at the one before.
 
-    The clip has exactly `seconds` × 40 frames, whether or not all goals were reached in them;
-    `clip.meta["goals_reached"]` says how many were. `watch` hears of the seconds done.
-    Raises InvalidArgument on a bad spec or goal.
+    The clip has exactly `seconds` × 40 frames, whether or not all goals were reached in them. None:
+    it ends a second after the agent has come to a stand at the last one. `clip.meta` says how many
+    were reached, and after how many seconds each (`goals_reached`, `arrivals`). `watch` hears of
+    the seconds done. Raises InvalidArgument on a bad spec or goal.
     """
+    most = seconds
+    if most is None:
+        most = MOST_SECONDS if goals else NOBODY_GOES
     chunks: list[MotionChunk] = []
-    frames = reached = 0
-    for published in walk(world, spec, goals, seconds, until_arrival=False):
+    arrivals: list[str] = []
+    frames, left = 0, round(REST * FPS)
+    for published in walk(world, spec, goals, most, until_arrival=False):
         [chunk] = published.chunks
         chunks.append(chunk)
         frames += len(chunk.translation)
-        reached += bool(chunk.flags & ChunkFlag.ARRIVED)
+        if chunk.flags & ChunkFlag.ARRIVED:
+            arrivals.append(f"{frames / FPS:.1f}")
         watch(frames / FPS)
+        if seconds is None and goals and len(arrivals) >= len(goals):
+            left -= len(chunk.translation) if chunk.state is AgentState.STANDING else 0
+            if left <= 0:
+                break
     visited = tuple(goal.position for goal in goals)
-    return join_chunks(chunks, spec, goals=visited, meta={"goals_reached": str(reached)})
+    told = {"goals_reached": str(len(arrivals)), "arrivals": " ".join(arrivals)}
+    return join_chunks(chunks, spec, goals=visited, meta=told)
 
 
 def generate(
@@ -87,6 +105,9 @@ def generate(
         str | None,
         typer.Option(help="female or male; default female, for a --character the one that fits."),
     ] = None,
+    outfit: Annotated[
+        str, typer.Option(help=f"What the body wears: {OUTFIT_TEXT.partition(';')[0]}.")
+    ] = "",
     height: Annotated[
         float | None,
         typer.Option(help="Standing height in metres, e.g. 1.70; without it, the mean body."),
@@ -101,7 +122,13 @@ def generate(
     heading: Annotated[
         float, typer.Option(help="Heading at the start, in radians; 0 faces +Y.")
     ] = 0.0,
-    seconds: Annotated[float, typer.Option(help="Length of the clip in seconds.")] = 20.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            help="Length of the clip in seconds; without it, the clip ends a second after the "
+            "arrival at the last goal. Without goals, and with beam: 20."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="The same seed gives the same motion.", min=0)] = 0,
     search: Annotated[
         SearchKind,
@@ -168,6 +195,9 @@ def generate(
     wayfarer generate cycle.glb --goal 0,12 --seconds 8 --loop --root in_place --fps 30
     """
     check_target(target)
+    check_outfit(outfit)
+    if outfit and character is not None:
+        raise InvalidArgument("--outfit dresses the shipped body, not a --character", "outfit")
     options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
     own = None if character is None else read_character(character, options)
@@ -179,27 +209,33 @@ def generate(
     for text in goal or []:
         x, y, z = _place(text)
         goals.append(Goal((x / scale, y / scale, z / scale), speed=speed / pace))
-    seconds = seconds / pace
+    if seconds is None and (beam or not goals):
+        seconds = NOBODY_GOES
+    length = None if seconds is None else seconds / pace
     spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
     bundle = open_bundle(model, threads)
     world = bundle.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
     with Progress(transient=True) as progress:
-        task = progress.add_task("generating", total=seconds)
+        task = progress.add_task("generating", total=length)
 
         def watch(done: float) -> None:
             progress.update(task, completed=done)
 
         if beam is None:
-            clip = generate_clip(world, spec, goals, seconds, watch)
+            clip = generate_clip(world, spec, goals, length, watch)
         else:
             [start] = world.prepare([spec])
             body = bundle.bodies[gender]
-            clip = plan_clip(bundle.engine, body, spec, start, goals, seconds, beam, watch)
+            clip = plan_clip(
+                bundle.engine, body, spec, start, goals, length or NOBODY_GOES, beam, watch
+            )
     if own is None:
-        write_clip(target, clip, options)
+        write_clip(target, clip, options, outfit)
     else:
         target.write_bytes(on_character(clip, own, options, target.stem, scale))
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
+    times = [f"{pace * float(time):.1f}" for time in clip.meta.get("arrivals", "").split()]
+    reached += f" (after {', '.join(times)} s)" if times else ""
     kept = ", of which the file has one cycle" if loop else ""
     size = f", for a character of {scale:.2f} times a person's size" if scale != 1.0 else ""
     typer.echo(f"{target}: {clip.frames} frames, {pace * clip.seconds:.1f} s{reached}{kept}{size}")

@@ -13,12 +13,9 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.slots import Mode, Motion
-from wayfarer.world.agents.style import draws
+from wayfarer.world.agents.slots import Motion
 from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.output.legs import measure_legs
-from wayfarer.world.output.posture import DRAWN, calmed, habits, hold, settled
-from wayfarer.world.output.quaternion import Array
 from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -38,9 +35,8 @@ def plan_clip(
 ) -> Clip:
     """`generate_clip` by the search of `settings`, whose depth is made to fit `seconds`.
 
-    Of what the world does to motion beside the model it has the foot lock and the posture only: no
-    stride of one's own, no planted stop, no guard. So what a plan shows is what the paper's search
-    has judged, and Table 1 compares it.
+    Of what the world does to motion after the model it has the foot lock only, and no guard. So a
+    plan shows what the paper's search has judged, and Table 1 compares it.
     `body` is of the spec's gender, `start` what `World.prepare` makes of the spec. Raises
     InvalidArgument on a bad goal, and FailedPrecondition when the search finds no way on.
     """
@@ -58,11 +54,11 @@ def plan_clip(
         )
     watch(seconds)
     gait = found.end.gait
-    hips, rotations, contacts = found.translation, found.rotations, found.contacts
+    rotations, contacts = found.rotations, found.contacts
     if spec.foot_lock:
-        hips, rotations, contacts = _cleaned(body, spec, found)
+        rotations, contacts = _locked(body, spec, found)
     return Clip(
-        translation=hips,
+        translation=found.translation,
         rotations=rotations,
         contacts=contacts,
         gender=spec.gender,
@@ -75,26 +71,9 @@ def plan_clip(
     )[:frames]
 
 
-def _cleaned(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float, Float, Flags]:
-    """Hips [N, 3], rotations [N, 22, 4] and contacts [N, 2] as the service would send them."""
+def _locked(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float, Flags]:
+    """Rotations [N, 22, 4] and contacts [N, 2] as the service would send them."""
     legs = measure_legs(body, np.array(spec.betas))
     hips, rotations = found.translation[None], found.rotations[None]
-    state, nobody = begin(legs, hips[:, 0], rotations[:, 0]), np.zeros(1, np.bool_)
-    stands = found.modes == Mode.STANDING
-    rests = stands | (found.modes == Mode.TURNING)
-    rest, upright = _calmed(rests), _calmed(stands)
-    level = np.zeros(1, np.float32)
-    locked = lock_feet(state, legs, hips, rotations, nobody, nobody, level, upright)
-    own = habits(draws(np.array([spec.noise_seed], np.uint64), DRAWN))
-    begun = settled(rotations[:, 0], rests[:1], stands[:1])
-    held, _ = hold(begun, locked.rotations, own, rest)
-    return locked.translation[0], held[0], locked.contacts[0]
-
-
-def _calmed(rests: Flags) -> Array:
-    """How far somebody is at rest in each frame [N, 1], of whom it is known for primitives [L]."""
-    share, shares = rests[:1].astype(np.float32), []
-    for now in rests:
-        eased, share = calmed(share, now[None], NEW_FRAMES)
-        shares.append(eased)
-    return np.concatenate(shares)
+    locked = lock_feet(begin(legs, hips[:, 0], rotations[:, 0]), legs, hips, rotations)
+    return locked.rotations[0], locked.contacts[0]

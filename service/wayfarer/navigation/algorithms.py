@@ -50,3 +50,10 @@ def components(graph: "csr_array") -> tuple[int, Ints]:
 
     count, number = connected_components(graph, directed=False)
     return int(count), number.astype(np.int64)
+
+
+def distances(points: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
+    """From each point [n, 3] to the nearest of others [m, 3]. [n]"""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(others).query(points)[0], np.float64)

@@ -1,4 +1,4 @@
-"""Why no way leads from one island to another: headroom or width, measured where it is short."""
+"""Why no way leads from one island to another: headroom, a step, a slope or width, and how much."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from wayfarer.errors import Metres, Text, spot
 from wayfarer.navigation.algorithms import labels, nearest_cell
 from wayfarer.navigation.clearance import REACH
+from wayfarer.navigation.ground.barriers import Barrier, Kind
 from wayfarer.navigation.roofs import roofs_of, told_roofs
-from wayfarer.navigation.scene_spec import Point3
+from wayfarer.navigation.scene_spec import Point3, Walkable
 
 if TYPE_CHECKING:
     from wayfarer.navigation.scene import Scene
@@ -32,10 +33,10 @@ def notes_on(scene: "Scene") -> list[Text]:
         Text(
             "{} m² of ground can only be reached below a headroom of {} at {}, where {} are asked "
             "for (walkable.height)",
-            (f"{low.areas[1]:,.1f}", Metres(round(low.room, 2)), spot(low.at), asked),
+            (f"{low.areas[1]:,.1f}", Metres(round(low.value, 2)), spot(low.at), asked),
         )
-        for low in scene.low_places
-        if scene.island_of(low.sides[0]) is not None
+        for low in scene.ground.barriers
+        if low.kind is Kind.HEADROOM and scene.island_of(low.sides[0]) is not None
     ]
     if not scene.spec.entries:
         notes += told_roofs(roofs_of(scene.mesh, scene.ground), scene.islands)
@@ -48,11 +49,8 @@ def why_apart(scene: "Scene", one: int, other: int) -> Text | None:
     It takes some tenths of a second in a large scene.
     """
     walkable = scene.spec.walkable
-    if (low := _lowest(scene, one, other)) is not None:
-        return Text(
-            "a headroom of {} at {} is in the way, where {} are asked for (walkable.height)",
-            (Metres(round(low[0], 2)), spot(low[1]), Metres(walkable.height)),
-        )
+    if (found := _worst(scene, one, other)) is not None:
+        return _told(found, walkable)
     if (narrow := _narrowest(scene, one, other)) is not None:
         return Text(
             "a passage about {} wide at {} is in the way, where {} are asked for (twice "
@@ -62,21 +60,52 @@ def why_apart(scene: "Scene", one: int, other: int) -> Text | None:
     return None
 
 
-def _lowest(scene: "Scene", one: int, other: int) -> tuple[float, Point3] | None:
-    """Least headroom on the way through low places, and where."""
-    ways: dict[int, list[tuple[int, float, Point3]]] = {}
-    for low in scene.low_places:
-        a, b = (scene.island_of(side) for side in low.sides)
-        if a is not None and b is not None:
-            ways.setdefault(a, []).append((b, low.room, low.at))
-            ways.setdefault(b, []).append((a, low.room, low.at))
-    found: dict[int, tuple[float, Point3]] = {one: (np.inf, (0.0, 0.0, 0.0))}
+def _told(barrier: Barrier, walkable: Walkable) -> Text:
+    """A clause that says what it is, where, and what is allowed."""
+    length = Metres(round(barrier.value, 2))
+    if barrier.kind is Kind.HEADROOM:
+        return Text(
+            "a headroom of {} at {} is in the way, where {} are asked for (walkable.height)",
+            (length, spot(barrier.at), Metres(walkable.height)),
+        )
+    if barrier.kind is Kind.STEP:
+        return Text(
+            "a step of {} at {} is in the way, where {} are taken (walkable.step_height)",
+            (length, spot(barrier.at), Metres(walkable.step_height)),
+        )
+    return Text(
+        f"a slope of {barrier.value:.0f}° at {{}} is in the way, where {walkable.slope_deg:g}° are "
+        "walked on (walkable.slope_deg)",
+        (spot(barrier.at),),
+    )
+
+
+def _worst(scene: "Scene", one: int, other: int) -> Barrier | None:
+    """The greatest trouble on the way through the fewest barriers, of one kind if that leads
+    there.
+    """
+    for kinds in ({Kind.HEADROOM}, {Kind.SLOPE}, {Kind.STEP}, set(Kind)):
+        if (worst := _worst_of(scene, one, other, kinds)) is not None:
+            return worst
+    return None
+
+
+def _worst_of(scene: "Scene", one: int, other: int, kinds: set[Kind]) -> Barrier | None:
+    ways: dict[int, list[tuple[int, Barrier]]] = {}
+    for barrier in scene.ground.barriers:
+        a, b = (scene.island_of(side) for side in barrier.sides)
+        if barrier.kind in kinds and a is not None and b is not None:
+            ways.setdefault(a, []).append((b, barrier))
+            ways.setdefault(b, []).append((a, barrier))
+    found: dict[int, Barrier | None] = {one: None}
     waiting = deque([one])
     while waiting:
         here = waiting.popleft()
-        for there, room, at in ways.get(here, []):
+        for there, barrier in ways.get(here, []):
             if there not in found:
-                found[there] = min(found[here], (room, at), key=lambda low: low[0])
+                before = found[here]
+                worse = before is not None and before.excess > barrier.excess
+                found[there] = before if worse else barrier
                 waiting.append(there)
     return found.get(other)
 

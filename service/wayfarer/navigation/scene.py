@@ -23,7 +23,6 @@ from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
 from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.ground import Ground, find_ground
-from wayfarer.navigation.ground.headroom import LowPlace
 from wayfarer.navigation.locate import MeshPoint, nearest_place
 from wayfarer.navigation.mesh import NavMesh
 from wayfarer.navigation.obstruction import notes_on, why_apart
@@ -66,11 +65,6 @@ class Scene:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, obstacles=MappingProxyType(state["obstacles"]))
-
-    @property
-    def low_places(self) -> tuple[LowPlace, ...]:
-        """What parts its ground for want of headroom."""
-        return self.ground.low_places
 
     @property
     def area(self) -> float:

@@ -16,6 +16,7 @@ from wayfarer.transport.caller import current_caller
 from wayfarer.transport.http_guard import HttpGuard, Nodes
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.origins import LOOPBACK, is_page_of, machines_of, places_of
+from wayfarer.transport.prefix import UnderPrefix
 from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.server_options import ServerOptions
 
@@ -45,7 +46,9 @@ def front(
         nodes=nodes or tuple,
     )
     guarded = cors(guarded, operation.origins.listed)
-    return guarded if nodes is None else SiblingPages(guarded, nodes, operation.origins.nodes)
+    if nodes is not None:
+        guarded = SiblingPages(guarded, nodes, operation.origins.nodes)
+    return UnderPrefix(guarded, operation.root_path, operation.proxies)
 
 
 class SiblingPages:

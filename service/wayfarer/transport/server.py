@@ -95,7 +95,9 @@ class Server:
             gateway_interceptors(guard),
             operation.connections,
         )
-        app = front(http_app(gateway), operation, gateway.loop_stats, gateway.nodes)
+        app = front(
+            http_app(gateway, operation.root_path), operation, gateway.loop_stats, gateway.nodes
+        )
         self._http = HttpServer(app, gateway.limits, operation)
         self.http_url = http_url(host, self._socket, bool(tls))
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"

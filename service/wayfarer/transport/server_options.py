@@ -1,6 +1,7 @@
 """How a server is run rather than what it does: guard, origins, TLS, metrics, traces, bounds."""
 
 from dataclasses import dataclass, field
+from ipaddress import ip_network
 
 from wayfarer.config import Settings
 from wayfarer.transport.auth import Authenticator
@@ -8,6 +9,7 @@ from wayfarer.transport.call_rates import CallRates
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.origins import Origins, own_names
+from wayfarer.transport.prefix import Network
 from wayfarer.transport.tls import Tls
 from wayfarer.transport.tracing import NoTracing, Tracing, tracing
 
@@ -25,6 +27,8 @@ class ServerOptions:
     connections: int = 1024
     drain_s: float = 2.0
     access_log: bool = False
+    root_path: str = ""
+    proxies: tuple[Network, ...] = ()
 
     @classmethod
     def from_settings(cls, settings: Settings) -> "ServerOptions":
@@ -52,4 +56,6 @@ class ServerOptions:
             connections=settings.connections,
             drain_s=settings.drain_s,
             access_log=settings.access_log,
+            root_path=settings.root_path,
+            proxies=tuple(map(ip_network, settings.trusted_proxies)),
         )

@@ -16,7 +16,7 @@ class EventKind(StrEnum):
     MODEL_CHANGED = "model_changed"
     GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
     UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
-    BLOCKED = "blocked"  # an obstacle closes the way: the agent waits until it opens
+    BLOCKED = "blocked"  # an obstacle, or others, close the way: the agent waits until it opens
     AGENT_LEFT = "agent_left"  # one of a crowd is no more, without a call
     BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
     FAULT = "fault"  # an error in the server concerns the agent or, without one, the session

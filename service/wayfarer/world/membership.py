@@ -160,7 +160,6 @@ class Membership:
             held=slots.held[rows],
             near_since=slots.near_since[rows],
             begun_seq=np.array([a.begun_seq for a in session.agents.values()], np.int64),
-            memory=slots.memory.take(rows),
         )
 
     def _go_on(self, session: Session, agents: Sequence[Agent], live: LiveRows, now: float) -> None:
@@ -168,7 +167,6 @@ class Membership:
         slots.replanned[rows] = live.replanned
         slots.held[rows] = live.held
         slots.near_since[rows] = live.near_since
-        slots.memory.put(rows, live.memory)
         for agent, begun in zip(agents, live.begun_seq.tolist(), strict=True):
             agent.begun_seq = begun
         self._population.keep_schedule(rows.tolist(), live.shown_at, now)

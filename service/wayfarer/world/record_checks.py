@@ -56,6 +56,8 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
     if record.feet is not None:
         _check_rows(record.feet, f"{where}.feet")
     _check_rows(record.footing, f"{where}.footing")
+    _check_rows(record.memory, f"{where}.memory")
+    _check_rows(record.aims, f"{where}.aims")
     _check_behaviour(record, limits, f"{where}.behaviour")
     gait, seed = record.motion.gait, record.motion.seed
     if not (0 <= gait.mode[0] < len(Mode)):

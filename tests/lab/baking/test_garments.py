@@ -7,7 +7,8 @@ from wayfarer.body.outfit import SHIRT, TRIM
 from wayfarer.body.wardrobe import DIRECTION_M, PLACE_M
 from wayfarer.errors import DataError
 from wayfarer_lab.baking.garments import BASE_VERTICES, FROM_MAKEHUMAN, connected, read_garment
-from wayfarer_lab.baking.wardrobe import Recipe, baked, shorten, simplified
+from wayfarer_lab.baking.simplify import alike, simplified
+from wayfarer_lab.baking.wardrobe import Recipe, baked, part, shorten
 
 HEADER = "obj_file made.obj\nx_scale 0 1 2.0\ny_scale 0 2 4.0\nz_scale 0 3 1.0\nverts 0\n"
 BOUND = "4\n5\n0 1 2 0.2 0.3 0.5 0.1 0.2 0.3\n4 5 6 0.5 0.5 0.0 0 0 0\n"
@@ -122,7 +123,8 @@ def test_a_garment_is_baked_for_each_gender(folder):
     }
     weights = np.eye(52)[np.arange(BASE_VERTICES) % 52]
     garment = read_garment(folder / "made.mhclo")
-    arrays = baked("made", garment, recipe, bases, weights)
+    arrays, surfaces = baked("made", garment, recipe, bases, weights, {})
+    assert surfaces["low"].faces.shape == (2, 3)
     for gender, (base, _) in bases.items():
         places = garment.place(base)
         found = arrays[f"made/low/{gender}/vertices"] * PLACE_M
@@ -144,3 +146,22 @@ def test_long_hair_is_drawn_up_below_the_chin():
 
 def test_pieces_are_numbered_in_their_order():
     assert connected(np.array([[5, 6, 7], [0, 1, 2], [6, 7, 8]])).tolist() == [0, 1, 0]
+
+
+def test_layers_are_simplified_apart():
+    """Where two lie on each other, a face of the one is none of the other's."""
+    pytest.importorskip("pyfqmr")
+    vertices, faces = sheet()
+    both = np.concatenate([faces, faces + len(vertices)])
+    region = np.repeat([SHIRT, TRIM], len(faces))
+    double = np.concatenate([vertices, vertices + np.array([0, 0, 1e-4])])
+    coarse = simplified(double, both, 600, group=alike(both, region))
+    own = region[coarse.source]
+    assert ((coarse.corners[coarse.faces] < len(vertices)).all((1, 2)) == (own == SHIRT)).all()
+
+
+def test_hair_over_a_face_is_drawn_up():
+    places = np.array([[0, 0.0, 1.7], [0, 0.17, 1.5], [0, 0.0, 1.5]])
+    directions = np.zeros((3, 3, 10))
+    part(places, directions)
+    np.testing.assert_allclose(places[:, 2], [1.7, 1.62 - 0.2 * 0.12, 1.5])  # brow at 1.62

@@ -159,15 +159,15 @@ HOSTILE: dict[str, tuple[MeshFormat, bytes, str]] = {
         glb(triangle(buffers=[{"byteLength": 36, "uri": "file:///etc/passwd"}]), BLOB),
         "a file beside",
     ),
-    "compressed": (
+    "tessellated": (
         "glb",
-        glb(triangle(extensionsRequired=["EXT_meshopt_compression"]), BLOB),
-        "meshopt",
+        glb(triangle(extensionsRequired=["ACME_tessellation"]), BLOB),
+        "ACME_tessellation",
     ),
     "a loop of nodes": (
         "glb",
         glb(triangle(nodes=[{"mesh": 0, "children": [0]}]), BLOB),
-        "two parents",
+        "form a tree",
     ),
     "a node with two parents": (
         "glb",

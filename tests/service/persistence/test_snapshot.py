@@ -32,6 +32,7 @@ from wayfarer.service.persistence.snapshot import (
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
 
@@ -281,10 +282,14 @@ def test_flags_are_flags_and_rows_are_whole(snapshot):
         decode(changed(snapshot, rows=lambda rows: rows * 2))
 
 
-@pytest.mark.parametrize("known", [(), ("lean", "pitch")])
+POSTURE = tuple(field.name for field in fields(PostureState))
+
+
+@pytest.mark.parametrize("known", [(), ("lean", "pitch"), POSTURE])
 def test_what_an_older_build_wrote_goes_on(snapshot, known):
     width, floats = row_bytes(AgentRows), row_bytes(PostureState) // len(fields(PostureState))
     missing = (len(fields(PostureState)) - len(known)) * floats
+    missing += row_bytes(Memory) + row_bytes(Aims)
 
     def older(arrays):
         rows = np.frombuffer(arrays, np.uint8).reshape(-1, width)
@@ -295,6 +300,7 @@ def test_what_an_older_build_wrote_goes_on(snapshot, known):
     for agent, was in zip(now.agents, then.agents, strict=True):
         assert (pack(was.motion) == pack(agent.motion)).all()
         assert (pack(was.footing) == pack(agent.footing)).all()
+        assert not pack(was.memory).any() and not pack(was.aims).any()
         for field in fields(PostureState):
             value = getattr(was.posture, field.name)
             before = getattr(agent.posture, field.name)
@@ -335,6 +341,8 @@ def test_the_header_names_every_part_of_a_record():
         "feet",
         "posture",
         "footing",
+        "memory",
+        "aims",
     }
     assert {f.name for f in fields(SessionRecord)} == {f.name for f in fields(SessionPart)} | {
         "agents"

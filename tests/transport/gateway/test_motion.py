@@ -88,11 +88,13 @@ async def test_chosen_agents_only(service, api):
 
 async def test_a_format_decides_the_frames(service, api):
     session_id, _ = await session_of_two(api)
-    chosen = schema.PoseFormat(encoding="f16_le", profile="bones", bones=("head", "pelvis"), fps=10)
+    chosen = schema.PoseFormat(
+        encoding="smallest_three", profile="bones", bones=("head", "pelvis"), fps=10
+    )
     async with contextlib.aclosing(stream(api, session_id, format=chosen)) as messages:
         header = (await anext(messages)).header
-        assert header.pose_encoding == motion_pb2.POSE_ENCODING_F16_LE
-        assert (header.fps, header.sent_fps, header.frame_bytes) == (40, 10, 12 + 2 * 8)
+        assert header.pose_encoding == motion_pb2.POSE_ENCODING_SMALLEST_THREE
+        assert (header.fps, header.sent_fps, header.frame_bytes) == (40, 10, 12 + 2 * 6)
         assert [header.skeleton.bones[b].name for b in header.bones] == ["pelvis", "head"]
         (sent, _) = service.emit(session_id)
         chunks = (await anext(messages)).batch.chunks  # two agents, two frames each

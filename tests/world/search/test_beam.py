@@ -61,9 +61,7 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
     class Short(Lanes):
         FIRST, LATER = {-1: 0.1, 1: 0.9}, {-1: 0.2, 1: 0.1}
 
-    settings = BeamSettings(
-        roots=8, keep=8, depth=2, weights={"skating": 1.0}, memory=memory
-    )
+    settings = BeamSettings(roots=8, keep=8, depth=2, weights={"skating": 1.0}, memory=memory)
     [found] = plan(Short(), problem(1, way=(0.0, 50.0)), settings, ALIKE)
     assert found.translation[-1, 0] == lane
 

@@ -21,7 +21,7 @@ def world_of(*specs: AgentSpec, engine: FakeEngine | None = None) -> tuple[World
     bodies = {gender: body() for gender in ("female", "male")}
     settings = WorldSettings(steering=Steering(reactions=1))
     world = World(engine or FakeEngine(), bodies, standing(1)[1][0], settings)
-    world.create_session(SessionSpec("s"), 0.0)
+    world.create_session(SessionSpec("s", avoid=False), 0.0)
     return world, [a.agent_id for a in world.create_agents("s", specs, 0.0)]
 
 

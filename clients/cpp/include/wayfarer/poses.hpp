@@ -12,7 +12,7 @@ struct DecodeError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint32_t F32_LE = 1, F16_LE = 2, SMALLEST_THREE = 3, ROOT = 4;
+inline constexpr std::uint32_t F32_LE = 1, SMALLEST_THREE = 3, ROOT = 4;
 
 /// Numbers of an unpacked frame: hips x, y, z, then x, y, z, w per bone.
 constexpr std::size_t frame_width(std::size_t bones) { return 3 + 4 * bones; }

@@ -28,7 +28,7 @@ static var current: WayfarerSession
 ## Frames per second that are sent.
 @export_enum("40", "20", "10") var fps := "20"
 ## How rotations are sent: smallest_three takes the fewest bytes.
-@export_enum("f32_le", "f16_le", "smallest_three") var encoding := "smallest_three"
+@export_enum("f32_le", "smallest_three") var encoding := "smallest_three"
 ## Levels of detail (docs/wire-format.md): rings around the viewport's camera, as
 ## [{"radius": 15}, {"radius": 300, "format": {"encoding": "root"}}]. Empty: none.
 @export var rings: Array[Dictionary] = []

@@ -7,7 +7,6 @@ namespace Wayfarer
     public enum PoseEncoding
     {
         F32Le = 1,
-        F16Le = 2,
         SmallestThree = 3,
 
         /// <summary>No rotations: hips, heading, phase and swing of the gait.</summary>
@@ -27,7 +26,6 @@ namespace Wayfarer
             switch (encoding)
             {
                 case PoseEncoding.F32Le: return 12 + 16 * bones;
-                case PoseEncoding.F16Le: return 12 + 8 * bones;
                 case PoseEncoding.SmallestThree: return 12 + 6 * bones;
                 case PoseEncoding.Root: return 16;
                 default:
@@ -57,7 +55,6 @@ namespace Wayfarer
                     switch (encoding)
                     {
                         case PoseEncoding.F32Le: ReadFloats(bytes, from, into, to); break;
-                        case PoseEncoding.F16Le: ReadHalves(bytes, from, into, to); break;
                         default: ReadSmallest(bytes, from, into, to); break;
                     }
                     from += rotation;
@@ -72,35 +69,6 @@ namespace Wayfarer
             {
                 into[to + k] = BitConverter.ToSingle(bytes, at + 4 * k);
             }
-        }
-
-        private static void ReadHalves(byte[] bytes, int at, float[] into, int to)
-        {
-            double x = Half(bytes, at), y = Half(bytes, at + 2), z = Half(bytes, at + 4), w = Half(bytes, at + 6);
-            double length = Math.Sqrt(x * x + y * y + z * z + w * w);
-            into[to] = (float)(x / length);
-            into[to + 1] = (float)(y / length);
-            into[to + 2] = (float)(z / length);
-            into[to + 3] = (float)(w / length);
-        }
-
-        /// <summary>IEEE 754 binary16.</summary>
-        private static double Half(byte[] bytes, int at)
-        {
-            int bits = Word(bytes, at);
-            int sign = (bits & 0x8000) != 0 ? -1 : 1;
-            int exponent = (bits >> 10) & 0x1f;
-            int fraction = bits & 0x3ff;
-            if (exponent == 0)
-            {
-                return sign * fraction / 16777216.0; // 2^-24
-            }
-            if (exponent == 0x1f)
-            {
-                return fraction != 0 ? double.NaN : sign * double.PositiveInfinity;
-            }
-            double value = sign * (1 + fraction / 1024.0);
-            return exponent >= 15 ? value * (1 << (exponent - 15)) : value / (1 << (15 - exponent));
         }
 
         private static void ReadSmallest(byte[] bytes, int at, float[] into, int to)

@@ -86,6 +86,9 @@ namespace Wayfarer
         /// <summary>Ten shape coefficients.</summary>
         public double[] Betas { get; set; }
 
+        /// <summary>What it wears, e.g. "suit", "0" for nothing; null: what its seed chooses.</summary>
+        public string Outfit { get; set; }
+
         /// <summary>Determines its motion.</summary>
         public uint? Seed { get; set; }
 
@@ -109,6 +112,7 @@ namespace Wayfarer
             Fields.Put(spec, "heading", Heading);
             Fields.Put(spec, "phenotype", HeightM.HasValue ? new JObject { ["height_m"] = HeightM.Value } : null);
             Fields.Put(spec, "betas", Betas == null ? null : new JArray(Betas));
+            Fields.Put(spec, "outfit", Outfit);
             Fields.Put(spec, "seed", Seed);
             Fields.Put(spec, "foot_lock", FootLock);
             return spec;

@@ -19,7 +19,7 @@ namespace Wayfarer.Tests
             Wait(api.CreateSession(60, "scene-1", "gltf"));
             Wait(api.RenewSession("s/1"));
             Wait(api.Bodies());
-            var ada = new AgentSpec { Name = "Ada", Gender = "female", Position = new Place(1, 0, 2), HeightM = 1.7, Seed = 7 };
+            var ada = new AgentSpec { Name = "Ada", Gender = "female", Position = new Place(1, 0, 2), HeightM = 1.7, Outfit = "suit", Seed = 7 };
             JArray made = api.CreateAgents("s/1", ada, new AgentSpec { Betas = new[] { 0.5 }, FootLock = false, Heading = 1 }).Result;
             Assert.AreEqual("a", (string)made[0]["agent_id"]);
             Wait(api.SetPath("a", new Goal(1.5, 0, -2) { Speed = 0.8, Stop = false }, new Goal(0, 0, 0) { Heading = 1, Dwell = 2 }));
@@ -41,7 +41,7 @@ namespace Wayfarer.Tests
                 "POST /v1/sessions/s%2F1/renew ",
                 "GET /v1/bodies ",
                 "POST /v1/sessions/s%2F1/agents {\"agents\":[{\"name\":\"Ada\",\"gender\":\"female\","
-                    + "\"position\":{\"x\":1.0,\"y\":0.0,\"z\":2.0},\"phenotype\":{\"height_m\":1.7},\"seed\":7},"
+                    + "\"position\":{\"x\":1.0,\"y\":0.0,\"z\":2.0},\"phenotype\":{\"height_m\":1.7},\"outfit\":\"suit\",\"seed\":7},"
                     + "{\"heading\":1.0,\"betas\":[0.5],\"foot_lock\":false}]}",
                 "PUT /v1/agents/a/path {\"goals\":[{\"position\":{\"x\":1.5,\"y\":0.0,\"z\":-2.0},\"speed\":0.8,\"stop\":false},"
                     + "{\"position\":{\"x\":0.0,\"y\":0.0,\"z\":0.0},\"heading\":1.0,\"dwell\":2.0}]}",
@@ -112,9 +112,9 @@ namespace Wayfarer.Tests
         {
             Assert.Throws<ArgumentException>(() => new Api("localhost:8080"));
             Assert.Throws<ArgumentException>(() => new Api(""));
-            var query = new Dictionary<string, string> { ["encoding"] = "f16_le" };
+            var query = new Dictionary<string, string> { ["encoding"] = "smallest_three" };
             StreamAddress where = new Api("https://host/x/").StreamAddress("s 1", query, "r.1~a");
-            Assert.AreEqual("wss://host/x/v1/stream?session=s%201&encoding=f16_le&resume_token=r.1~a", where.Url);
+            Assert.AreEqual("wss://host/x/v1/stream?session=s%201&encoding=smallest_three&resume_token=r.1~a", where.Url);
             Assert.AreEqual(new[] { "wayfarer.v1" }, where.Protocols.ToArray());
             var http = new FakeHttp().Answer(200, "{}");
             var api = new Api("http://host:8080", new Access("a+b?~"), http);

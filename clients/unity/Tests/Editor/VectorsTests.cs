@@ -22,7 +22,7 @@ namespace Wayfarer.Tests
         public void A_vector_is_decoded(JToken vector)
         {
             string name = (string)vector["encoding"];
-            var encoding = (PoseEncoding)(1 + Array.IndexOf(new[] { "f32_le", "f16_le", "smallest_three" }, name));
+            var encoding = name == "f32_le" ? PoseEncoding.F32Le : PoseEncoding.SmallestThree;
             int[] bones = vector["bones"].Select(bone => (int)bone).ToArray();
             int[] frames = vector["frames"].Select(frame => (int)frame).ToArray();
             byte[] bytes = Golden.Bytes((string)vector["poses"]);

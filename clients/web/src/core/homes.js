@@ -25,7 +25,7 @@ export class Homes {
 
   /** A node's address, by the entry's scheme. `host`: "" is the entry's. @param {string} host @param {number} port */
   node(host, port) {
-    const [, scheme, own] = /** @type {RegExpExecArray} */ (/^(https?:\/\/|)(\[[^\]]*\]|[^:]*)/.exec(this.entry));
+    const [, scheme, own] = /** @type {RegExpExecArray} */ (/^(https?:\/\/|)(\[[^\]]*\]|[^:/]*)/.exec(this.entry));
     const name = host.includes(":") && !host.startsWith("[") ? `[${host}]` : host; // IPv6
     return `${scheme}${name || own}:${port}`;
   }

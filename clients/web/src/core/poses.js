@@ -1,6 +1,6 @@
 // Packed frames to numbers; docs/wire-format.md shows each encoding byte by byte. Allocates nothing.
 
-export const ENCODING = Object.freeze({ F32_LE: 1, F16_LE: 2, SMALLEST_THREE: 3, ROOT: 4 });
+export const ENCODING = Object.freeze({ F32_LE: 1, SMALLEST_THREE: 3, ROOT: 4 });
 
 const MIDDLE = 16383; // the count that stands for 0
 const STEP = 1 / (MIDDLE * Math.SQRT2);
@@ -8,7 +8,6 @@ const STEP = 1 / (MIDDLE * Math.SQRT2);
 /** Bytes of a frame. Throws when the encoding is not known. @param {number} encoding @param {number} bones */
 export function frameBytes(encoding, bones) {
   if (encoding === ENCODING.F32_LE) return 12 + 16 * bones;
-  if (encoding === ENCODING.F16_LE) return 12 + 8 * bones;
   if (encoding === ENCODING.SMALLEST_THREE) return 12 + 6 * bones;
   if (encoding === ENCODING.ROOT) return 16;
   throw new Error(`pose encoding ${encoding} is not known: this client is older than the server`);
@@ -30,7 +29,6 @@ export function unpackPoses(view, start, count, encoding, bones, out) {
     to += 3;
     for (let bone = 0; bone < bones; bone += 1) {
       if (encoding === ENCODING.F32_LE) readFloats(view, from, out, to);
-      else if (encoding === ENCODING.F16_LE) readHalves(view, from, out, to);
       else readSmallest(view, from, out, to);
       from += rotation;
       to += 4;
@@ -41,27 +39,6 @@ export function unpackPoses(view, start, count, encoding, bones, out) {
 /** @param {DataView} view @param {number} at @param {Float32Array} out @param {number} to */
 function readFloats(view, at, out, to) {
   for (let k = 0; k < 4; k += 1) out[to + k] = view.getFloat32(at + 4 * k, true);
-}
-
-/** @param {DataView} view @param {number} at @param {Float32Array} out @param {number} to */
-function readHalves(view, at, out, to) {
-  const x = half(view.getUint16(at, true)), y = half(view.getUint16(at + 2, true));
-  const z = half(view.getUint16(at + 4, true)), w = half(view.getUint16(at + 6, true));
-  const length = Math.sqrt(x * x + y * y + z * z + w * w);
-  out[to] = x / length;
-  out[to + 1] = y / length;
-  out[to + 2] = z / length;
-  out[to + 3] = w / length;
-}
-
-/** IEEE 754 binary16; DataView.getFloat16 is not everywhere yet. @param {number} bits */
-function half(bits) {
-  const sign = bits & 0x8000 ? -1 : 1;
-  const exponent = (bits >> 10) & 0x1f;
-  const fraction = bits & 0x3ff;
-  if (exponent === 0) return sign * fraction * 2 ** -24;
-  if (exponent === 0x1f) return fraction ? NaN : sign * Infinity;
-  return sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
 }
 
 /** @param {DataView} view @param {number} at @param {Float32Array} out @param {number} to */

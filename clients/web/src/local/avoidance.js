@@ -1,5 +1,5 @@
-// Where to walk among others: sampled reciprocal velocity obstacles. The server's world/avoidance, where the rules are
-// explained, for one person at a time. World: metres, m/s, seconds.
+// Where to walk among others: sampled reciprocal velocity obstacles. The server's world/avoidance/kernel.py, where the
+// rules are explained. World: metres, m/s, seconds.
 
 import { bounded } from "./steering.js";
 
@@ -19,7 +19,7 @@ import { bounded } from "./steering.js";
  */
 /** @typedef {{ other: Other, dx: number, dy: number, distance: number }} Neighbour */
 
-const RADIUS = Math.fround(0.25); // of a person among others
+const RADIUS = Math.fround(0.22); // of a person among others
 const TURNS = [0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160], SPEEDS = [1, 0.6];
 const FAN = SPEEDS.flatMap((speed) => TURNS.map((turn) => {
   const angle = (turn * Math.PI) / 180;
@@ -28,7 +28,8 @@ const FAN = SPEEDS.flatMap((speed) => TURNS.map((turn) => {
 const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SOON = 0.3, CLOSE = 1.5, COMFORT = 0.35, REACTION = 0.25, SLOWEST = 0.5;
 const WALL_ROOM = 0.1, WALL_TIMES = [0.3, 0.7, 1.2];
 const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, WALL = 15;
-const PATIENCE = Math.fround(1.2), YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, LEAST_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1; // times are counted in float32, as there
+const PATIENCE = 1.25, YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, LEAST_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1;
+const BESIDE_STANDING = 0.1, STANDS_APART = 0.05;
 const OPPOSITE = 0.5, LANE = 0.6, LANE_SIGHT = 12, LANE_WIDE = 1.8, BESIDE = 1.2, LANE_SOON = 0.5, LANE_MOST = 0.8;
 const EVEN = 1e-4, FACING = 0.3, BLOCKING = 1.6;
 
@@ -38,16 +39,17 @@ export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0
 /**
  * The velocity that one of the people takes who would walk at `preferred`, not zero; and what is remembered of it.
  * `clear`: metres to the nearest wall; null: there are none. `seconds`: since it was asked last.
- * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds
+ * `left`: metres to where it will stop.
+ * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds @param {number} [left]
  * @returns {{ velocity: Point, waits: boolean, memory: Memory }}
  */
-export function avoid(people, self, preferred, clear, seconds) {
+export function avoid(people, self, preferred, clear, seconds, left = Infinity) {
   const { memory } = self, near = neighbours(people, self);
   const way = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred);
   const room = clear ? Math.min(RADIUS + WALL_ROOM, clear(self.position[0], self.position[1])) : 0;
   const tried = candidates(way, memory.chosen);
   const costs = tried.map((each) => DEVIATION * apart(each, way) + CHANGE * apart(each, memory.chosen)
-    + meetings(self, near, each) + (clear ? walls(self, each, clear, room) : 0));
+    + meetings(self, near, each, left) + (clear ? walls(self, each, clear, room) : 0));
   const least = Math.min(...costs), velocity = tried[costs.findIndex((cost) => cost <= least + EVEN)];
   const remembered = remember(self, preferred, velocity, seconds);
   return { velocity, waits: !velocity[0] && !velocity[1], memory: makeWay(remembered, self, near) };
@@ -101,24 +103,26 @@ function candidates(way, last) {
   return tried;
 }
 
-/** How soon and how nearly others are met. @param {Other} self @param {Neighbour[]} near @param {Point} tried */
-function meetings(self, near, [vx, vy]) {
+/** How soon and how nearly others are met. @param {Other} self @param {Neighbour[]} near @param {Point} tried @param {number} left */
+function meetings(self, near, [vx, vy], left) {
   const [ux, uy] = self.velocity, touch = 2 * RADIUS;
-  const { waited } = self.memory, room = touch + Math.max(COMFORT / (1 + waited / PUSH), LEAST_COMFORT);
-  const horizon = Math.max(HORIZON / Math.max(waited / HURRY, 1), SHORTEST);
+  const { waited } = self.memory;
+  const asked = Math.min(Math.max(COMFORT / (1 + waited / PUSH), LEAST_COMFORT), Math.max(STANDS_APART, 0.25 * left));
+  const soon = 1 / Math.max(HORIZON / Math.max(waited / HURRY, 1), SHORTEST);
+  const last = Math.min(HORIZON, Math.max(left / Math.max(Math.hypot(vx, vy), 1e-3), SOON));
   let most = 0, sum = 0;
   for (const { other, dx: x, dy: y, distance } of near) {
-    const [ox, oy] = other.velocity;
-    const givesWay = other.walks && ox * ox + oy * oy > 0.09;
-    const share = givesWay ? 1 + Math.min(Math.max((distance - touch) / CLOSE - 1, 0), 1) : 1;
+    const [ox, oy] = other.velocity, fast = ox * ox + oy * oy;
+    const room = touch + (other.walks || fast ? asked : Math.min(asked, BESIDE_STANDING));
+    const share = other.walks && fast > 0.09 ? 1 + bounded((distance - touch) / CLOSE - 1, 0, 1) : 1;
     const wx = share * vx - ((share - 1) * ux + ox), wy = share * vy - ((share - 1) * uy + oy);
     const dx = x - REACTION * (ux - vx), dy = y - REACTION * (uy - vy);
-    const along = wx * dx + wy * dy, fast = Math.max(wx * wx + wy * wy, 1e-4);
-    const at = Math.min(Math.max(along / fast, SOON), HORIZON);
+    const slowly = 1 / Math.max(wx * wx + wy * wy, 1e-4);
+    const at = Math.min(Math.max((wx * dx + wy * dy) * slowly, SOON), last);
     const gap = Math.hypot(dx - wx * at, dy - wy * at);
     const depth = Math.max(room - gap, 0) / COMFORT;
-    const sooner = at - Math.sqrt(Math.max(room * room - gap * gap, 0) / fast);
-    const each = COLLISION * depth * (1 / (0.1 + bounded(sooner / horizon, 0, 1)) - 1 / 1.1);
+    const sooner = at - Math.sqrt(Math.max(room * room - gap * gap, 0) * slowly);
+    const each = COLLISION * depth * (1 / (0.1 + bounded(sooner * soon, 0, 1)) - 1 / 1.1);
     most = Math.max(most, each);
     sum += each;
   }

@@ -1,9 +1,11 @@
-// Leads people through a scene: ways around walls, and around each other. The server's world/scenes (guide, planner,
-// routes, collision_avoidance, people) on a level floor, where the rules are explained. World: metres, Z up.
+// Leads people: ways around walls, and around each other. The server's world/scenes (guide, planner,
+// collision_avoidance, people) on a level floor, where the rules are explained. World: metres, Z up.
 
 import { avoid, freshMemory } from "./avoidance.js";
+import { Company } from "./company.js";
+import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
-import { STEP_SECONDS, WALKING, bounded, minus, plus, times, unit } from "./steering.js";
+import { STEP_SECONDS, WALKING, bounded, minus, plus, times } from "./steering.js";
 
 const FPS = 40;
 const REACH = 1, SHARES = [1, 0.75, 0.5, 0.3, 0.15], LINE = 8;
@@ -11,39 +13,35 @@ const ROOM = 0.2, SLACK = 0.01, ELBOW = 0.18, PUSH = [2.5, 0.25];
 const STRAYED = 1, DETOUR = 1;
 const CURVE = [0.4, 1.6], BENDS = [(25 * Math.PI) / 180, (80 * Math.PI) / 180], CORNER_SPEED = [1.5, 0.75];
 const NARROW = [0.02, 0.15], NARROW_SPEED = [0.8, 1.5];
-const PASSED = 0.3, TURNED = 0.1;
+const TURNED = 0.1;
 const QUERIES = 4; // ways that one step looks for; others wait a step
 const OFF = 1.2, ASTRAY = [0.5, 3], GOAL_MOVES = 0.4, GOAL_SHARE = 0.15, RETRY = 5;
 export const MOVED = 0.01;
-const BACK = 0.5, WINDOW = 2;
 const FORESIGHT = 0.4, SLOW = 0.15;
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./person.js").Person} Person */
 /** @typedef {import("./steering.js").GoalRow} GoalRow */
+/** @typedef {import("./routes.js").Route} Route */
+/** @typedef {import("./company.js").Row} Row */
+/** @typedef {import("./company.js").Seen} Seen */
 /** `ahead`: the goal that steering sees, the next stretch of the way; `judged`: by which arrival is judged. @typedef {{ ahead: GoalRow, judged: GoalRow }} Course */
 /**
- * The way to one goal of a person's path. `open`: there is one; `wait`: steps until it is looked for again.
- * @typedef {object} Route
- * @property {boolean} open @property {number} revision @property {number} waypoint @property {Point[]} points
- * @property {number[]} along metres to each point @property {number} progress metres that lie behind @property {number} wait
+ * A goal was moved to a place ("goal_moved"), no way leads to it ("unreachable"; the place can be reached), or people
+ * stand in the way ("blocked").
+ * @typedef {(person: Person, kind: string, waypoint: number, what: Point | Person[]) => void} Tell
  */
 
 export class Guide {
-  /** @type {WeakMap<Person, Route>} */
-  #routes = new WeakMap();
-  /** @type {WeakMap<Person, import("./avoidance.js").Memory>} */
-  #memories = new WeakMap();
+  /** @type {WeakMap<Person, import("./company.js").Walker>} */
+  #walkers = new WeakMap();
   #looks = 0; // in this step
 
-  /**
-   * `tell(person, kind, waypoint, place)`: a goal was moved to a place ("goal_moved"), or no way leads to it
-   * ("unreachable"; the place can be reached).
-   * @param {import("./scene.js").LocalScene} scene @param {(person: Person, kind: string, waypoint: number, place: Point) => void} tell
-   */
-  constructor(scene, tell) {
-    this.scene = scene;
+  /** @param {import("./scene.js").LocalScene | null} scene null: the floor has no end @param {Tell} tell @param {boolean} avoid people avoid each other */
+  constructor(scene, tell, avoid) {
+    this.scene = /** @type {import("./scene.js").LocalScene} */ (scene); // methods for rows in a scene rely on it
     this.tell = tell;
+    this.company = avoid ? new Company(scene, tell) : null;
   }
 
   /**
@@ -52,75 +50,102 @@ export class Guide {
    */
   courses(begun, everybody) {
     this.#looks = 0;
-    const led = begun.map((state) => this.#led(state));
-    const walkers = begun.flatMap((state, k) => (led[k].leads ? [{ state, ahead: led[k].ahead, k }] : []));
-    if (!walkers.length) return led;
     const moment = Math.max(...begun.map(({ person }) => person.nextFrame));
-    const seen = new Map([...everybody].map((person) => [person, this.#seen(person, moment)]));
-    if (seen.size < 2) return led;
-    const people = [...seen.values()];
-    for (const { state: { person, start }, ahead, k } of walkers) {
-      const self = /** @type {import("./avoidance.js").Other} */ (seen.get(person));
-      const way = minus(ahead.place, start.hips), distance = Math.max(Math.hypot(...way), 1e-6);
-      /** @type {Point} */
-      const preferred = [Math.fround((way[0] / distance) * ahead.speed), Math.fround((way[1] / distance) * ahead.speed)];
-      const course = avoid(people, self, preferred, (x, y) => this.scene.distance(x, y), STEP_SECONDS);
-      this.#memories.set(person, course.memory);
-      led[k].ahead = turned(ahead, start.hips, preferred, course.velocity, course.waits);
-    }
-    return led;
+    const people = [...everybody].map((person) => this.#seen(person, moment));
+    /** @type {Row[]} */
+    const rows = begun.map(({ person, start, gait, goal }) => {
+      const self = /** @type {Seen} */ (people.find((other) => other.person === person));
+      return { person, hips: start.hips, gait, goal, ahead: goal, walker: this.#walker(person), self };
+    });
+    this.company?.place(rows, people);
+    const courses = rows.map((row) => (this.scene ? this.#led(row) : this.#onFloor(row)));
+    const led = rows.filter((_, k) => courses[k].leads);
+    this.company?.bar(led, people);
+    this.company?.takeTurns(led, people);
+    if (this.company && people.length > 1) for (const row of led) if (row.ahead.given) this.#bend(row, people);
+    return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }
 
-  /** @param {import("./person.js").Begun} state @returns {Course & { leads: boolean }} */
-  #led({ person, start, gait, goal }) {
-    const away = Math.hypot(...minus(goal.place, start.hips));
+  /** @param {Person} person */
+  #walker(person) {
+    let walker = this.#walkers.get(person);
+    if (!walker) {
+      walker = { route: noRoute(), memory: freshMemory(), aims: { wants: false, asked: [0, 0], spot: [0, 0], barred: 0 } };
+      this.#walkers.set(person, walker);
+    }
+    return walker;
+  }
+
+  /** Let somebody walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
+  #bend(row, people) {
+    const { hips, goal, ahead, walker, self } = row;
+    const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);
+    /** @type {Point} */
+    const preferred = [Math.fround((way[0] / distance) * ahead.speed), Math.fround((way[1] / distance) * ahead.speed)];
+    const left = goal.through ? Infinity : Math.fround(Math.hypot(...minus(goal.place, hips)));
+    const course = avoid(people, self, preferred, this.company?.clear ?? null, STEP_SECONDS, left);
+    walker.memory = course.memory;
+    row.ahead = turned(ahead, hips, preferred, course.velocity, course.waits);
+  }
+
+  /** On the floor without end: what arrival is judged by, and whether there is a way to go. @param {Row} row */
+  #onFloor(row) {
+    const { goal, gait, walker } = row, wanted = goal.given && !gait.arrived;
+    walker.aims.wants = wanted;
+    row.ahead = goal;
+    if (wanted) this.company?.leadOnFloor(row);
+    return { judged: goal, leads: wanted };
+  }
+
+  /** The same in a scene. @param {Row} row */
+  #led(row) {
+    const { hips, gait, goal, walker: { aims } } = row;
+    const away = Math.hypot(...minus(goal.place, hips));
     const back = !goal.through && away > goal.radius + STRAYED;
     const wanted = goal.given && (!gait.arrived || back);
-    const route = this.#update(person, start.hips, gait.waypoint, goal, wanted);
-    const open = Boolean(route?.open);
-    const ahead = { ...goal, given: goal.given && (open || !wanted) };
+    aims.wants = wanted;
+    const route = this.#update(row, wanted), open = Boolean(route?.open);
+    row.ahead = { ...goal, given: goal.given && (open || !wanted) };
     const left = route?.open ? lengthOf(route) - route.progress : Infinity;
     const judged = wanted && left > goal.radius + DETOUR ? { ...goal, radius: -1 } : goal;
-    if (!wanted || !route?.open) return { ahead, judged, leads: false };
-    return { ahead: this.#lead(route, start.hips, ahead), judged, leads: true };
+    if (!wanted || !route?.open) return { judged, leads: false };
+    row.ahead = this.#lead(route, hips, row.ahead);
+    return { judged, leads: true };
   }
 
-  /** The route to a goal, looked for where it is wanted and there is none. @param {Person} person @param {Point} hips @param {number} waypoint @param {GoalRow} goal @param {boolean} wanted @returns {Route | undefined} */
-  #update(person, hips, waypoint, goal, wanted) {
-    const route = this.#routes.get(person);
-    const known = route && route.revision === person.revision && route.waypoint === waypoint ? route : undefined;
-    const wait = route?.wait ?? 0;
+  /** The route to a goal, looked for where it is wanted and there is none. @param {Row} row @param {boolean} wanted @returns {Route | undefined} */
+  #update({ person, hips, gait: { waypoint }, goal, walker: { route, memory } }, wanted) {
+    const known = route.revision === person.revision && route.waypoint === waypoint ? route : undefined;
+    const { wait } = route;
     let lost = false;
     if (known?.open) {
       const off = follow(known, hips), end = known.points[known.points.length - 1];
       const moved = Math.hypot(...minus(end, goal.place));
-      const waits = (this.#memories.get(person)?.waited ?? 0) > ASTRAY[1], astray = off > OFF || (off > ASTRAY[0] && waits);
+      const astray = off > OFF || (off > ASTRAY[0] && memory.waited > ASTRAY[1]);
       lost = moved > Math.max(GOAL_MOVES, GOAL_SHARE * (lengthOf(known) - known.progress)) || (astray && wait === 0);
     }
-    if (route) route.wait = Math.max(wait - 1, 0);
+    route.wait = Math.max(wait - 1, 0);
     if (!wanted || (known && !lost && (known.open || known.wait > 0)) || this.#looks >= QUERIES) return known;
     this.#looks += 1;
-    const found = this.#look(person, hips, waypoint, goal, known);
-    this.#routes.set(person, found);
-    return found;
+    this.#look(person, hips, waypoint, goal, route, Boolean(known));
+    return route;
   }
 
-  /** @param {Person} person @param {Point} hips @param {number} waypoint @param {GoalRow} goal @param {Route | undefined} known @returns {Route} */
-  #look(person, hips, waypoint, goal, known) {
-    const { revision } = person;
+  /** @param {Person} person @param {Point} hips @param {number} waypoint @param {GoalRow} goal @param {Route} route @param {boolean} known */
+  #look(person, hips, waypoint, goal, route, known) {
+    const { revision } = person, wasOpen = route.open;
+    route.wait = RETRY;
     try {
       const { points, moved } = this.scene.path(hips, goal.place), end = points[points.length - 1];
       if (moved > MOVED) {
         person.moveGoal(waypoint, end);
         this.tell(person, "goal_moved", waypoint, end);
       }
-      const along = [0];
-      for (let k = 1; k < points.length; k += 1) along.push(along[k - 1] + Math.hypot(...minus(points[k], points[k - 1])));
-      return { open: true, revision, waypoint, points, along, progress: 0, wait: RETRY };
+      lay(route, points, revision, waypoint);
     } catch (error) {
       if (!(error instanceof Unreachable)) throw error;
-      if (!known || known.open) this.tell(person, "unreachable", waypoint, error.nearest);
-      return { open: false, revision, waypoint, points: [], along: [], progress: 0, wait: RETRY };
+      if (!known || wasOpen) this.tell(person, "unreachable", waypoint, error.nearest);
+      Object.assign(route, { open: false, revision, waypoint });
     }
   }
 
@@ -161,17 +186,18 @@ export class Guide {
     return times(PUSH[0] * lacks, this.scene.away(...hips));
   }
 
-  /** A person as others see it at a world frame. @param {Person} person @param {number} moment @returns {import("./avoidance.js").Other} */
+  /** A person as others see it at a world frame. @param {Person} person @param {number} moment @returns {Seen} */
   #seen(person, moment) {
-    const { planned: { seed: { translation }, gait }, number } = person;
+    const { planned: { seed: { translation }, gait }, number, revision } = person;
+    const { route, memory, aims } = this.#walker(person);
     const way = [translation[3] - translation[0], translation[4] - translation[1]];
     const pace = (gait.speed < SLOW ? 0 : gait.speed) / Math.max(Math.hypot(...way), 1e-6);
     const velocity = /** @type {Point} */ ([Math.fround(way[0] * pace), Math.fround(way[1] * pace)]);
     const ahead = bounded((moment - person.nextFrame) / FPS, -FORESIGHT, FORESIGHT);
-    const route = this.#routes.get(person);
-    const onWay = Boolean(route?.open) && route?.revision === person.revision && !gait.arrived;
+    const onWay = aims.wants && !gait.arrived && (!this.scene || (route.open && route.revision === revision));
+    const walks = onWay || gait.mode === WALKING;
     return {
-      number, velocity, walks: onWay || gait.mode === WALKING, memory: this.#memories.get(person) ?? freshMemory(),
+      person, number, velocity, walks, memory, aims: { ...aims }, stands: !walks && !velocity[0] && !velocity[1],
       position: [Math.fround(translation[3] + velocity[0] * ahead), Math.fround(translation[4] + velocity[1] * ahead)],
     };
   }
@@ -184,41 +210,6 @@ function turned(ahead, hips, preferred, chosen, waits) {
   if (angleBetween(preferred, chosen) <= TURNED) return { ...ahead, speed };
   const way = times(1 / Math.max(speed, 1e-6), chosen);
   return passing({ ...ahead, speed }, plus(hips, times(REACH, way)), way);
-}
-
-/** The goal at another place, to be passed through. @param {GoalRow} goal @param {Point} place @param {Point} way @returns {GoalRow} */
-function passing(goal, place, way) {
-  return { ...goal, place, through: true, radius: PASSED, heading: goal.strafe ? goal.heading : null, bend: 0, onward: unit(way) };
-}
-
-/** @param {Route} route */
-const lengthOf = ({ along }) => Math.fround(along[along.length - 1]);
-
-/** Go on to the point of the way nearest to a place; metres it is off. @param {Route} route @param {Point} place */
-function follow(route, place) {
-  const { points, along, progress } = route;
-  let best = Infinity, at = progress;
-  for (let k = 0; k + 1 < points.length; k += 1) {
-    const low = Math.max(along[k], progress - BACK), high = Math.min(along[k + 1], progress + WINDOW);
-    if (low > high) continue;
-    const way = times(1 / Math.max(along[k + 1] - along[k], 1e-9), minus(points[k + 1], points[k]));
-    const offset = minus(place, points[k]);
-    const share = Math.min(Math.max(offset[0] * way[0] + offset[1] * way[1], low - along[k]), high - along[k]);
-    const gap = Math.hypot(...minus(offset, times(share, way)));
-    if (gap < best) [best, at] = [gap, along[k] + share];
-  }
-  if (points.length < 2) best = Math.hypot(...minus(place, points[0]));
-  route.progress = Math.fround(at);
-  return best;
-}
-
-/** @param {Route} route @param {number} metres @returns {Point} */
-function pointAt({ points, along }, metres) {
-  if (points.length < 2) return points[0];
-  let k = 0;
-  while (k < points.length - 2 && along[k + 1] <= metres) k += 1;
-  const share = bounded((metres - along[k]) / Math.max(along[k + 1] - along[k], 1e-9), 0, 1);
-  return plus(points[k], times(share, minus(points[k + 1], points[k])));
 }
 
 /** @param {number} x @param {number[]} from @param {number[]} to */

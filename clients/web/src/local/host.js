@@ -37,10 +37,10 @@ export class LocalHost {
   #timer;
 
   /**
-   * @param {Awaited<ReturnType<typeof import("./graphs.js").openExport>> & { scene?: import("./scene.js").LocalScene | null }} opened
+   * @param {Awaited<ReturnType<typeof import("./graphs.js").openExport>> & { scene?: import("./scene.js").LocalScene | null, avoid?: boolean }} opened
    * @param {(message: HostMessage) => void} tell @param {() => number} [now]
    */
-  constructor({ about, bodies, run, scene }, tell, now = sharedClock) {
+  constructor({ about, bodies, run, scene, avoid }, tell, now = sharedClock) {
     this.tell = tell;
     this.now = now;
     this.#epoch = now();
@@ -50,7 +50,7 @@ export class LocalHost {
       this.stats.graphMs += performance.now() - began;
       return outputs;
     };
-    this.world = new LocalWorld(about, bodies, timed, scene ?? null, (person, kind, waypoint, place) => this.#met(person, kind, waypoint, place));
+    this.world = new LocalWorld(about, bodies, timed, scene ?? null, (person, kind, waypoint, what) => this.#met(person, kind, waypoint, what), avoid);
     /** Milliseconds in the graph and around it, steps of people, and seconds that time has waited for the machine. */
     this.stats = { graphMs: 0, otherMs: 0, rows: 0, waited: 0 };
   }
@@ -180,13 +180,19 @@ export class LocalHost {
     }
   }
 
-  /** A person has met with something on the way. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number]} place */
-  #met(person, kind, waypoint, place) {
-    const found = [...this.#people].find(([, other]) => other === person);
+  /** A person has met with something on the way; `what`: see `Tell` of guide.js. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number] | Person[]} what */
+  #met(person, kind, waypoint, what) {
+    const aliases = [...this.#people], found = aliases.find(([, other]) => other === person);
     if (!found || this.#wanderers.has(found[0])) return;
-    const detail = kind === "goal_moved"
-      ? `the goal is not on free ground; the nearest that can be reached is ${shown(place)}`
-      : `no way leads to the goal; the nearest place that can be reached is ${shown(place)}`;
+    const place = () => shown(/** @type {[number, number]} */ (what));
+    const names = () => aliases.flatMap(([alias, other]) => (/** @type {any[]} */ (what).includes(other) ? [alias] : [])).join(", ");
+    /** @type {Record<string, () => string>} */
+    const details = {
+      goal_moved: () => `the goal is not on free ground; the nearest that can be reached is ${place()}`,
+      unreachable: () => `no way leads to the goal; the nearest place that can be reached is ${place()}`,
+      blocked: () => `${names() || "others"} stand in the way; the agent waits`,
+    };
+    const detail = details[kind]();
     this.#event(found[0], kind, this.#epoch + person.nextFrame / FPS, person.revision, waypoint, detail);
   }
 

@@ -5,13 +5,13 @@ import { LocalHost } from "./host.js";
 import { openRuntime } from "./runtime.js";
 import { LocalScene } from "./scene.js";
 
-/** @typedef {{ model: string, runtime: string, scene?: string }} Addresses absolute ones: the export's folder; ort.wasm.min.mjs; the scene's folder */
+/** @typedef {{ model: string, runtime: string, scene?: string, avoid?: boolean }} Addresses absolute ones: the export's folder; ort.wasm.min.mjs; the scene's folder */
 
 /**
  * @param {Addresses} addresses @param {(message: import("./host.js").HostMessage) => void} tell
  * @param {(bytes: number) => void} loaded told of what has come
  */
-export async function openHost({ model, runtime, scene }, tell, loaded) {
+export async function openHost({ model, runtime, scene, avoid }, tell, loaded) {
   const read = async (/** @type {string | URL} */ address) => {
     const response = await fetch(address);
     if (!response.ok) throw new Error(`${response.url}: HTTP ${response.status}`);
@@ -23,7 +23,7 @@ export async function openHost({ model, runtime, scene }, tell, loaded) {
     openExport((name) => read(new URL(name, model)), openRuntime(runtime), inWorker(runtime)),
     scene ? LocalScene.read((name) => read(new URL(name, scene))) : null,
   ]);
-  return new LocalHost({ ...opened, scene: walked }, tell);
+  return new LocalHost({ ...opened, scene: walked, avoid }, tell);
 }
 
 /**

@@ -15,11 +15,11 @@ const FARTHEST = 10_000; // metres
 /**
  * `model`: address of a folder that `wayfarer export --for web` has written, with a final slash. `runtime`: address of
  * `ort.wasm.min.mjs` of the package onnxruntime-web, whose .wasm lies beside it. `scene`: address of a folder that
- * `wayfarer export --for web --scene` has written, with a final slash: people walk around what stands there, and around
- * each other; without it the floor has no end, and they walk through each other. `on`: what a stream's player tells,
+ * `wayfarer export --for web --scene` has written, with a final slash: people walk around what stands there; without it
+ * the floor has no end. `avoid`: false lets them walk through each other. `on`: what a stream's player tells,
  * `loaded(bytes)` while files come, and `failed(reason)` when nobody can be moved any more.
  * @typedef {object} LocalOptions
- * @property {string | URL} model @property {string | URL} runtime @property {string | URL} [scene]
+ * @property {string | URL} model @property {string | URL} runtime @property {string | URL} [scene] @property {boolean} [avoid]
  * @property {import("../core/player.js").PlayerEvents & { loaded?: (bytes: number) => void, failed?: (reason: string) => void }} [on]
  */
 /**
@@ -45,8 +45,8 @@ export class LocalSession {
     const session = new LocalSession(new Worker(new URL("./worker.js", import.meta.url), { type: "module" }), options);
     const absolute = (/** @type {string | URL} */ address) => new URL(address, globalThis.location?.href).href;
     try {
-      const { model, runtime, scene } = options;
-      await session.#call("open", { model: absolute(model), runtime: absolute(runtime), ...(scene && { scene: absolute(scene) }) });
+      const { model, runtime, scene, avoid } = options;
+      await session.#call("open", { model: absolute(model), runtime: absolute(runtime), ...(scene && { scene: absolute(scene) }), avoid });
     } catch (error) {
       session.close();
       throw error;

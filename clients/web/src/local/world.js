@@ -21,15 +21,15 @@ export class LocalWorld {
 
   /**
    * @param {any} about wayfarer.json @param {Record<string, ArrayBuffer>} bodies body_<gender>.bin, by gender @param {Run} run
-   * @param {import("./scene.js").LocalScene | null} [scene] null: the floor is without end, and people walk through each other
-   * @param {(person: Person, kind: string, waypoint: number, place: [number, number]) => void} [tell] see `Guide`
+   * @param {import("./scene.js").LocalScene | null} [scene] null: the floor is without end
+   * @param {import("./guide.js").Tell} [tell] @param {boolean} [avoid] people avoid each other
    */
-  constructor(about, bodies, run, scene = null, tell = () => {}) {
+  constructor(about, bodies, run, scene = null, tell = () => {}, avoid = true) {
     if (about.schema !== SCHEMA) throw new Error(`wayfarer.json: schema ${about.schema}; this version reads ${SCHEMA}`);
     this.about = about;
     this.run = run;
     this.scene = scene;
-    this.#guide = scene && new Guide(scene, tell);
+    this.#guide = scene || avoid ? new Guide(scene, tell, avoid) : null;
     this.steering = new Steering(about.steering);
     this.bodies = new Map(Object.entries(bodies).map(([gender, bytes]) => [gender, new LocalBody(about, gender, bytes)]));
     this.modes = MODES.map((name) => about.modes[name]);

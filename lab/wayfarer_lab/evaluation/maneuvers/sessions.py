@@ -59,7 +59,7 @@ class Players:
     def _play(
         self, case: Case, errands: Sequence[Errand], rules: ActingRules, watch: Watch
     ) -> list[Shot]:
-        scene, session, book = None, SessionSpec(), None
+        scene, session, book = None, SessionSpec(avoid=False), None
         if case.scene is not None:
             book = SceneRegistry()
             info = book.add(bake(case.scene()))

@@ -58,7 +58,7 @@ def random_runs(
     """
     frames = round(seconds * FPS)
     runners = [_runner(number, seed) for number in range(count)]
-    session = world.create_session(SessionSpec(), 0.0).session_id
+    session = world.create_session(SessionSpec(avoid=False), 0.0).session_id
     agents = world.create_agents(session, [runner.spec for runner in runners], 0.0)
     by_id = {agent.agent_id: runner for agent, runner in zip(agents, runners, strict=True)}
     running = set(by_id)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wayfarer.errors import InvalidArgument, Metres, Text
 from wayfarer.navigation.checks import count_points
 from wayfarer.navigation.grid import Grid
-from wayfarer.navigation.ground.headroom import LOWEST, LowPlace, low_places
+from wayfarer.navigation.ground.barriers import HIGHEST, LOWEST, Barrier, barriers
 from wayfarer.navigation.ground.layers import ISLAND_SHARE, outline, sheets
 from wayfarer.navigation.ground.levels import floors
 from wayfarer.navigation.meshes.read import read_level
@@ -85,14 +85,13 @@ class Layer:
 class Ground:
     """All layers, lowest first. `cell`: metres that outlines may be off, 0 where they are exact.
 
-    `notes`: what the level's author should know. `low_places`: what parts its ground for want of
-    headroom.
+    `notes`: what the level's author should know. `barriers`: what parts its ground.
     """
 
     layers: tuple[Layer, ...]
     cell: float
     notes: tuple[Text, ...] = ()
-    low_places: tuple[LowPlace, ...] = ()
+    barriers: tuple[Barrier, ...] = ()
     size: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Metres along x, y and z that a level's mesh takes; 0 without one."""
 
@@ -166,18 +165,22 @@ def _flat(spec: SceneSpec) -> Ground:
     _check_extent(floor.bounds)
     free = shapely.difference(floor, shapely.union_all(in_the_way))
     layer = Layer(free, free, Heights(level))
-    return Ground((layer,), 0.0, low_places=_below_solids(spec, level))
+    return Ground((layer,), 0.0, barriers=_barriers_of_flat(spec, level, free))
 
 
-def _below_solids(spec: SceneSpec, level: float) -> tuple[LowPlace, ...]:
-    """Low places of a flat scene; there are some only below solids that hang in the air."""
+def _barriers_of_flat(spec: SceneSpec, level: float, free: shapely.Geometry) -> tuple[Barrier, ...]:
+    """Of a flat scene: there are some only below solids that hang in the air, or over low ones."""
     walkable = spec.walkable
     above = [solid.bottom - level for solid in spec.solids]
-    if not any(LOWEST * walkable.height <= room < walkable.height for room in above):
+    tops = [solid.bottom + solid.height - level for solid in spec.solids]
+    low = any(LOWEST * walkable.height <= room < walkable.height for room in above)
+    high = any(walkable.step_height < top <= HIGHEST for top in tops)
+    if not low and not (high and shapely.get_num_geometries(free) > 1):
         return ()
     corners, _ = _corners_of(spec)
     grid = _grid_over(corners)
-    return tuple(low_places(floors(corners, grid, walkable), walkable, ISLAND_SHARE))
+    found = floors(corners, grid, walkable)
+    return tuple(barriers(corners, grid, found, walkable, ISLAND_SHARE))
 
 
 def triangles(spec: SceneSpec) -> NDArray[np.float64]:
@@ -213,7 +216,7 @@ def _sampled(spec: SceneSpec) -> Ground:
     cell = grid.cell
     found = floors(corners, grid, walkable)
     places = found.stands(found.room >= walkable.height, walkable.step_height)
-    low = low_places(found, walkable, ISLAND_SHARE)
+    parted = barriers(corners, grid, found, walkable, ISLAND_SHARE)
     x, y, z = (float(length) for length in np.ptp(corners.reshape(-1, 3), axis=0))
     layers = []
     for sheet in sheets(places, spec.entries, spec.walkable):
@@ -222,7 +225,7 @@ def _sampled(spec: SceneSpec) -> Ground:
         ground = own if alone else outline(sheet.around, grid)
         heights = Heights(0.0, grid, sheet.height, ledge=max(0.04, 1.2 * cell))
         layers.append(Layer(own, ground, heights))
-    return Ground(tuple(layers), cell, notes, tuple(low), (x, y, z) if spec.mesh else (0, 0, 0))
+    return Ground(tuple(layers), cell, notes, tuple(parted), (x, y, z) if spec.mesh else (0, 0, 0))
 
 
 def _check_extent(bounds: tuple[float, float, float, float]) -> None:

@@ -19,7 +19,7 @@ Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-_TOLERANCE = 1e-3
+TOLERANCE = 1e-3
 """Metres: a step of exactly the step height is a step."""
 
 
@@ -46,17 +46,19 @@ class Floors:
     """All surfaces that are flat enough, sorted by cell and height: cell, z, headroom [n].
 
     `room`: metres from the floor up to whatever is in a body's way; infinite under the sky.
+    `triangle`: of which each is.
     """
 
     grid: Grid
     cell: Ints
     z: Array
     room: Array
+    triangle: Ints
 
     def stands(self, which: Mask, step: float) -> Stands:
         """Some of them, as places to stand."""
         cell, z = self.cell[which], self.z[which]
-        return Stands(self.grid, cell, z, _links(cell, z, self.grid, step + _TOLERANCE))
+        return Stands(self.grid, cell, z, _links(cell, z, self.grid, step + TOLERANCE))
 
 
 def floors(corners: Array, grid: Grid, walkable: Walkable) -> Floors:
@@ -71,7 +73,8 @@ def floors(corners: Array, grid: Grid, walkable: Walkable) -> Floors:
     cell, z = level.cell[order], level.high[order]
     room = np.full(len(z), np.inf)
     room[:-1] = np.where(cell[1:] == cell[:-1], z[1:] - z[:-1], np.inf)
-    return Floors(grid, cell, z, np.minimum(room, _below_walls(cell, z, walls, walkable)))
+    room = np.minimum(room, _below_walls(cell, z, walls, walkable))
+    return Floors(grid, cell, z, room, np.flatnonzero(flat)[level.triangle[order]])
 
 
 def _below_walls(cell: Ints, z: Array, walls: Spans, walkable: Walkable) -> Array:
@@ -79,7 +82,7 @@ def _below_walls(cell: Ints, z: Array, walls: Spans, walkable: Walkable) -> Arra
     wall, place = expand(
         np.searchsorted(cell, walls.cell), np.searchsorted(cell, walls.cell, "right")
     )
-    above = walls.high[wall] > z[place] + walkable.step_height + _TOLERANCE
+    above = walls.high[wall] > z[place] + walkable.step_height + TOLERANCE
     room = np.full(len(z), np.inf)
     np.minimum.at(room, place[above], np.maximum(walls.low[wall] - z[place], 0.0)[above])
     return room
@@ -111,5 +114,5 @@ def without_edges(places: Stands, step: float) -> Mask:
     with np.errstate(invalid="ignore"):
         for axis in (0, 1):
             for shift in (1, -1):
-                low |= np.roll(sheet, shift, axis) - sheet > step + _TOLERANCE
+                low |= np.roll(sheet, shift, axis) - sheet > step + TOLERANCE
     return ~low.reshape(-1)[places.cell]

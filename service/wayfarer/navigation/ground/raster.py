@@ -18,11 +18,14 @@ MAX_SAMPLES: Final = 8_000_000
 
 @dataclass(frozen=True, slots=True)
 class Spans:
-    """Cells (flat index) and the heights between which something is there. Each [n]."""
+    """Cells (flat index), the heights between which something is there, and which triangle it is
+    of. Each [n].
+    """
 
     cell: Ints
     low: Array
     high: Array
+    triangle: Ints
 
 
 def covered(corners: Array, grid: Grid) -> Spans:
@@ -50,7 +53,7 @@ def covered(corners: Array, grid: Grid) -> Spans:
         normal[tri, 0] * (column - anchor[tri, 0]) + normal[tri, 1] * (row - anchor[tri, 1]),
         normal[tri, 2],
     )
-    return Spans(row * grid.columns + column, z, z)
+    return Spans(row * grid.columns + column, z, z, tri)
 
 
 def touched(corners: Array, grid: Grid) -> Spans:
@@ -87,7 +90,7 @@ def touched(corners: Array, grid: Grid) -> Spans:
     steep = np.abs(normal[tri, 2]) < 1e-6 * np.linalg.norm(normal[tri], axis=1)
     low = np.where(steep, bottom, np.clip(z - reach, bottom, top))
     high = np.where(steep, top, np.clip(z + reach, bottom, top))
-    return Spans(row * grid.columns + column, low, high)
+    return Spans(row * grid.columns + column, low, high, tri)
 
 
 def _in_cells(corners: Array, grid: Grid) -> Array:
@@ -125,4 +128,4 @@ def _ratio(above: Array, below: Array) -> Array:
 
 
 def _nothing() -> Spans:
-    return Spans(np.empty(0, np.int64), np.empty(0), np.empty(0))
+    return Spans(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64))

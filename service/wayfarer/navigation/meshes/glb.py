@@ -1,9 +1,9 @@
 """GLB (glTF 2.0 binary): triangles of the default scene, nodes' transforms applied.
 
 Only what is inside the file is read, and only where the file has the bytes it claims. Copies of a
-mesh count, quantized and Draco's data are read, and skins are in the pose of the nodes; materials,
-images and animations are never looked at. What changes triangles and is not read is refused by
-name.
+mesh count, quantized data and what Draco or meshopt has packed are read, and skins are in the pose
+of the nodes; materials, images and animations are never looked at. What changes triangles and is
+not read is refused by name.
 """
 
 from typing import Final
@@ -68,8 +68,14 @@ class _Document:
         nodes = self.json.get("nodes", [])
         check_count(len(nodes), "nodes", _MAX_NODES)
         scenes = self.json.get("scenes", [])
-        scene = scenes[index(self.json.get("scene", 0))] if scenes else {"nodes": range(len(nodes))}
-        waiting = [(index(node), np.eye(4)) for node in scene.get("nodes", [])]
+        if scenes:
+            tops = scenes[index(self.json.get("scene", 0))].get("nodes", [])
+        else:
+            below = {index(child) for node in nodes for child in node.get("children", [])}
+            tops = [number for number in range(len(nodes)) if number not in below]
+            if nodes and not tops:
+                raise bad("each node hangs from another one: nodes of glTF form a tree")
+        waiting = [(index(node), np.eye(4)) for node in tops]
         found: dict[int, Array] = {}
         while waiting:
             number, parent = waiting.pop()

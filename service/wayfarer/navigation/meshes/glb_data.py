@@ -20,6 +20,9 @@ _MAX_JSON: Final = 8 * 2**20
 _TYPES: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _MOST: Final = 3 * MAX_TRIANGLES
+_MOST_UNPACKED: Final = 128 * 2**20
+"""Bytes that the buffer views of a file may have, unpacked."""
+MESHOPT: Final = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
 class GlbData:
@@ -48,6 +51,7 @@ class GlbData:
             raise bad("no readable JSON chunk") from None
         self._chunk = chunks.get(_BIN)
         self._buffers: dict[int, bytes] = {}
+        self._unpacked: dict[int, bytes] = {}
 
     def numbers(self, number: int, kinds: tuple[str, ...]) -> NDArray[np.float64]:
         """Values [count, width] of an accessor of one of these types; normalized ones as what
@@ -105,8 +109,46 @@ class GlbData:
         return buffer[start : start + length]
 
     def _view(self, number: int) -> tuple[Json, bytes]:
+        """A buffer view and its buffer; what meshopt has packed is a buffer of its own."""
         view = self.json["bufferViews"][number]
-        return view, self._buffer(index(view["buffer"]))
+        packed = next(
+            (view["extensions"][n] for n in MESHOPT if n in view.get("extensions", {})), None
+        )
+        if packed is None or self._has_bytes(index(view["buffer"])):
+            return view, self._buffer(index(view["buffer"]))
+        if number not in self._unpacked:
+            self._unpacked[number] = self._unpack(number, packed)
+        plain = {"byteLength": len(self._unpacked[number])}
+        if packed["mode"] == "ATTRIBUTES":
+            plain["byteStride"] = packed["byteStride"]
+        return plain, self._unpacked[number]
+
+    def _unpack(self, number: int, packed: Json) -> bytes:
+        """Raises InvalidArgument; before anything is unpacked, where it would be too much."""
+        count, stride = index(packed["count"]), index(packed["byteStride"])
+        size = count * stride
+        if size + sum(map(len, self._unpacked.values())) > _MOST_UNPACKED:
+            raise bad(
+                f"buffer view {number} has {size:,} bytes, unpacked; all those of a file may have "
+                f"{_MOST_UNPACKED:,}"
+            )
+        start, length = index(packed.get("byteOffset", 0)), index(packed["byteLength"])
+        source = self._buffer(index(packed["buffer"]))[start : start + length]
+        if len(source) < length:
+            raise bad(f"buffer view {number} claims {length:,} bytes beyond its buffer's end")
+        import meshopt  # for the files that need it
+
+        try:
+            found = meshopt.decode_gltf_buffer(
+                source, count, stride, packed["mode"], packed.get("filter")
+            )
+        except ValueError as error:
+            raise bad(f"buffer view {number} cannot be unpacked ({str(error)[:80]})") from None
+        return found.tobytes()
+
+    def _has_bytes(self, number: int) -> bool:
+        """Whether the file has a buffer, which it need not have where all of it is packed."""
+        return "uri" in self.json["buffers"][number] or (number == 0 and self._chunk is not None)
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._buffers:
@@ -118,9 +160,7 @@ class GlbData:
         uri = buffer.get("uri")
         if uri is None:
             if number or self._chunk is None:
-                compressed = [name for name in buffer.get("extensions", {}) if "meshopt" in name]
-                why = f"is only there for {compressed[0]}" if compressed else "has no bytes"
-                raise bad(f"buffer {number} {why}; export without compression of meshopt")
+                raise bad(f"buffer {number} has no bytes in this file")
             return self._chunk
         head, comma, text = str(uri).partition(",")
         if not head.startswith("data:"):

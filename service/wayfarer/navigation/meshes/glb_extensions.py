@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.meshes.faces import bad, check_count
-from wayfarer.navigation.meshes.glb_data import GlbData, index
+from wayfarer.navigation.meshes.glb_data import MESHOPT, GlbData, index
 from wayfarer.navigation.meshes.transforms import composed
 from wayfarer.navigation.scene_spec import MAX_TRIANGLES
 
 DRACO: Final = "KHR_draco_mesh_compression"
 INSTANCES: Final = "EXT_mesh_gpu_instancing"
-READ: Final = frozenset({DRACO, INSTANCES, "KHR_mesh_quantization"})
+READ: Final = frozenset({DRACO, INSTANCES, *MESHOPT, "KHR_mesh_quantization"})
 
 _LOOKS: Final = re.compile(
     r"material|texture|image|light|variant|camera|environment|audio|animation|xmp|metadata|feature"
@@ -22,23 +22,16 @@ _LOOKS: Final = re.compile(
     re.IGNORECASE,
 )
 """Extensions of these names concern how a level looks, sounds or moves, and no triangle."""
-_MESHOPT: Final = re.compile(r"meshopt_compression$")
 
 
 def check_required(document: Mapping[str, Any]) -> None:
     """Raise InvalidArgument where triangles cannot be read without an extension that is unknown."""
     for name in map(str, document.get("extensionsRequired", [])):
-        if name in READ or (_LOOKS.search(name) and not _MESHOPT.search(name)):
-            continue
-        cure = (
-            "export without it, or with Draco (gltfpack: neither -c nor -cc)"
-            if _MESHOPT.search(name)
-            else "export without it"
-        )
-        known = ", ".join(sorted(READ))
-        raise bad(
-            f"needs the glTF extension {name[:64]}, which is not read: {cure} (read: {known})"
-        )
+        if name not in READ and not _LOOKS.search(name):
+            raise bad(
+                f"needs the glTF extension {name[:64]}, which is not read: export without it "
+                f"(read: {', '.join(sorted(READ))})"
+            )
 
 
 def instances(data: GlbData, node: Mapping[str, Any]) -> NDArray[np.float64]:

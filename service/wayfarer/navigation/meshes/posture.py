@@ -30,6 +30,14 @@ def is_level(corners: Array, walkable: Walkable) -> NDArray[np.bool_]:
     return found
 
 
+def slopes(corners: Array) -> Array:
+    """Degrees of triangles [T, 3, 3] off level, 0 to 90. [T]"""
+    normals = _normals(corners)
+    length = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    found: Array = np.degrees(np.arccos(np.minimum(np.abs(normals[:, 2]) / length, 1.0)))
+    return found
+
+
 def lies_on_its_side(corners: Array, walkable: Walkable, axes: MeshAxes) -> list[Text]:
     """What is told of a level whose walls seem to be its floors; empty for all others."""
     normals = np.abs(_normals(corners))

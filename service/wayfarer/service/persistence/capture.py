@@ -44,6 +44,8 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
             feet=slots.feet.take(rows),
             feet_begun=slots.feet_begun[rows],
             footing=slots.footing.take(rows),
+            memory=slots.memory.take(rows),
+            aims=slots.aims.take(rows),
         ),
     )
 

@@ -23,6 +23,7 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Motion
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.behaviours import AnyBehaviour
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
@@ -73,6 +74,8 @@ class AgentRows(Rows):
     feet: LockState
     feet_begun: Flags  # False: the feet have not been locked yet; `feet` mean nothing
     footing: Footing
+    memory: Memory
+    aims: Aims
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +171,8 @@ def standing(record: AgentRecord) -> AgentRows:
         feet=LockState.empty(1) if record.feet is None else record.feet,
         feet_begun=np.array([begun]),
         footing=record.footing,
+        memory=record.memory,
+        aims=record.aims,
     )
 
 
@@ -197,6 +202,8 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
         seq=int(row.seq[0]),
         motion=row.motion,
         feet=row.feet if row.feet_begun[0] else None,
+        memory=row.memory,
+        aims=row.aims,
         footing=row.footing,
     )
 

@@ -1,14 +1,20 @@
 """What chunks say of goals: reached, and the path done."""
 
 from collections.abc import Callable, Iterator
+from math import dist
+from typing import Final
 
 import numpy as np
 
+from wayfarer.errors import Metres
 from wayfarer.world.agents.agent import AgentInfo, AgentState, ChunkFlag, MotionChunk, MotionChunks
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.events import Event, EventKind
+
+BESIDE: Final = 0.3
+"""Metres outside the radius of its goal from which an agent has stopped beside it."""
 
 Place = tuple[int, int]  # revision, and number of a goal in that path
 
@@ -59,7 +65,7 @@ class GoalEvents:
     def _of(self, chunk: MotionChunk) -> Iterator[Event]:
         name = chunk.agent_id
         if chunk.flags & ChunkFlag.ARRIVED:
-            yield _event(EventKind.GOAL_REACHED, chunk, f"goal {chunk.waypoint} was reached")
+            yield _event(EventKind.GOAL_REACHED, chunk, *self._reached(chunk))
             last = self._last_goal(chunk)
             if last is not None and last.stop:
                 self.stopping[name] = _place(chunk)
@@ -73,6 +79,16 @@ class GoalEvents:
                 if self._last_goal(chunk) is not None:
                     yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
 
+    def _reached(self, chunk: MotionChunk) -> tuple[str, tuple[Metres, ...]]:
+        """What is said of a goal that was reached: also how far away others kept the agent."""
+        text, info = f"goal {chunk.waypoint} was reached", self._info(chunk.agent_id)
+        if info.goal is None or _place(chunk) != (info.goal_revision, info.waypoint):
+            return text, ()
+        away = dist(chunk.translation[-1, :2].tolist(), info.goal.position[:2])
+        if away <= info.goal.radius + BESIDE:
+            return text, ()
+        return text + " as nearly as others let it, {} from it", (Metres(round(away, 2)),)
+
     def _last_goal(self, chunk: MotionChunk) -> Goal | None:
         """The goal that a chunk was planned for, if it is the last of the agent's path."""
         info = self._info(chunk.agent_id)
@@ -84,7 +100,9 @@ def _place(chunk: MotionChunk) -> Place:
     return chunk.goal_revision, chunk.waypoint
 
 
-def _event(kind: EventKind, chunk: MotionChunk, detail: str) -> Event:
+def _event(
+    kind: EventKind, chunk: MotionChunk, detail: str, parts: tuple[Metres, ...] = ()
+) -> Event:
     return Event(
         kind,
         chunk.scheduled_at,
@@ -93,4 +111,5 @@ def _event(kind: EventKind, chunk: MotionChunk, detail: str) -> Event:
         chunk.goal_revision,
         chunk.waypoint,
         detail,
+        parts,
     )

@@ -95,7 +95,4 @@ def _pack(
 def _unpack(rotations: NDArray[Any], encoding: PoseEncoding) -> NDArray[np.float32]:
     if encoding is PoseEncoding.SMALLEST_THREE:
         return smallest_three.unpack(rotations)
-    if encoding is PoseEncoding.F32_LE:
-        return rotations.astype(np.float32)
-    wide = rotations.astype(np.float32)
-    return wide / np.linalg.norm(wide, axis=-1, keepdims=True)
+    return rotations.astype(np.float32)

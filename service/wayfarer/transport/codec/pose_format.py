@@ -26,7 +26,6 @@ class PoseEncoding(StrEnum):
     """How the numbers of a frame are packed; names as in motion.proto."""
 
     F32_LE = "f32_le"
-    F16_LE = "f16_le"
     SMALLEST_THREE = "smallest_three"
     ROOT = "root"
 
@@ -38,7 +37,6 @@ class PoseEncoding(StrEnum):
 
 ROTATION_TYPES: Final = {
     PoseEncoding.F32_LE: np.dtype(("<f4", 4)),
-    PoseEncoding.F16_LE: np.dtype(("<f2", 4)),
     PoseEncoding.SMALLEST_THREE: np.dtype(("<u2", 3)),
 }
 

@@ -70,8 +70,8 @@ ROUTES: Final = (
 )
 
 
-def http_app(gateway: Gateway) -> FastAPI:
-    """The ASGI application."""
+def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
+    """The ASGI application; `root_path`: before the paths of its OpenAPI document."""
     app = FastAPI(
         title="Wayfarer",
         version=__version__,
@@ -88,7 +88,7 @@ def http_app(gateway: Gateway) -> FastAPI:
     add_problem_handlers(app)
     limits = gateway.limits
     app.add_middleware(RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
-    app.openapi = lambda: _document(app, limits)  # type: ignore[method-assign]
+    app.openapi = lambda: _document(app, limits, root_path)  # type: ignore[method-assign]
     app.router.routes.append(Route("/v1/{rest:path}", UnknownPath(app.openapi)))
     if find_spec("motionmcp") is not None:
         from wayfarer.transport.mmcp.server import mmcp_app
@@ -102,7 +102,7 @@ def http_app(gateway: Gateway) -> FastAPI:
     return app
 
 
-def _document(app: FastAPI, limits: Limits) -> dict[str, Any]:
+def _document(app: FastAPI, limits: Limits, root_path: str) -> dict[str, Any]:
     """The OpenAPI document, with what FastAPI does not know of."""
     if app.openapi_schema is None:
         document = get_openapi(
@@ -110,7 +110,7 @@ def _document(app: FastAPI, limits: Limits) -> dict[str, Any]:
             version=app.version,
             description=app.description,
             routes=app.routes,
-            servers=[{"url": "/"}],
+            servers=[{"url": root_path or "/"}],
             license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
         )
         components = document["components"]

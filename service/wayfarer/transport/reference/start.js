@@ -1,7 +1,8 @@
-// Shows the OpenAPI document of the server that this page comes from.
-SwaggerUIBundle({
-  url: "../openapi.json",
+// Shows the OpenAPI document of the server that this page comes from, wherever a proxy has put it.
+const { href } = new URL("..", location.href);
+fetch(`${href}openapi.json`).then((answer) => answer.json()).then((spec) => SwaggerUIBundle({
+  spec: { ...spec, servers: [{ url: href.replace(/\/$/, "") }] },
   dom_id: "#reference",
   deepLinking: true,
   validatorUrl: null, // else the document's address is sent to a server elsewhere
-});
+}));

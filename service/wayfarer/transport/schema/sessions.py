@@ -35,7 +35,9 @@ class NewSession(Message):
         description="for ten minutes, the same request with this id does nothing and gets the same "
         "reply, so that it can be retried; as the header Idempotency-Key",
     )
-    avoid: Bool = Field(default=True, description="in a scene: its agents avoid each other")
+    avoid: Bool = Field(
+        default=True, description="its agents avoid each other, unless it is recorded"
+    )
 
 
 class Session(Message):
@@ -56,7 +58,7 @@ class Session(Message):
     endpoint: Endpoint | None = Field(
         default=None, description="the node that holds it; null on a server of one process"
     )
-    avoid: bool = Field(description="in a scene: its agents avoid each other")
+    avoid: bool = Field(description="its agents avoid each other, unless it is recorded")
 
 
 class Sessions(Message):

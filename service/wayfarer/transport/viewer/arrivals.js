@@ -14,7 +14,7 @@ export class Arrivals {
 
   /** Where somebody's body is, and what it is asked for with: [URL, headers]. `detail`: "low" or "high". */
   mesh(agent, detail) {
-    const url = new URL(this.bodies.get(agent.gender).glb_path, `${this.api.homes.entry}/`);
+    const url = new URL(this.api.homes.entry + this.bodies.get(agent.gender).glb_path);
     url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
     url.searchParams.set("style", agent.seed);
     if (agent.outfit) url.searchParams.set("outfit", agent.outfit);

@@ -1,9 +1,10 @@
 // A character of the user's: a VRM or GLB file. It is read on this page and sent nowhere.
 
-import { Box3, GLTFLoader, Vector3, cloneSkinned } from "./vendor/three.min.js";
+import { Box3, Vector3, cloneSkinned } from "./vendor/three.min.js";
 import { BASES, BoneMapError, Character, mapBones, measureSoles, readRig } from "./client/index.js";
 import { THREE_NODES } from "./client/three.js";
 import { readGlb } from "./glb.js";
+import { loadGlb } from "./packed.js";
 
 const SIZES = [0.4, 4]; // metres: a character out of that range is of another unit
 const PERSON = 1.7; // metres
@@ -21,15 +22,7 @@ export class CharacterFile {
     const json = readGlb(bytes);
     if (!json) throw new Error(`${name} is no GLB or VRM file: it does not begin as one`);
     if (!json.skins?.length) throw new Error(`${name} has no skeleton: a character needs a skin with bones`);
-    const loader = new GLTFLoader();
-    const wanted = new Set([...(json.extensionsRequired ?? []), ...(json.extensionsUsed ?? [])]);
-    if (wanted.has("KHR_draco_mesh_compression")) {
-      throw new Error(`${name} is compressed by Draco, which this page cannot read: export it without, or with meshopt`);
-    }
-    if (wanted.has("EXT_meshopt_compression")) {
-      loader.setMeshoptDecoder((await import("./vendor/meshopt.min.js")).MeshoptDecoder);
-    }
-    const gltf = await loader.parseAsync(bytes, "");
+    const gltf = await loadGlb(bytes);
     return new CharacterFile(gltf, humanoidOf(json), name, sumOf(bytes));
   }
 

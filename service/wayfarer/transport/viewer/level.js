@@ -1,12 +1,12 @@
 // A scene on the stage: its walkable ground, what stands there for good, and what has been put there.
 
 import {
-  BufferAttribute, BufferGeometry, Color, GLTFLoader, Group, LineBasicMaterial, LineSegments, Mesh,
+  BufferAttribute, BufferGeometry, Color, Group, LineBasicMaterial, LineSegments, Mesh,
   MeshLambertMaterial, ShapeUtils, Vector2,
 } from "./vendor/three.min.js";
-import { readGlb } from "./glb.js";
 import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
 import { crownHides, crownOf, dressingOf } from "./dressing.js";
+import { loadGlb } from "./packed.js";
 import { blockMesh, extentOf, outlineOf } from "./shapes.js";
 import { pavingTexture } from "./textures.js";
 
@@ -88,8 +88,7 @@ export class Level {
 
   /** Draw the file that the scene was made of (GLB bytes), too. */
   async showModel(bytes) {
-    if (JSON.stringify(readGlb(bytes)?.extensionsRequired ?? []).includes("draco")) throw new Error("it is packed by Draco");
-    const { scene } = await new GLTFLoader().parseAsync(bytes, "");
+    const { scene } = await loadGlb(bytes);
     scene.traverse((node) => {
       if (node.isMesh) node.castShadow = node.receiveShadow = true;
     });

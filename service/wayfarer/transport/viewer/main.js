@@ -50,7 +50,7 @@ const access = new Access(sessionStorage.getItem(TOKEN) ?? "", async (reason) =>
   sessionStorage.setItem(TOKEN, token); // typed once, kept for this tab
   return token;
 });
-const api = new Api("", {
+const api = new Api(new URL(".", location.href).href.replace(/\/$/, ""), { // a proxy may have put it below a path
   access,
   pause: (seconds, { message }) => {
     mention(`${message}; trying again in ${Math.ceil(seconds)} s`);

@@ -4,6 +4,7 @@ import { BONES } from "./client/index.js";
 import { CharacterFile } from "./character.js";
 import { byId, mention } from "./hud.js";
 
+const SIZES = [0.9, 2.2]; // times a person's legs, on which a person's steps look well
 const FOUND = { vrm: "by VRM's table", names: "by their names", shape: "by its shape", user: "as you chose" };
 const REQUIRED = new Set(["pelvis", ...["left", "right"].flatMap((side) => ["hip", "knee", "ankle"].map((bone) => `${side}_${bone}`))]);
 const WORDS = { // of bones, where the canonical name says little
@@ -53,7 +54,9 @@ export class Wardrobe {
   async #shape() {
     try {
       const { gender, betas, scale } = await this.api.fitBody(this.look.joints, this.look.floor);
-      this.scale = scale;
+      if (scale < SIZES[0] || scale > SIZES[1]) {
+        mention(`${this.look.title} has ${scale.toFixed(1)} times a person's legs. Live, it takes a person's steps; "wayfarer generate --character" makes its own`);
+      }
       return { gender, betas };
     } catch (error) {
       if (error.status !== 404 && error.status !== 405) throw error; // a server that does not know the call

@@ -202,7 +202,7 @@ class SessionSpec:
     lock_step: bool = False  # time passes only in `step_session`
     record: bool = False  # commands are kept for `export_log`
     scene: str = ""  # id of the scene that it is in; empty: a flat floor without end
-    avoid: bool = True  # in a scene, its agents avoid each other
+    avoid: bool = True  # its agents avoid each other, unless it is recorded
     attributes: Mapping[str, str] = field(default_factory=dict)  # the transport's: kept, not read
 
 

@@ -21,6 +21,7 @@ from wayfarer.world.agents.registry import Agent, Registry, Session
 from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.spawn import Spawner
 from wayfarer.world.agents.timeline import Timeline
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing, standing
 from wayfarer.world.output.legs import Legs, measure_legs
@@ -146,6 +147,8 @@ class Population:
             slots.feet_begun[rows] = True
         rows = np.array(entered)
         slots.footing.put(rows, Footing.join([record.footing for record in records]))
+        slots.memory.put(rows, Memory.join([record.memory for record in records]))
+        slots.aims.put(rows, Aims.join([record.aims for record in records]))
         slots.goal_revision[entered] = [record.goal_revision for record in records]
         slots.revised_chunk[entered] = [record.seq - 1 for record in records]
 
@@ -208,7 +211,8 @@ class Population:
         slots.alias[agent.slot] = agent.alias
         slots.session[agent.slot] = session.number
         slots.scene[agent.slot] = session.scene
-        slots.avoids[agent.slot] = bool(session.spec.scene) and session.spec.avoid
+        # a recorded session is played again agent by agent, each alone
+        slots.avoids[agent.slot] = session.spec.avoid and not session.spec.record
         return agent
 
     def _enter(

@@ -10,7 +10,7 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
-from wayfarer.world.avoidance.people import Memory
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.rows import Double, Flags, Int, Rows
@@ -28,6 +28,8 @@ class AgentRecord:
     motion: Motion  # one row: where the last sent frame left it
     feet: LockState | None  # one row; None: its feet have not been locked yet
     footing: Footing  # one row
+    memory: Memory  # one row
+    aims: Aims  # one row
     goal_revision: int
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
@@ -47,7 +49,6 @@ class LiveRows(Rows):
     held: Flags
     near_since: Int
     begun_seq: Int  # of the first chunk of its behaviour, or of the part of a routine
-    memory: Memory
 
 
 @dataclass(frozen=True, slots=True)

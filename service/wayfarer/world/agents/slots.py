@@ -14,7 +14,7 @@ from wayfarer.errors import ResourceExhausted
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentState
 from wayfarer.world.agents.route import Route
-from wayfarer.world.avoidance.people import Memory
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.output.legs import Legs
@@ -108,9 +108,10 @@ class Slots(Rows):
     feet: LockState  # after the frames already sent
     feet_begun: Flags  # `feet` means something
     scene: Int  # number of the scene that it is in; 0: none
-    avoids: Flags  # the others of its session; only in a scene
+    avoids: Flags  # the others of its session
     route: Route
     memory: Memory  # of avoiding others
+    aims: Aims
     footing: Footing  # after the frames already sent
     sight: Int8  # Sight
 

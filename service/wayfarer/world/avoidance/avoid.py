@@ -1,35 +1,39 @@
 """Where to walk among others: sampled reciprocal velocity obstacles.
 
 Each person tries velocities around the one it would like, and takes that of the least cost (see
-costs.py). As RVO has it, of somebody who avoids others, too, it expects half of what is to be done;
-of others nothing. Bodies are slow to react and do not walk well below some speed: a person walks
-faster than that or waits. Before people who come the other way it keeps to the right (lanes.py).
-Two who block each other are parted by their numbers: the one of the higher number makes way, but
-not for somebody who goes the same way, from behind.
+kernel.py). As RVO has it, of somebody who avoids others, too, it expects half of what is to be
+done; of others nothing. Bodies are slow to react and do not walk well below some speed: a person
+walks faster than that or waits. Before people who come the other way it keeps to the right. Two who
+block each other are parted by their numbers: the one of the higher number makes way, but not for
+somebody who goes the same way, from behind.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.world.avoidance.costs import costs
-from wayfarer.world.avoidance.lanes import keep_right
-from wayfarer.world.avoidance.neighbours import Neighbours, near_pairs, neighbours
+from wayfarer.compiled import warm
+from wayfarer.world.avoidance.kernel import (
+    NEIGHBOURS,
+    REACTION,
+    TRIED,
+    WALL,
+    WALL_ROOM,
+    WALL_TIMES,
+    Choices,
+    Everybody,
+    Next,
+    decide,
+    weigh,
+)
 from wayfarer.world.avoidance.people import Float, Memory, People
-from wayfarer.world.avoidance.rules import FAN, RULES, Rules
 from wayfarer.world.rows import Index
 
-EVEN: Final = 1e-4
-"""Costs that differ by no more are equal: the first candidate is taken (1 m/s off the way costs 2).
-Left and right often cost the same, and rounding must not choose. The web client's local mode has
-the same rule.
-"""
-
-FACING: Final = 0.3
-"""Cosine: somebody would walk towards one."""
+Clearance = Callable[[Float], Float]
+"""Metres to the nearest wall [A, N] at points [A, N, 2]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,120 +49,84 @@ def avoid(
     people: People,
     rows: Index,
     preferred: Float,
-    clear: Callable[[Float], Float] | None,
+    clear: Clearance | None,
     seconds: float,
-    rules: Rules = RULES,
+    left: Float | None = None,
 ) -> NextVelocity:
     """The velocities that some people shall take.
 
     rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
     nearest wall at points [A, N, 2] of these rows, [A, N]; None: there are no walls. `seconds`:
-    since they were asked last. A row's result depends on `people`, not on who else is asked.
+    since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops. A
+    row's result depends on `people`, not on who else is asked.
     """
-    memory = people.memory.take(rows)
-    preferred = keep_together(people, rows, preferred)
-    pairs = near_pairs(people, rows, rules)
-    near = neighbours(people, rows, pairs, rules)
-    yields = memory.yields > 0
-    lane = keep_right(people, pairs, preferred, rules)
-    way = np.where(yields[:, None], memory.retreat * rules.yield_speed, lane)
-    tried = _candidates(way, memory.chosen, rules)
-    total = costs(people, rows, near, way, tried, memory.chosen, clear, rules)
-    best = (total <= total.min(1, keepdims=True) + EVEN).argmax(1)
-    chosen = tried[np.arange(len(rows)), best]
-    waits = ~chosen.any(-1)
-    memory = _remember(memory, people, rows, preferred, chosen, seconds)
-    return NextVelocity(chosen, waits, _make_way(memory, people, rows, near, rules))
-
-
-def _candidates(way: Float, last: Float, rules: Rules) -> Float:
-    """Velocities to try [A, C, 2]: the preferred one, a fan around it, the last, a stop."""
-    speed = np.sqrt((way * way).sum(-1))
-    # slower than a body can walk well only for those who want to
-    least = np.minimum(rules.slowest, speed) / np.maximum(speed, 1e-6)
-    length = np.sqrt((FAN * FAN).sum(-1))
-    scale = np.maximum(length, least[:, None]) / length
-    x = scale * (FAN[:, 0] * way[:, 0, None] - FAN[:, 1] * way[:, 1, None])
-    y = scale * (FAN[:, 0] * way[:, 1, None] + FAN[:, 1] * way[:, 0, None])
-    tried = np.zeros((len(way), len(FAN) + 2, 2), np.float32)
-    tried[:, :-2, 0], tried[:, :-2, 1], tried[:, -2] = x, y, last
-    return tried
-
-
-def _remember(
-    memory: Memory, people: People, rows: Index, preferred: Float, chosen: Float, seconds: float
-) -> Memory:
-    """Update the waiting times: an agent that moves in its own direction does not wait."""
-    speed = np.sqrt((preferred * preferred).sum(-1))
-    velocity = people.velocity[rows]
-    on = (velocity * preferred).sum(-1) / np.maximum(speed, 1e-6)
-    waited = np.where(on < 0.25 * speed, memory.waited + seconds, 0.0).astype(np.float32)
-    yields = np.maximum(memory.yields - np.float32(seconds), 0)
-    return Memory(preferred, chosen, waited, yields, memory.retreat)
-
-
-def _make_way(
-    memory: Memory, people: People, rows: Index, near: Neighbours, rules: Rules
-) -> Memory:
-    """Those who have waited too long before others of lower numbers begin to make way for them."""
-    impatient = (memory.waited > rules.patience) & (memory.yields <= 0)
-    if not impatient.any():
-        return memory
-    theirs = people.memory.preferred[near.index]
-    distance = np.maximum(near.distance, 1e-6)
-    speed = np.maximum(np.sqrt((theirs * theirs).sum(-1)), 1e-6)
-    towards = -(theirs[..., 0] * near.dx + theirs[..., 1] * near.dy) / (distance * speed)
-    mine = memory.preferred / np.maximum(
-        np.sqrt((memory.preferred * memory.preferred).sum(-1, keepdims=True)), 1e-6
+    everybody, count = _everybody(people), len(rows)
+    made = _room_for(count)
+    stops = np.full(count, np.inf, np.float32) if left is None else left
+    weigh(everybody, rows, preferred, stops, made)
+    if clear is not None:
+        made.costs[:] += _walls(people, rows, made.tried, clear)
+    found = Next(
+        velocity=np.empty((count, 2), np.float32),
+        waited=np.empty(count, np.float32),
+        yields=np.empty(count, np.float32),
+        retreat=np.empty((count, 2), np.float32),
     )
-    along = (theirs[..., 0] * mine[:, :1] + theirs[..., 1] * mine[:, 1:]) / speed
-    slow = (people.velocity[near.index] ** 2).sum(-1) < 0.25 * speed**2
-    before = (
-        ~near.nobody
-        & people.walks[near.index]
-        & (people.number[near.index] < people.number[rows][:, None])
-        & (distance < 1.6)
-        & (towards > FACING)
-        & (along < rules.opposite)
-        & slow
-    )
-    begins = impatient & before.any(1)
-    first = before.argmax(1)
-    pick = np.arange(len(rows)), first
-    ahead = theirs[pick] / speed[pick][:, None]
-    across = np.stack([near.dx[pick], near.dy[pick]], -1) * -1
-    across = across - ahead * (across * ahead).sum(-1, keepdims=True)
-    away = ahead + across / np.maximum(np.sqrt((across * across).sum(-1, keepdims=True)), 1e-6)
-    away /= np.maximum(np.sqrt((away * away).sum(-1, keepdims=True)), 1e-6)
-    return Memory(
+    decide(everybody, rows, made, float(seconds), found)
+    memory = Memory(made.preferred, found.velocity, found.waited, found.yields, found.retreat)
+    return NextVelocity(found.velocity, (found.velocity == 0).all(-1), memory)
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    people, row = People.empty(1), np.zeros(1, np.int64)
+    made = _room_for(1)
+    warm(weigh, _everybody(people), row, np.ones((1, 2), np.float32), np.ones(1, np.float32), made)
+    still = np.zeros(1, np.float32), np.zeros(1, np.float32)
+    found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
+    warm(decide, _everybody(people), row, made, 0.2, found)
+
+
+def _everybody(people: People) -> Everybody:
+    memory = people.memory
+    return Everybody(
+        people.number,
+        people.group,
+        people.position,
+        people.height,
+        people.velocity,
+        people.walks,
+        people.radius,
         memory.preferred,
         memory.chosen,
-        np.where(begins, 0, memory.waited).astype(np.float32),
-        np.where(begins, rules.yielding, memory.yields).astype(np.float32),
-        np.where(begins[:, None], away, memory.retreat).astype(np.float32),
+        memory.waited,
+        memory.yields,
+        memory.retreat,
     )
 
 
-NEAR: Final = 6.0
-"""Metres: farther away a companion is not waited for."""
-LEAD: Final = 1.0
-"""Metres ahead of the middle of its group from which a person slows down."""
-SLOWEST: Final = 0.6
-"""Share of its speed to which it slows down."""
+def _room_for(count: int) -> Choices:
+    return Choices(
+        preferred=np.empty((count, 2), np.float32),
+        tried=np.empty((count, TRIED, 2), np.float32),
+        costs=np.empty((count, TRIED)),
+        near=np.empty((count, NEIGHBOURS), np.int64),
+        known=np.empty(count, np.int64),
+    )
 
 
-def keep_together(people: People, rows: Index, preferred: Float) -> Float:
-    """Preferred velocities [A, 2] of people at `rows`, slower for who is before its group."""
-    grouped = np.flatnonzero(people.group[rows] > 0)
-    if not len(grouped):
-        return preferred
-    mine = rows[grouped]
-    way = preferred[grouped]
-    unit = way / np.maximum(np.sqrt((way * way).sum(-1, keepdims=True)), 1e-6)
-    apart = people.position[mine][:, None] - people.position  # [G, N, 2]
-    with_me = (people.group[mine][:, None] == people.group) & ((apart * apart).sum(-1) < NEAR**2)
-    middle = (apart * with_me[..., None]).sum(1) / with_me.sum(1, keepdims=True)
-    ahead = (middle * unit).sum(-1)  # metres before the middle of those near
-    adapted = preferred.copy()
-    adapted[grouped] = way * np.clip(1 - 0.5 * (ahead - LEAD), SLOWEST, 1.0)[:, None]
-    return adapted.astype(np.float32)
+def _walls(people: People, rows: Index, tried: Float, clear: Clearance) -> Float:
+    """What it costs that a way leads into walls within the next second. [A, C]"""
+    own = people.velocity[rows]
+    slip = REACTION * (own[:, None] - tried)
+    start = people.position[rows]
+    times = np.array(WALL_TIMES, np.float32)
+    points = start[:, None, None] + slip[:, :, None] + tried[:, :, None] * times[:, None]
+    count, fan = tried.shape[:2]
+    flat = np.concatenate([points.reshape(count, -1, 2), start[:, None]], 1)
+    room = clear(flat.astype(np.float32))
+    # a person that is too near already may go wherever it is no nearer
+    wanted = np.minimum(people.radius[rows] + WALL_ROOM, room[:, -1])
+    lack = np.maximum(wanted[:, None] - room[:, :-1], 0).reshape(count, fan, len(times))
+    return np.asarray(WALL * (lack / WALL_ROOM).max(-1))

@@ -18,6 +18,16 @@ class Memory(Rows):
 
 
 @dataclass(slots=True, eq=False)
+class Aims(Rows):
+    """Where a person goes among others, from step to step; all zero at first."""
+
+    wants: Flags  # it has a way to go: a goal that it has not reached
+    asked: Annotated[Float, Shape(2)]  # metres: the goal that it was given …
+    spot: Annotated[Float, Shape(2)]  # … and where it will stand: there, or beside others
+    barred: Float  # seconds for which people who stand have closed its way
+
+
+@dataclass(slots=True, eq=False)
 class People(Rows):
     """Everybody of a session at one moment, on the floor."""
 
@@ -29,3 +39,4 @@ class People(Rows):
     walks: Flags  # it has a way to go and avoids others, so half of the task is its own
     radius: Float  # metres
     memory: Memory
+    aims: Aims

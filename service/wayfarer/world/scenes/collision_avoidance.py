@@ -1,4 +1,4 @@
-"""How agents in a scene give way to each other: their next stretch is bent around others."""
+"""How agents give way to each other: their next stretch is bent around others."""
 
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.people import SessionPeople, people_of
-from wayfarer.world.scenes.world_scenes import WorldScenes
+from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
 Array = NDArray[np.floating[Any]]
 
@@ -39,10 +39,10 @@ class CollisionAvoidance:
         """A new step begins: everybody may have moved."""
         self._seen.clear()
 
-    def bend(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:
+    def bend(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array) -> None:
         """Let rows `led` of `ahead` walk around others, or wait for them.
 
-        `rows` are their slots, `hips` [A, 2] where they are.
+        `rows` are their slots, `hips` [A, 2] where they are, `left` [A] metres to where each stops.
         """
         slots = self._slots
         avoiding: Flags = slots.avoids[rows]
@@ -54,9 +54,10 @@ class CollisionAvoidance:
             way = ahead.position[led[mine], :2] - hips[mine]
             distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
             preferred = (way / distance * ahead.speed[led[mine], None]).astype(np.float32)
-            clear = self._clearance(rows[mine])
+            clear = self.clearance(rows[mine])
             places = others.rows(rows[mine])
-            course = avoid(others.people, places, preferred, clear, STEP_SECONDS)
+            stops = left[mine].astype(np.float32)
+            course = avoid(others.people, places, preferred, clear, STEP_SECONDS, stops)
             slots.memory.put(rows[mine], course.memory)
             self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
 
@@ -77,16 +78,23 @@ class CollisionAvoidance:
     ) -> None:
         speed = np.linalg.norm(chosen, axis=-1)
         ahead.given[led[waits]] = False
-        ahead.speed[led[~waits]] = speed[~waits]
+        other = ~waits & (chosen != preferred).any(-1)  # else not even by rounding
+        ahead.speed[led[other]] = speed[other]
         turned = np.flatnonzero(~waits & (angle_between_ways(preferred, chosen) > TURNED))
         way = chosen[turned] / np.maximum(speed[turned], 1e-6)[:, None]
         ahead.position[led[turned], :2] = hips[turned] + REACH * way
         pass_through(ahead, led[turned], way)
 
-    def _clearance(self, rows: Index) -> Any:
-        """Metres to the nearest wall at points [A, N, 2] of these rows, of one session."""
+    def clearance(self, rows: Index) -> Any:
+        """Metres to the nearest wall at points [A, N, 2] of these rows, of one session.
+
+        None: there are no walls.
+        """
         slots = self._slots
-        scene = self._scenery.scene(int(slots.scene[rows[0]]))
+        number = int(slots.scene[rows[0]])
+        if number == NOWHERE:
+            return None
+        scene = self._scenery.scene(number)
         floors = slots.footing.hips[rows]
 
         def clear(points: Float) -> Float:

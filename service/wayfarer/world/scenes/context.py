@@ -17,6 +17,7 @@ from wayfarer.world.goals.commands import Append, GoalCommand, Path
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.planner import MOVED, Planner, moved_text
+from wayfarer.world.scenes.prepare import prepare
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.scenes.world_scenes import WorldScenes
@@ -62,7 +63,8 @@ class SceneContext:
             settings.path_queries_per_step,
             faults,
         )
-        self.guide = SceneGuide(slots, routes, self.scenery, planner)
+        prepare()
+        self.guide = SceneGuide(slots, routes, self.scenery, planner, self.tell)
 
     def refresh(self) -> None:
         """Take up what has changed in scenes; ways are looked at again as agents come to step."""

@@ -1,4 +1,4 @@
-"""The guide of a world with scenes: ways around walls, and around each other."""
+"""The guide of a world: ways around walls, and around each other."""
 
 from dataclasses import replace
 from typing import Any, Final
@@ -16,10 +16,11 @@ from wayfarer.world.scenes.collision_avoidance import (
     angle_between_ways,
     pass_through,
 )
+from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
 from wayfarer.world.scenes.people import moving
-from wayfarer.world.scenes.planner import Planner
+from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.guide import NextTarget
@@ -86,35 +87,36 @@ class SceneGuide:
     """Implements `Guide`."""
 
     def __init__(
-        self, slots: Slots, routes: Routes, scenery: WorldScenes, planner: Planner
+        self, slots: Slots, routes: Routes, scenery: WorldScenes, planner: Planner, tell: Tell
     ) -> None:
         self._slots = slots
         self._routes = routes
         self._scenery = scenery
         self._planner = planner
         self.avoidance = CollisionAvoidance(slots, scenery)
+        self.company = Company(slots, routes, scenery, self.avoidance, tell)
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
         self.avoidance.forget()
-        inside = np.flatnonzero(self._slots.scene[rows] != NOWHERE)
-        if not len(inside):
-            return NextTarget(goals, goals)
         hips = seed.translation[:, -1, :2]
-        if len(inside) == len(rows):
-            return self._led(rows, hips, gait, goals)
-        led = self._led(rows[inside], hips[inside], gait.take(inside), goals.take(inside))
+        goals = self.company.place(rows, hips, gait.arrived, goals)
         ahead = goals.take(np.arange(len(rows)))
-        ahead.put(inside, led.ahead)
         radius = goals.radius.copy()
-        radius[inside] = led.judged.radius
+        in_scene = self._slots.scene[rows] != NOWHERE
+        for which, lead in ((in_scene, self._led), (~in_scene, self._on_floor)):
+            mine = np.flatnonzero(which)
+            if len(mine):
+                led = lead(rows[mine], hips[mine], gait.take(mine), goals.take(mine))
+                ahead.put(mine, led.ahead)
+                radius[mine] = led.judged.radius
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def obstacles(self, rows: Index, seed: Seeds) -> Float:
         """See `Guide`."""
         found = no_obstacles(len(rows))
         scenes = self._slots.scene[rows]
-        if not scenes.any():
+        if not (scenes.any() or self._slots.avoids[rows].any()):
             return found
         hips = seed.translation[:, -1, :2]
         velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
@@ -136,12 +138,35 @@ class SceneGuide:
 
     # Within
 
+    def _on_floor(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
+        """The same for rows on the flat floor without a scene."""
+        ahead = goals.take(np.arange(len(rows)))
+        wanted = goals.given & ~gait.arrived
+        self._slots.aims.wants[rows] = wanted
+        led = np.flatnonzero(wanted & self._slots.avoids[rows])
+        if len(led):
+            some, places = rows[led], hips[led]
+            self.company.lead_on_floor(some, places, led, goals, ahead)
+            self._go_among_others(some, places, led, goals, ahead)
+        return NextTarget(ahead, goals)
+
+    def _go_among_others(
+        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+    ) -> None:
+        self.company.bar(rows, hips, led, goals, ahead)
+        self.company.take_turns(rows, hips, led, goals, ahead)
+        left = np.linalg.norm(goals.position[led, :2] - hips, axis=-1)
+        left = np.where(goals.through[led], np.inf, left)
+        goes = np.flatnonzero(ahead.given[led])
+        self.avoidance.bend(rows[goes], hips[goes], led[goes], ahead, left[goes])
+
     def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
         """The same for rows that are all in scenes."""
         route = self._slots.route
         away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
         back = ~goals.through & (away > goals.radius + STRAYED)
         wanted = goals.given & (~gait.arrived | back)
+        self._slots.aims.wants[rows] = wanted
         self._planner.update(rows, hips, gait, goals, wanted)
         known = (route.revision[rows] == self._slots.goal_revision[rows]) & (
             route.waypoint[rows] == gait.waypoint
@@ -154,7 +179,7 @@ class SceneGuide:
         led = np.flatnonzero(wanted & open_)
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
-            self.avoidance.bend(rows[led], hips[led], led, ahead)
+            self._go_among_others(rows[led], hips[led], led, goals, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:

@@ -9,9 +9,10 @@ from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.velocity import FORESIGHT, moving
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Flags, Index
+from wayfarer.world.scenes.world_scenes import NOWHERE
 
-RADIUS: Final = 0.25
+RADIUS: Final = 0.22
 """Metres: of a person among others."""
 
 
@@ -24,6 +25,12 @@ class SessionPeople(NamedTuple):
     def rows(self, slots: Index) -> Index:
         """Where some of them stand in `people`."""
         return np.searchsorted(self.slots, slots)
+
+    @property
+    def stand(self) -> Flags:
+        """Who stands and does not want to go anywhere [N]."""
+        found: Flags = ~self.people.walks & ~self.people.velocity.any(-1)
+        return found
 
 
 def people_of(slots: Slots, session: int, rows: Index) -> SessionPeople:
@@ -39,8 +46,10 @@ def people_of(slots: Slots, session: int, rows: Index) -> SessionPeople:
     ahead = (frames[rows].max() - frames[members]) / FPS
     ahead = np.minimum(np.maximum(ahead, -FORESIGHT), FORESIGHT)
     mode = gait.mode[members]
-    on_way = (route.passage[members] == Passage.OPEN) & ~gait.arrived[members]
-    walks = on_way & (route.revision[members] == slots.goal_revision[members])
+    on_way = slots.aims.wants[members] & ~gait.arrived[members]
+    opened = route.revision[members] == slots.goal_revision[members]
+    opened &= route.passage[members] == Passage.OPEN
+    walks = on_way & (opened | (slots.scene[members] == NOWHERE))
     people = People(
         number=slots.alias[members],
         group=slots.group[members],
@@ -50,5 +59,6 @@ def people_of(slots: Slots, session: int, rows: Index) -> SessionPeople:
         walks=walks | (mode == Mode.WALKING),
         radius=np.full(len(members), RADIUS, np.float32),
         memory=slots.memory.take(members),
+        aims=slots.aims.take(members),
     )
     return SessionPeople(people, members)

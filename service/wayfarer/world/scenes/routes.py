@@ -81,12 +81,12 @@ class Routes:
         found: Array = start + share[..., None] * (end - start)
         return found
 
-    def rest(self, slot: int) -> Array:
-        """What of a way lies ahead: points [P, 3], P ≥ 1."""
+    def rest(self, slot: int, beyond: float = 0.0) -> Array:
+        """What of a way lies more than `beyond` metres ahead: points [P, 3], P ≥ 1."""
         route = self._slots.route
-        progress, count = float(route.progress[slot]), int(route.points[slot])
-        here = self.at(np.array([slot]), np.array([[progress]]))[0]
-        ahead = self._along[slot, :count] > progress
+        begin, count = float(route.progress[slot]) + beyond, int(route.points[slot])
+        here = self.at(np.array([slot]), np.array([[begin]]))[0]
+        ahead = self._along[slot, :count] > begin
         return np.concatenate([here, self._points[slot, :count][ahead]])
 
     def forget(self, rows: Index | Sequence[int]) -> None:

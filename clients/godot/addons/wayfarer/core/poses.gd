@@ -2,7 +2,7 @@ class_name WayfarerPoses
 extends RefCounted
 ## Packed frames to poses; docs/wire-format.md shows each encoding byte by byte.
 
-enum Encoding { F32_LE = 1, F16_LE = 2, SMALLEST_THREE = 3, ROOT = 4 }
+enum Encoding { F32_LE = 1, SMALLEST_THREE = 3, ROOT = 4 }
 
 const MIDDLE := 16383  # the count that stands for 0
 const STEP := 1.0 / (MIDDLE * 1.4142135623730951)
@@ -13,8 +13,6 @@ static func frame_bytes(encoding: int, bones: int) -> int:
 	match encoding:
 		Encoding.F32_LE:
 			return 12 + 16 * bones
-		Encoding.F16_LE:
-			return 12 + 8 * bones
 		Encoding.SMALLEST_THREE:
 			return 12 + 6 * bones
 		Encoding.ROOT:
@@ -36,8 +34,6 @@ static func unpack(
 		)
 		if encoding == Encoding.F32_LE:
 			_read_floats(bytes.slice(at + 12, at + each).to_float32_array(), pose.turns)
-		elif encoding == Encoding.F16_LE:
-			_read_halves(bytes, at + 12, pose.turns)
 		else:
 			_read_smallest(bytes, at + 12, pose.turns)
 		found.append(pose)
@@ -48,15 +44,6 @@ static func _read_floats(values: PackedFloat32Array, turns: Array[Quaternion]) -
 	for k in turns.size():
 		var at := 4 * k
 		turns[k] = Quaternion(values[at], values[at + 1], values[at + 2], values[at + 3])
-
-
-static func _read_halves(bytes: PackedByteArray, at: int, turns: Array[Quaternion]) -> void:
-	for k in turns.size():
-		var x := bytes.decode_half(at)
-		var y := bytes.decode_half(at + 2)
-		var z := bytes.decode_half(at + 4)
-		turns[k] = Quaternion(x, y, z, bytes.decode_half(at + 6)).normalized()
-		at += 8
 
 
 static func _read_smallest(bytes: PackedByteArray, at: int, turns: Array[Quaternion]) -> void:

@@ -1,0 +1,149 @@
+"""What became of a crowd: figures of its tracks."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.bench import Row
+from benchmarks.crowd_cases import Case
+from wayfarer_lab.evaluation.scenes.overlap import segment_distance
+
+Array = NDArray[np.float64]
+
+RATE = 10.0
+"""Samples of a track per second."""
+
+WIDTH, DEPTH = 0.42, 0.22
+"""Metres: a body from above, as a capsule across its facing."""
+
+STILL = 0.3
+"""Metres: an agent that has got no farther stands still."""
+
+DOORWAY = 0.6
+"""Metres from the door's line within which somebody is in the door."""
+
+WAITS = 4.0
+"""Metres from the door's line within which somebody waits for it."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where people were, ten times a second."""
+
+    place: Array  # [T, N, 2] metres
+    facing: Array | None  # [T, N, 2] unit vectors; None: not known, bodies are discs
+    reached: Array  # [N] seconds at which they were at their goals; inf: never
+    events: Counter[str]
+    wall_s: float  # seconds of the computer
+
+
+def figures(case: Case, tracks: Tracks) -> Row:
+    """The figures of one run."""
+    walkers = np.array([k for k in range(len(case.goals)) if case.goals[k] is not None])
+    reached = tracks.reached[walkers]
+    row: Row = {
+        "there": f"{int(np.isfinite(reached).sum())}/{len(walkers)}",
+        "all_s": float(reached.max()) if np.isfinite(reached).all() else None,
+    }
+    row |= dict.fromkeys(("through_s", "flow", "per_m", "door_idle_s"))
+    if case.door is not None:
+        row |= door_figures(case.door, tracks.place[:, walkers])
+    row["still_s"] = longest_still(tracks.place[:, walkers], reached)
+    row["hips_cm"] = 100 * least_distance(tracks.place)
+    row["overlap_cm"], row["overlap_%"] = overlap(tracks)
+    row["walked_on_m"] = walked_after(tracks.place[:, walkers], reached)
+    row["events"] = " ".join(f"{name} {count}" for name, count in sorted(tracks.events.items()))
+    row["wall_s"] = tracks.wall_s
+    return row
+
+
+def door_figures(door: float, place: Array) -> Row:
+    """Flow through the door, people a second, also per metre; and how long it was empty though
+    somebody waited before it.
+    """
+    side = np.sign(place[0, :, 1])
+    through = (place[..., 1] * side) < 0  # [T, N]
+    crossed = np.where(through.any(0), through.argmax(0), -1)
+    times = np.sort(crossed[crossed >= 0]) / RATE
+    flow = float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 else None
+    busy = (np.abs(place[..., 1]) < DOORWAY) & (np.abs(place[..., 0]) < door / 2 + 0.1)
+    moved = moved_within(place, 2.0)
+    waits = ~through & (np.abs(place[..., 1]) < WAITS) & (moved < STILL)
+    idle = ~busy.any(1) & waits.any(1)
+    return {
+        "through_s": float(times[-1]) if len(times) == place.shape[1] else None,
+        "flow": flow,
+        "per_m": None if flow is None else flow / door,
+        "door_idle_s": longest(idle[:, None]),
+    }
+
+
+def moved_within(place: Array, seconds: float) -> Array:
+    """Metres by which people have moved since so many seconds before. [T, N]"""
+    back = round(seconds * RATE)
+    before = np.concatenate([np.repeat(place[:1], back, 0), place])[: len(place)]
+    found: Array = np.linalg.norm(place - before, axis=-1)
+    found[:back] = np.inf
+    return found
+
+
+def longest(holds: Array) -> float:
+    """Longest run of True in any column, seconds."""
+    best = run = np.zeros(holds.shape[1])
+    for line in holds:
+        run = np.where(line, run + 1, 0)
+        best = np.maximum(best, run)
+    return float(best.max(initial=0)) / RATE
+
+
+def longest_still(place: Array, reached: Array) -> float:
+    """Longest time for which somebody who was not there yet has not got `STILL` on."""
+    anchor, since, most = place[0].copy(), np.zeros(place.shape[1]), 0.0
+    for step, line in enumerate(place):
+        on = (np.linalg.norm(line - anchor, axis=-1) > STILL) | (step / RATE >= reached)
+        anchor[on] = line[on]
+        since = np.where(on, 0, since + 1 / RATE)
+        most = max(most, float(since.max(initial=0)))
+    return most
+
+
+def least_distance(place: Array) -> float:
+    """Of two people's hips, at any time."""
+    if place.shape[1] < 2:
+        return float("inf")
+    one, other = np.triu_indices(place.shape[1], 1)
+    apart = [np.linalg.norm(line[one] - line[other], axis=-1) for line in place]
+    return min(float(np.nanmin(line)) for line in apart if np.isfinite(line).any())
+
+
+def overlap(tracks: Tracks) -> tuple[float | None, float | None]:
+    """How deep two bodies were in each other, cm, and the share of all bodies and times, %."""
+    place, facing = tracks.place, tracks.facing
+    if facing is None or place.shape[1] < 2:
+        return None, None
+    across = np.stack([facing[..., 1], -facing[..., 0]], -1) * (WIDTH - DEPTH) / 2
+    one, other = np.triu_indices(place.shape[1], 1)
+    deepest, bodies = 0.0, 0
+    for line, side in zip(place, across, strict=True):
+        near = np.linalg.norm(line[one] - line[other], axis=-1) < WIDTH
+        a, b = one[near], other[near]
+        apart = segment_distance(
+            line[a] - side[a], line[a] + side[a], line[b] - side[b], line[b] + side[b]
+        )
+        depth = DEPTH - apart
+        deepest = max(deepest, float(depth.max(initial=0)))
+        bodies += len(np.unique(np.concatenate([a[depth > 0.01], b[depth > 0.01]])))
+    return 100 * deepest, 100 * bodies / (place.shape[0] * place.shape[1])
+
+
+def walked_after(place: Array, reached: Array) -> float | None:
+    """Metres that somebody walked from 15 s after the first was at its goal on."""
+    if not np.isfinite(reached).any():
+        return None
+    start = round((reached.min() + 15) * RATE)
+    rough = place[start :: round(RATE)]
+    if len(rough) < 2:
+        return None
+    return float(np.linalg.norm(np.diff(rough, axis=0), axis=-1).sum(0).max())

@@ -1,0 +1,174 @@
+"""People among people: doors, groups, shared goals, somebody in the way.
+
+    python -m benchmarks.crowds [--cases one_way_1.2 …] [--seeds 1] [--no-peer] [--plots FOLDER]
+        [--json FILE] [--quick]
+
+The world of a session in lock-step with the real engine and one candidate; time passes as fast as
+it is computed. Beside it JuPedSim's collision-free speed model V2 on the same ground
+(`pip install jupedsim`; it is left out where that is missing).
+*there*: people at their goals, or as near as others let them;
+*all_s*: seconds until all are; *through_s*: until all are through the door. JuPedSim's people
+are taken out at their goals, so they stand in nobody's way. *flow*, *per_m*: people a second
+through the door, also per metre;
+*door_idle_s*: longest time for which the door was empty though somebody stood before it.
+*still_s*: longest time for which somebody on its way has not got .3 m on. *hips_cm*: least distance
+of two people's hips; *overlap_cm*: depth of the deepest overlap of two bodies (capsules of .42 by
+.22 m across their facing), and the share of bodies and times that overlap by more than 1 cm.
+*walked_on_m*: farthest that somebody walked later than 15 s after the first arrival. With several
+seeds the figures are the worst (of *there*, *all_s*, *still_s* …) or the mean (of flows).
+
+`--cost` instead measures the rule: microseconds of an agent and step at 1 and 3 people per m².
+"""
+
+import argparse
+import time
+from collections import Counter
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import bench
+from benchmarks.bench import Row
+from benchmarks.crowd_cases import CASES, QUICK, Case
+from benchmarks.crowd_cost import rule_cost
+from benchmarks.crowd_figures import RATE, Tracks, figures
+from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
+from wayfarer.navigation.scene import bake
+from wayfarer.spec import BETAS, FPS, GENDERS
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.scene_registry import SceneRegistry
+
+EVERY = round(FPS / RATE)
+"""Frames from one sample of a track to the next."""
+
+OVER = 16.0
+"""Seconds after the last arrival for which a case goes on."""
+
+
+def run(case: Case, bundle: ModelBundle, seed: int) -> Tracks:
+    """Walk a case through."""
+    begun = time.process_time()
+    scenes = SceneRegistry()
+    scene = "" if case.spec is None else scenes.add(bake(case.spec)).scene_id
+    world = bundle.world(len(case.starts), Steering().with_search(candidates=1), scenes)
+    session = world.create_session(SessionSpec(scene=scene), 0.0).session_id
+    random = np.random.default_rng(seed)
+    specs = [
+        AgentSpec(
+            gender=GENDERS[number % 2],
+            betas=tuple(random.uniform(-1, 1, BETAS).tolist()),
+            position=tuple(place),
+            heading=float(heading),
+            noise_seed=1000 * seed + number,
+        )
+        for number, (place, heading) in enumerate(
+            zip(case.starts.tolist(), case.headings, strict=True)
+        )
+    ]
+    people = [agent.agent_id for agent in world.create_agents(session, specs, 0.0)]
+    for agent, goal in zip(people, case.goals, strict=True):
+        if goal is not None:
+            world.give(agent, goal, 0.0)
+    number = {agent: k for k, agent in enumerate(people)}
+    samples = round((case.seconds + 1) * RATE)
+    place = np.full((samples, len(people), 2), np.nan)
+    facing = np.full((samples, len(people), 2), np.nan)
+    reached, events, end = np.full(len(people), np.inf), Counter[str](), case.seconds
+    wanted = [k for k, goal in enumerate(case.goals) if goal is not None]
+    for chunk in world.advance(case.seconds):
+        who = number[chunk.agent_id]
+        first = round(chunk.scheduled_at * RATE)
+        for k, frame in enumerate(range(EVERY - 1, len(chunk.translation), EVERY)):
+            if first + k < samples:
+                place[first + k, who] = chunk.translation[frame, :2]
+                facing[first + k, who] = facing_of(chunk.rotations[frame : frame + 1, 0])[0]
+        if ChunkFlag.ARRIVED in chunk.flags:
+            reached[who] = min(reached[who], chunk.scheduled_at)
+            if np.isfinite(reached[wanted]).all():
+                end = min(end, chunk.scheduled_at + OVER)
+        if chunk.scheduled_at > end:
+            break
+        events.update(event.kind.value for _, event in world.take_events())
+    known = np.flatnonzero(np.isfinite(place).all((1, 2)))
+    window = slice(known[0], known[-1] + 1)
+    wall = time.process_time() - begun
+    return Tracks(place[window], facing[window], reached, events, wall)
+
+
+def summed(rows: Sequence[Row]) -> Row:
+    """One row of several seeds: the worst of each figure, and the mean flow."""
+    if len(rows) == 1:
+        return rows[0]
+    found: Row = {"there": " ".join(sorted({row["there"] for row in rows}))}
+    for name in rows[0]:
+        values = [row[name] for row in rows]
+        if name == "there":
+            continue
+        if name == "events":
+            counts = Counter[str]()
+            for text in values:
+                words = text.split()
+                counts.update(dict(zip(words[::2], map(int, words[1::2]), strict=True)))
+            found[name] = " ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
+        elif name in ("flow", "per_m", "wall_s"):
+            known = [value for value in values if value is not None]
+            found[name] = float(np.mean(known)) if known else None
+        elif name in ("all_s", "through_s") and None in values:
+            found[name] = None
+        elif name == "hips_cm":
+            found[name] = min(values)
+        else:
+            known = [value for value in values if value is not None]
+            found[name] = max(known) if known else None
+    return found
+
+
+def main() -> None:
+    """Run, print, and draw."""
+    parser = bench.parser(__doc__)
+    parser.add_argument("--cases", nargs="+", choices=CASES, metavar="CASE", help=f"of {[*CASES]}")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--no-peer", action="store_true", help="without JuPedSim")
+    parser.add_argument("--plots", type=Path, help="draw paths from above into this folder")
+    parser.add_argument("--cost", action="store_true", help="measure the rule's cost instead")
+    asked: argparse.Namespace = parser.parse_args()
+    if asked.cost:
+        bench.finish(asked, [rule_cost(density, asked.quick) for density in (1.0, 3.0)])
+        return
+    bundle = open_bundle(DEFAULT_MODEL, 1)
+    has_peer = find_spec("jupedsim") is not None and not asked.no_peer
+    found: list[Row] = []
+    for name in asked.cases or (QUICK if asked.quick else CASES):
+        for who in ("ours", "jupedsim"):
+            rows: list[Row] = []
+            for seed in range(asked.seeds):
+                case = CASES[name](seed)
+                if who == "jupedsim" and not (has_peer and case.peer):
+                    continue
+                tracks = run(case, bundle, seed) if who == "ours" else peer(case)
+                rows.append(figures(case, tracks))
+                if asked.plots and seed == 0:
+                    from benchmarks.crowd_plots import draw
+
+                    asked.plots.mkdir(parents=True, exist_ok=True)
+                    draw(case, tracks).save(asked.plots / f"{name}_{who}.png")
+            if rows:
+                found.append({"case": case.name, "of": who, **summed(rows)})
+                print(found[-1], flush=True)
+    bench.finish(asked, found)
+
+
+def peer(case: Case) -> Any:
+    """The same in JuPedSim."""
+    from benchmarks import crowd_peer
+
+    return crowd_peer.run(case)
+
+
+if __name__ == "__main__":
+    main()

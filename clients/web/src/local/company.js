@@ -1,0 +1,171 @@
+// What others mean for a person's goal and way: where it stops, and who stands in its way. The server's world/scenes
+// (company, detours), where the rules are explained. World: metres.
+
+import { wayAround } from "./around.js";
+import { turn } from "./passages.js";
+import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
+import { FARTHEST, takeSpot } from "./spots.js";
+import { STEP_SECONDS, minus, plus, times } from "./steering.js";
+
+const REACH = 1, TOLD = 3.9, BESIDE = 0.7, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS = 0.4, GOAL_MOVES = 0.3;
+const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
+const IN_WAY = 0.36, PASSES = 0.45, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
+const RETRY = 5, SLOW = 0.15;
+const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as there
+
+/** @typedef {import("./scene.js").Point} Point */
+/** @typedef {import("./person.js").Person} Person */
+/** @typedef {import("./steering.js").GoalRow} GoalRow */
+/**
+ * Where somebody goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it was given,
+ * `spot`: where it will stand; `barred`: seconds for which people who stand have closed its way.
+ * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number }} Aims
+ */
+/** What is remembered of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
+/** Somebody as others see it at a moment. @typedef {import("./avoidance.js").Other & { person: Person, aims: Aims, stands: boolean }} Seen */
+/** Somebody who is about to be stepped; `goal` and `ahead` are replaced. @typedef {{ person: Person, hips: Point, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
+
+export class Company {
+  /** @param {import("./scene.js").LocalScene | null} scene @param {import("./guide.js").Tell} tell */
+  constructor(scene, tell) {
+    this.scene = scene;
+    this.tell = tell;
+    this.clear = scene && ((/** @type {number} */ x, /** @type {number} */ y) => scene.distance(x, y));
+  }
+
+  /** Put goals at the spots where people will stand; who can get to none that is near enough waits. @param {Row[]} rows @param {Seen[]} people */
+  place(rows, people) {
+    for (const row of rows) {
+      const { gait, goal, walker: { aims } } = row;
+      if (!goal.given || gait.arrived) aims.barred = 0;
+      if (people.length < 2) continue;
+      const concerned = goal.given && !goal.through && !gait.arrived;
+      const found = takeSpot(people, row.self, aims, goal, concerned, this.clear, this.scene?.radius ?? 0);
+      row.goal = found.goal;
+      if (!found.far) continue;
+      const waits = Math.hypot(...minus(aims.spot, row.hips)) < WAITS;
+      if (waits) this.#wait(row, people);
+      row.goal = { ...row.goal, radius: -1, given: !waits };
+    }
+  }
+
+  /** Lead people around those who stand in their ways, or let them wait before those. @param {Row[]} rows @param {Seen[]} people */
+  bar(rows, people) {
+    const found = rows.map((row) => ({ row, by: this.#inTheWay(row, people) }));
+    for (const { row: { walker: { aims, route } }, by } of found) {
+      aims.barred = by.length ? Math.fround(aims.barred + STEP) : 0;
+      if (!this.scene) route.wait = Math.max(route.wait - 1, 0);
+    }
+    const due = found.filter(({ row, by }) => by.length && !row.walker.route.wait);
+    const longest = Math.max(...due.map(({ row }) => row.walker.aims.barred));
+    const first = due.find(({ row }) => row.walker.aims.barred === longest);
+    if (first) {
+      first.row.walker.route.wait = RETRY;
+      if (this.#look(first.row, people)) first.by = [];
+    }
+    for (const { row, by } of found) {
+      const { person, hips, walker: { aims } } = row;
+      const near = Math.min(...by.map(({ position }) => Math.hypot(...minus(position, hips))));
+      const waits = near < STOPS + (person.planned.gait.speed < SLOW ? SHUFFLE : 0);
+      this.#settle(row, waits);
+      if (waits) row.ahead = { ...row.ahead, given: false };
+      if (by.length && aims.barred >= TOLD && aims.barred < TOLD + STEP) this.tell(person, "blocked", person.waypoint, by.map((other) => other.person));
+    }
+  }
+
+  /** Let people wait before narrow places that others come out of. @param {Row[]} rows @param {Seen[]} people */
+  takeTurns(rows, people) {
+    if (!this.clear || people.length < 2) return;
+    for (const row of rows) {
+      if (!row.ahead.given) continue;
+      const place = turn(people, row.self, this.#ahead(row, AHEAD), this.clear);
+      if (!place) continue;
+      const way = minus(place, row.hips), { walker } = row;
+      if (Math.hypot(...way) < BESIDE) {
+        row.ahead = { ...row.ahead, given: false };
+        walker.memory = { ...walker.memory, waited: Math.fround(walker.memory.waited + STEP) };
+      } else row.ahead = passing(row.ahead, place, way);
+    }
+  }
+
+  /** Where the way of somebody on the floor without end leads around others. @param {Row} row */
+  leadOnFloor(row) {
+    const { route } = row.walker;
+    if (!isLed(row)) return;
+    if (Math.hypot(...minus(route.points[route.points.length - 1], row.goal.place)) > GOAL_MOVES) {
+      route.open = false;
+      return;
+    }
+    follow(route, row.hips);
+    if (lengthOf(route) - route.progress <= REACH) return;
+    const [target] = this.#ahead(row, [REACH]);
+    row.ahead = passing(row.ahead, target, minus(target, row.hips));
+  }
+
+  /** Who gets no nearer to its goal, and is near, stops where it is. @param {Row} row @param {boolean} barred */
+  #settle({ hips, goal, walker: { aims, memory } }, barred) {
+    const off = Math.hypot(...minus(aims.asked, hips));
+    if (!goal.through && off < FARTHEST && (barred || memory.waited > PATIENCE)) aims.spot = hips;
+  }
+
+  /** Somebody waits at a spot that is too far from its goal; the first time it is told. @param {Row} row @param {Seen[]} people */
+  #wait({ person, walker: { aims } }, people) {
+    if (aims.barred <= 0) {
+      const others = people.filter(({ stands, position }) => stands && Math.hypot(...minus(position, aims.asked)) < FARTHEST);
+      this.tell(person, "blocked", person.waypoint, others.map((other) => other.person));
+    }
+    aims.barred = Math.fround(aims.barred + STEP);
+  }
+
+  /** Points on the way of somebody. @param {Row} row @param {number[]} metres ahead */
+  #ahead(row, metres) {
+    const { hips, goal, walker: { route } } = row;
+    if (isLed(row)) return metres.map((at) => pointAt(route, Math.min(route.progress + at, lengthOf(route))));
+    const way = minus(goal.place, hips), length = Math.hypot(...way);
+    return metres.map((at) => plus(hips, times(Math.min(at, length) / Math.max(length, 1e-6), way)));
+  }
+
+  /** @param {Row} row @param {Seen[]} people */
+  #inTheWay(row, people) {
+    const stand = people.filter((other) => other.stands && other !== row.self);
+    if (!stand.length) return stand;
+    const points = this.#ahead(row, AHEAD);
+    return stand.filter(({ position }) => points.some((point) => Math.hypot(...minus(point, position)) < IN_WAY));
+  }
+
+  /** Look for a way around, and lay it; whether there is one. @param {Row} row @param {Seen[]} people */
+  #look(row, people) {
+    const { hips, goal, walker: { route }, person } = row;
+    const [back] = this.#ahead(row, [AROUND]);
+    const low = [0, 1].map((k) => Math.min(hips[k], back[k]) - ASIDE);
+    const [columns, rows] = [0, 1].map((k) => Math.ceil((Math.max(hips[k], back[k]) + ASIDE - low[k]) / CELL));
+    const x = Array.from({ length: columns }, (_, k) => low[0] + CELL * k), y = Array.from({ length: rows }, (_, k) => low[1] + CELL * k);
+    const stand = people.filter(({ stands, position: [u, v], person: other }) => stands && other !== person
+      && u > low[0] && v > low[1] && u < x[columns - 1] && v < y[rows - 1]);
+    const room = new Float64Array(rows * columns);
+    y.forEach((v, r) => x.forEach((u, c) => {
+      let most = this.scene ? this.scene.distance(u, v) - (this.scene.radius - SLACK) : Infinity;
+      for (const { position: [px, py] } of stand) most = Math.min(most, Math.hypot(u - px, v - py) - PASSES);
+      room[columns * r + c] = most;
+    }));
+    const cell = (/** @type {Point} */ p) => /** @type {[number, number]} */ ([Math.round((p[1] - low[1]) / CELL), Math.round((p[0] - low[0]) / CELL)]);
+    const corners = wayAround({ room, rows, columns }, cell(hips), cell(back));
+    if (!corners.length) return false;
+    const points = corners.map(([r, c]) => /** @type {Point} */ ([x[c], y[r]]));
+    points[0] = hips;
+    points[points.length - 1] = back;
+    let length = 0;
+    for (let k = 1; k < points.length; k += 1) length += Math.hypot(...minus(points[k], points[k - 1]));
+    const left = isLed(row) ? lengthOf(route) - route.progress : Math.hypot(...minus(goal.place, hips));
+    if (length > LONGER * Math.min(AROUND, left) + BIT) return false;
+    const rest = isLed(row) ? restOf(route, AROUND) : [goal.place];
+    const goesOn = Math.hypot(...minus(rest[rest.length - 1], back)) > CELL;
+    lay(route, goesOn ? [...points, ...rest] : points, person.revision, person.waypoint);
+    return true;
+  }
+}
+
+/** Whether there is a way to somebody's present goal. @param {Row} row */
+function isLed({ person, walker: { route } }) {
+  return route.open && route.revision === person.revision && route.waypoint === person.waypoint;
+}

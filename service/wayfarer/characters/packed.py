@@ -1,0 +1,1 @@
+../../../clients/python/wayfarer_client/packed.py

@@ -1,0 +1,108 @@
+"""A way on a small grid around what stands there, compiled; see detours.py.
+
+The web client's local mode has the same functions by the same names.
+"""
+
+from functools import cache
+from math import ceil, floor, inf, sqrt
+from typing import Final
+
+import numpy as np
+
+from wayfarer.compiled import compiled, warm
+from wayfarer.world.rows import Double, Index
+
+ROUNDS: Final = 16
+"""Sweeps over the grid at most: each one carries costs around another bend."""
+
+STEPS: Final = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
+"""Rows and columns to the cells beside a cell."""
+
+DIAGONAL: Final = sqrt(2.0)
+
+
+@compiled
+def _sweep(room: Double, least: float, cost: Double) -> bool:
+    """Carry the costs of cells on to those beside them, in four orders; whether any has changed."""
+    rows, columns = cost.shape
+    changed = False
+    for order in range(4):
+        for i in range(rows):
+            r = i if order < 2 else rows - 1 - i
+            for j in range(columns):
+                c = j if order % 2 == 0 else columns - 1 - j
+                if room[r, c] < least:
+                    continue
+                best = cost[r, c]
+                for k in range(8):
+                    y, x = r + STEPS[k][0], c + STEPS[k][1]
+                    if 0 <= y < rows and 0 <= x < columns:
+                        best = min(best, cost[y, x] + (1.0 if k < 4 else DIAGONAL))
+                if best < cost[r, c]:
+                    cost[r, c] = best
+                    changed = True
+    return changed
+
+
+@compiled
+def _sees(room: Double, least: float, r0: int, c0: int, r1: int, c1: int) -> bool:
+    """Whether a straight line between two cells keeps the room, taken between cells."""
+    rows, columns = room.shape
+    steps = ceil(2 * sqrt(float((r1 - r0) ** 2 + (c1 - c0) ** 2)))
+    for k in range(steps + 1):
+        share = k / max(steps, 1)
+        y, x = r0 + share * (r1 - r0), c0 + share * (c1 - c0)
+        r, c = min(floor(y), rows - 2), min(floor(x), columns - 2)
+        y, x = y - r, x - c
+        low = room[r, c] * (1 - x) + room[r, c + 1] * x
+        high = room[r + 1, c] * (1 - x) + room[r + 1, c + 1] * x
+        if low * (1 - y) + high * y < least:
+            return False
+    return True
+
+
+@compiled
+def way_around(room: Double, start: Index, end: Index, corners: Index) -> int:
+    """A short way from a cell to another through cells with room; 0 where there is none.
+
+    room [R, C], R, C ≥ 2: metres more than a body needs. start, end: row and column. The corners,
+    both ends among them, go into `corners` [P, 2]; returns how many they are. A start with too
+    little room is left by cells with no less.
+    """
+    rows, columns = room.shape
+    least = min(room[start[0], start[1]], 0.0)
+    cost = np.full((rows, columns), inf)
+    if room[end[0], end[1]] < 0:
+        return 0
+    cost[end[0], end[1]] = 0.0
+    for _ in range(ROUNDS):
+        if not _sweep(room, least, cost):
+            break
+    r, c = start[0], start[1]
+    if cost[r, c] == inf:
+        return 0
+    corners[0, 0], corners[0, 1] = r, c
+    count, from_r, from_c = 1, r, c
+    while cost[r, c] > 0:
+        best, best_r, best_c = inf, r, c
+        for k in range(8):
+            y, x = r + STEPS[k][0], c + STEPS[k][1]
+            if 0 <= y < rows and 0 <= x < columns:
+                whole = cost[y, x] + (1.0 if k < 4 else DIAGONAL)
+                if whole < best - 1e-9:  # of two as short the first: rounding must not choose
+                    best, best_r, best_c = whole, y, x
+        if cost[best_r, best_c] >= cost[r, c] or count >= len(corners) - 1:
+            return 0
+        if not _sees(room, least, from_r, from_c, best_r, best_c):
+            corners[count, 0], corners[count, 1] = r, c
+            count, from_r, from_c = count + 1, r, c
+        r, c = best_r, best_c
+    corners[count, 0], corners[count, 1] = r, c
+    return count + 1
+
+
+@cache
+def prepare() -> None:
+    """Compile the search, or load it, before anybody walks."""
+    room, corner = np.ones((2, 2)), np.zeros(2, np.int64)
+    warm(way_around, room, corner, corner + 1, np.empty((4, 2), np.int64))

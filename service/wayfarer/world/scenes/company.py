@@ -1,0 +1,214 @@
+"""What others mean for an agent's goal and way: where it stops, and who stands in its way."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.errors import Text
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.agents.velocity import SLOW
+from wayfarer.world.events import EventKind
+from wayfarer.world.rows import Flags, Index
+from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
+from wayfarer.world.scenes.detours import AHEAD, STOPS, Detours
+from wayfarer.world.scenes.passages import turns
+from wayfarer.world.scenes.people import SessionPeople
+from wayfarer.world.scenes.planner import Tell
+from wayfarer.world.scenes.routes import Routes
+from wayfarer.world.scenes.spots import FARTHEST, take_spots
+from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
+
+Array = NDArray[np.floating[Any]]
+
+REACH: Final = 1.0
+"""Metres along its way around others to the point that an agent on the flat floor heads for."""
+
+TOLD: Final = 4.0
+"""Seconds for which people have closed a way when the event `BLOCKED` says so."""
+
+NAMED: Final = 8
+"""People that the event names, the nearest to the agent."""
+
+BESIDE: Final = 0.7
+"""Metres from where an agent waits for its turn within which it stops."""
+
+SHUFFLE: Final = 0.3
+"""Metres by which an agent that waits does not come nearer: it stands where it came to rest."""
+
+PATIENCE: Final = 2.5
+"""Seconds for which an agent near its goal gets no nearer until it stops where it is."""
+
+WAITS: Final = 0.4
+"""Metres from its spot within which an agent that is too far from its goal waits."""
+
+GOAL_MOVES: Final = 0.3
+"""Metres by which a goal moves when the way around others leads there no more."""
+
+
+class Company:
+    """The goals and ways of a world's agents among the others of their sessions."""
+
+    def __init__(
+        self,
+        slots: Slots,
+        routes: Routes,
+        scenery: WorldScenes,
+        avoidance: CollisionAvoidance,
+        tell: Tell,
+    ) -> None:
+        self._slots = slots
+        self._routes = routes
+        self._scenery = scenery
+        self._avoidance = avoidance
+        self._tell = tell
+        self._detours = Detours(slots, routes, scenery)
+
+    def place(self, rows: Index, hips: Array, arrived: Flags, goals: GoalColumns) -> GoalColumns:
+        """The goals of rows [A] at `hips` [A, 2], each at its spot.
+
+        An agent that can get to no spot near enough waits there: its goal is not `given`.
+        """
+        slots = self._slots
+        mine = np.flatnonzero(slots.avoids[rows])
+        if not len(mine):
+            return goals
+        slots.aims.barred[rows] *= goals.given & ~arrived
+        placed = goals.take(np.arange(len(rows)))
+        for which, everybody in self._sessions(rows, mine):
+            if len(everybody.slots) < 2:
+                continue
+            some, columns = rows[which], placed.take(which)
+            aims = slots.aims.take(some)
+            concerned = columns.given & ~columns.through & ~arrived[which]
+            clears = [partial(self._clear, int(slot)) for slot in some]
+            members, room = everybody.rows(some), self._room(some)
+            far = take_spots(everybody, members, columns, aims, concerned, clears, room)
+            slots.aims.put(some, aims)
+            off = np.linalg.norm(aims.spot - hips[which], axis=-1)
+            for row in np.flatnonzero(far & (off < WAITS)).tolist():
+                self._wait(int(some[row]), everybody)
+                columns.given[row] = False
+            columns.radius[far] = -1.0
+            placed.put(which, columns)
+        return placed
+
+    def bar(
+        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+    ) -> None:
+        """Lead rows `led` around people who stand in their ways, or let them wait before those.
+
+        `rows` are their slots, `hips` [A, 2] where they are. Call it before `ahead` is bent.
+        """
+        avoids = np.flatnonzero(self._slots.avoids[rows])
+        for which, everybody in self._sessions(rows, avoids):
+            some, places = rows[which], goals.position[led[which]]
+            barred = self._detours.update(some, hips[which], places, everybody)
+            rests = self._slots.planned.gait.speed[some] < SLOW
+            waits = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
+            self._settle(some, hips[which], waits, goals.through[led[which]])
+            ahead.given[led[which[waits]]] = False
+            seconds = self._slots.aims.barred[some]
+            told = barred.is_barred & (seconds >= TOLD) & (seconds < TOLD + 0.19)
+            for row in np.flatnonzero(told).tolist():
+                others = everybody.slots[barred.by[row]]
+                self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
+
+    def take_turns(
+        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+    ) -> None:
+        """Let rows `led` wait before narrow places that others come out of; see `bar`."""
+        slots = self._slots
+        in_scene = slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & ahead.given[led]
+        for which, everybody in self._sessions(rows, np.flatnonzero(in_scene)):
+            if len(everybody.slots) < 2:
+                continue
+            some = rows[which]
+            points = self._detours.ahead(some, hips[which], goals.position[led[which]], AHEAD)
+            clear = self._avoidance.clearance(some)
+            turn = turns(everybody.people, everybody.rows(some), points, clear)
+            way = turn.place - hips[which]
+            off = np.linalg.norm(way, axis=-1)
+            there = turn.waits & (off < BESIDE)
+            ahead.given[led[which[there]]] = False
+            slots.memory.waited[some[there]] += STEP_SECONDS
+            aside = np.flatnonzero(turn.waits & ~there)
+            ahead.position[led[which[aside]], :2] = turn.place[aside]
+            pass_through(ahead, led[which[aside]], way[aside])
+
+    def lead_on_floor(
+        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+    ) -> None:
+        """Write into rows `led` of `ahead`, on the flat floor, where ways around others lead."""
+        route = self._slots.route
+        around = np.flatnonzero(self._detours.is_led(rows))
+        if not len(around):
+            return
+        some = rows[around]
+        ends = self._routes.ends(some)[:, :2]
+        moved = np.linalg.norm(ends - goals.position[led[around], :2], axis=-1) > GOAL_MOVES
+        self._routes.forget(some[moved])
+        around, some = around[~moved], some[~moved]
+        if not len(around):
+            return
+        self._routes.follow(some, hips[around])
+        target = self._detours.ahead(
+            some, hips[around], goals.position[led[around]], np.array([REACH])
+        )
+        on = np.flatnonzero(route.length[some] - route.progress[some] > REACH)
+        ahead.position[led[around[on]], :2] = target[on, 0]
+        pass_through(ahead, led[around[on]], target[on, 0] - hips[around[on]])
+
+    # Within
+
+    def _settle(self, rows: Index, hips: Array, barred: Flags, through: Flags) -> None:
+        """Rows [A] that get no nearer to their goals, and are near, stop where they are."""
+        aims, waited = self._slots.aims, self._slots.memory.waited[rows]
+        off = np.linalg.norm(aims.asked[rows] - hips, axis=-1)
+        stays = ~through & (off < FARTHEST) & (barred | (waited > PATIENCE))
+        aims.spot[rows[stays]] = hips[stays]
+
+    def _wait(self, slot: int, everybody: SessionPeople) -> None:
+        """An agent waits at a spot that is too far from its goal; the first time it is told."""
+        aims = self._slots.aims
+        if aims.barred[slot] <= 0:
+            gaps = np.linalg.norm(everybody.people.position - aims.asked[slot], axis=-1)
+            others = everybody.slots[(gaps < FARTHEST) & everybody.stand]
+            self._blocked(slot, others, "stand at the goal and leave no room")
+        aims.barred[slot] += STEP_SECONDS
+
+    def _sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
+        """Of some of the rows, those of each session, and everybody of it."""
+        numbers = self._slots.session[rows[which]]
+        for number in np.unique(numbers).tolist():
+            mine = which[numbers == number]
+            yield mine, self._avoidance.others(number, rows[mine])
+
+    def _clear(self, slot: int, points: Array) -> Array:
+        """Metres to the nearest wall [P] at points [P, 2] on a slot's storey."""
+        number = int(self._slots.scene[slot])
+        if number == NOWHERE:
+            return np.full(len(points), np.inf)
+        floors = np.full(len(points), self._slots.footing.hips[slot])
+        return self._scenery.scene(number).distance(np.column_stack([points, floors]))
+
+    def _room(self, rows: Index) -> float:
+        number = int(self._slots.scene[rows[0]])
+        return self._scenery.scene(number).spec.walkable.radius if number else 0.0
+
+    def _blocked(self, slot: int, others: Index, why: str) -> None:
+        slots = self._slots
+        place = slots.planned.seed.translation[:, -1, :2]
+        away = np.linalg.norm(place[others] - place[slot], axis=-1)
+        nearest = others[np.argsort(away, kind="stable")]
+        names = [str(name) for name in slots.agent_id[nearest[:NAMED]]]
+        more = len(nearest) - len(names)
+        text = ", ".join(names) + (f" and {more} more" if more else "")
+        waypoint = int(slots.planned.gait.waypoint[slot])
+        self._tell(
+            slot, EventKind.BLOCKED, waypoint, Text(f"{text or 'others'} {why}; the agent waits")
+        )

@@ -1,0 +1,186 @@
+"""Ways around people who stand in the way, and who they are where no way leads around them."""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.route import Passage
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.rows import Flags, Index
+from wayfarer.world.scenes.around import way_around
+from wayfarer.world.scenes.people import SessionPeople
+from wayfarer.world.scenes.planner import RETRY
+from wayfarer.world.scenes.routes import Routes
+from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
+
+Array = NDArray[np.floating[Any]]
+
+AHEAD: Final = np.arange(0.2, 4.01, 0.2)
+"""Metres along its way at which an agent looks for people who stand in it."""
+
+IN_WAY: Final = 0.36
+"""Metres from the way within which somebody stands in it."""
+
+PASSES: Final = 0.45
+"""Metres from somebody who stands at which a way around passes: shoulders are .42 m wide."""
+
+AROUND: Final = 8.0
+"""Metres along its way after which a way around is on it again, or at its end."""
+
+ASIDE: Final = 5.0
+"""Metres beside that stretch within which it is looked for."""
+
+CELL: Final = 0.15
+"""Metres between the places that are tried."""
+
+SLACK: Final = 0.05
+"""Metres by which they may be nearer to a wall than the walker's radius: they are `CELL` apart."""
+
+MOST: Final = 512
+"""Corners of a way around."""
+
+LONGER: Final = 2.0
+"""A way around is taken up to this share of the way that it replaces …"""
+
+BIT: Final = 1.0
+"""… and this many metres more."""
+
+STOPS: Final = 1.2
+"""Metres from somebody in its way at which an agent without a way around brakes: .75 m are left."""
+
+
+class Barred(NamedTuple):
+    """What stands in the ways of some rows [A]."""
+
+    is_barred: Flags
+    near: Array  # metres to the nearest of them; inf: nobody
+    by: NDArray[np.bool_]  # [A, N] rows of the session's people
+
+
+class Detours:
+    """Plans ways around people, and lays them."""
+
+    def __init__(self, slots: Slots, routes: Routes, scenery: WorldScenes) -> None:
+        self._slots = slots
+        self._routes = routes
+        self._scenery = scenery
+
+    def update(self, rows: Index, hips: Array, goals: Array, everybody: SessionPeople) -> Barred:
+        """Let rows of one session that want to go to `goals` [A, 3] walk around people who stand.
+
+        A way around is laid as the route. One is looked for in a call, by whoever waits longest.
+        """
+        slots, route, aims = self._slots, self._slots.route, self._slots.aims
+        barred = self._barred(rows, hips, goals, everybody)
+        seconds = np.where(barred.is_barred, aims.barred[rows] + STEP_SECONDS, 0)
+        aims.barred[rows] = seconds
+        flat = slots.scene[rows] == NOWHERE
+        route.wait[rows[flat]] = np.maximum(route.wait[rows[flat]] - 1, 0)
+        due = np.flatnonzero(barred.is_barred & (route.wait[rows] == 0))
+        if len(due):
+            row = int(due[seconds[due].argmax()])
+            route.wait[rows[row]] = RETRY
+            if self._look(int(rows[row]), hips[row], goals[row], everybody):
+                barred.is_barred[row] = False
+        return barred
+
+    def ahead(self, rows: Index, hips: Array, goals: Array, metres: Array) -> Array:
+        """Points [A, S, 2] at `metres` [S] ahead on the ways of rows to `goals` [A, 3]."""
+        way = goals[:, :2] - hips
+        length = np.linalg.norm(way, axis=-1)
+        along = np.minimum(metres, length[:, None]) / np.maximum(length, 1e-6)[:, None]
+        points: Array = hips[:, None] + along[..., None] * way[:, None]
+        led = np.flatnonzero(self.is_led(rows))
+        if len(led):
+            route = self._slots.route
+            here, ends = route.progress[rows[led]], route.length[rows[led]]
+            at = np.minimum(here[:, None] + metres, ends[:, None])
+            points[led] = self._routes.at(rows[led], at)[..., :2]
+        return points
+
+    def is_led(self, rows: Index) -> Flags:
+        """Rows that have a route to their present goal."""
+        route = self._slots.route
+        known = route.revision[rows] == self._slots.goal_revision[rows]
+        known &= route.waypoint[rows] == self._slots.planned.gait.waypoint[rows]
+        led: Flags = known & (route.passage[rows] == Passage.OPEN)
+        return led
+
+    # Within
+
+    def _barred(self, rows: Index, hips: Array, goals: Array, everybody: SessionPeople) -> Barred:
+        people, me = everybody.people, everybody.rows(rows)
+        by = np.zeros((len(rows), len(people.number)), np.bool_)
+        near = np.full(len(rows), np.inf)
+        stand = np.flatnonzero(everybody.stand)
+        if not len(stand):
+            return Barred(np.zeros(len(rows), np.bool_), near, by)
+        points = self.ahead(rows, hips, goals, AHEAD)
+        places = people.position[stand]
+        gaps = np.linalg.norm(points[:, :, None] - places, axis=-1).min(1)  # [A, S]
+        level = np.abs(people.height[stand] - people.height[me][:, None]) < 1.0
+        hit = (gaps < IN_WAY) & level & (stand != me[:, None])
+        by[:, stand] = hit
+        apart = np.linalg.norm(places - hips[:, None], axis=-1)
+        near = np.where(hit, apart, np.inf).min(1)
+        return Barred(hit.any(1), near, by)
+
+    def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
+        """Look for a way around, and lay it; returns whether there is one."""
+        people, me = everybody.people, int(everybody.rows(np.array([slot]))[0])
+        row, level = np.array([slot]), np.abs(people.height - people.height[me]) < 1.0
+        level[me] = False
+        [back] = self.ahead(row, place[None], goal[None], np.array([AROUND]))[0]
+        low = np.minimum(place, back) - ASIDE
+        columns, rows = np.ceil((np.maximum(place, back) + ASIDE - low) / CELL).astype(int)
+        x, y = low[0] + CELL * np.arange(columns), low[1] + CELL * np.arange(rows)
+        room = self._room(slot, np.stack(np.meshgrid(x, y), -1))
+        here = ((people.position > low) & (people.position < [x[-1], y[-1]])).all(-1)
+        for spot in people.position[everybody.stand & level & here]:
+            apart = np.hypot(x - spot[0], (y - spot[1])[:, None]) - PASSES
+            room = np.minimum(room, apart)
+        ends = np.rint((np.stack([place, back]) - low) / CELL).astype(np.int64)[:, ::-1].copy()
+        corners = np.empty((MOST, 2), np.int64)
+        count = way_around(room, ends[0], ends[1], corners)
+        if count == 0:
+            return False
+        points = low + CELL * corners[:count, ::-1]
+        points[0], points[-1] = place, back
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        direct = min(AROUND, float(self._left(row, place[None], goal[None])[0]))
+        if length > LONGER * direct + BIT:
+            return False
+        self._lay(slot, points, goal)
+        return True
+
+    def _room(self, slot: int, points: Array) -> Array:
+        """Metres that a slot has to walls beyond what it needs at points [R, C, 2]. [R, C]"""
+        number = int(self._slots.scene[slot])
+        if number == NOWHERE:
+            return np.full(points.shape[:2], np.inf)
+        scene, floor = self._scenery.scene(number), self._slots.footing.hips[slot]
+        heights = np.full((*points.shape[:2], 1), floor)
+        room: Array = scene.distance(np.concatenate([points, heights], -1))
+        return room.astype(np.float64) - (scene.spec.walkable.radius - SLACK)
+
+    def _lay(self, slot: int, points: Array, goal: Array) -> None:
+        """Let a slot go by points [P, 2], and on by the rest of its way to `goal`."""
+        slots = self._slots
+        number, floor = int(slots.scene[slot]), float(slots.footing.hips[slot])
+        whole = np.column_stack([points, np.full(len(points), floor)])
+        if number != NOWHERE:
+            whole[:, 2] = self._scenery.scene(number).floor(whole)
+        led = self.is_led(np.array([slot]))[0]
+        rest = self._routes.rest(slot, AROUND) if led else goal[None]
+        if np.linalg.norm(rest[-1, :2] - points[-1]) > CELL:
+            whole = np.concatenate([whole, rest])
+        waypoint = int(slots.planned.gait.waypoint[slot])
+        self._routes.lay(slot, whole, int(slots.goal_revision[slot]), waypoint)
+
+    def _left(self, rows: Index, hips: Array, goals: Array) -> Array:
+        """Metres of the ways of rows that lie ahead [A]."""
+        route = self._slots.route
+        straight = np.linalg.norm(goals[:, :2] - hips, axis=-1)
+        return np.where(self.is_led(rows), route.length[rows] - route.progress[rows], straight)

@@ -1,0 +1,150 @@
+"""Agents among others: shared goals, people in the way, doors. The fake engine walks them."""
+
+import numpy as np
+import pytest
+
+from tests.world.fakes import make_world
+from tests.world.scenes.grounds import enter, field, world_in
+from tests.world.scenes.test_world_scenes import goal, walked
+from wayfarer.navigation.scene import bake
+from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.avoidance.people import People
+from wayfarer.world.events import EventKind
+from wayfarer.world.scenes.passages import turns
+
+CORRIDOR = bake(SceneSpec(floors=(Floor(((0, 0), (2, 0), (2, 16), (0, 16))),)))
+
+
+def on_floor(*places, **spec):
+    """A world without scenes, and agents in session "s"."""
+    world = make_world()
+    world.create_session(SessionSpec("s", **spec), 0.0)
+    specs = [AgentSpec(position=place, noise_seed=k) for k, place in enumerate(places)]
+    return world, world.create_agents("s", specs, 0.0)
+
+
+def nearest(tracks):
+    """Metres between the two agents when they were nearest."""
+    a, b = (track[:, :2] for track in tracks.values())
+    count = min(len(a), len(b))
+    return float(np.linalg.norm(a[:count] - b[:count], axis=1).min())
+
+
+def blocked(world):
+    return [event for _, event in world.take_events() if event.kind == EventKind.BLOCKED]
+
+
+@pytest.mark.parametrize(
+    ("spec", "avoids"), [({}, True), ({"avoid": False}, False), ({"record": True}, False)]
+)
+def test_without_a_scene_agents_avoid_each_other_unless_they_shall_not(spec, avoids):
+    world, (one, other) = on_floor((0.0, 0.0), (0.0, 5.0), **spec)
+    world.give(one.agent_id, goal(0.0, 5.0), 0.0)
+    world.give(other.agent_id, goal(0.0, 0.0), 0.0)
+    tracks, arrived = walked(world, 8.0)
+    assert arrived == {one.agent_id, other.agent_id}
+    assert (nearest(tracks) > 0.42) == avoids
+
+
+@pytest.mark.parametrize("scene", [True, False])
+def test_a_row_of_people_is_walked_around(scene):
+    places = [(6.0, 3.0), *((5.1 + 0.6 * k, 6.0) for k in range(4))]
+    if scene:
+        world, _, _ = world_in(field())
+        people = enter(world, *places)
+    else:
+        world, people = on_floor(*places)
+    world.give(people[0].agent_id, goal(6.0, 9.0), 0.0)
+    tracks, arrived = walked(world, 10.0)
+    assert arrived == {people[0].agent_id}
+    assert not blocked(world)
+    walker = tracks[people[0].agent_id]
+    apart = [np.linalg.norm(walker[:, :2] - place, axis=1).min() for place in places[1:]]
+    assert min(apart) > 0.4
+
+
+def test_before_people_who_leave_no_way_it_waits_is_told_and_goes_on_when_there_is_one():
+    world, _, _ = world_in(CORRIDOR)
+    walker, *others = enter(world, (1.0, 5.0), (0.4, 8.0), (1.0, 8.0), (1.6, 8.0))
+    world.give(walker.agent_id, goal(1.0, 10.0), 0.0)
+    tracks, arrived = walked(world, 11.0)
+    assert not arrived
+    [event] = blocked(world)
+    assert event.at < 10.0  # it has to get there first
+    assert others[1].agent_id in event.detail and walker.agent_id not in event.detail
+    track = tracks[walker.agent_id][:, :2]
+    assert 0.5 < 8.0 - track[-1, 1] < 1.3
+    assert np.linalg.norm(np.diff(track[-200:], axis=0), axis=1).sum() < 0.05  # no steps
+    world.delete_agent(others[1].agent_id)
+    _, arrived = walked(world, 18.0)
+    assert arrived == {walker.agent_id}
+    assert not blocked(world)
+
+
+def test_who_shares_a_goal_stands_beside_it_and_nobody_circles():
+    world, people = on_floor(*((4.0 + k, 4.0) for k in range(5)))
+    for agent in people:
+        world.give(agent.agent_id, goal(6.0, 8.0), 0.0)
+    tracks, arrived = walked(world, 15.0)
+    assert arrived == {agent.agent_id for agent in people}
+    ends = np.array([track[-1, :2] for track in tracks.values()])
+    apart = np.linalg.norm(ends[:, None] - ends, axis=-1)[np.triu_indices(5, 1)]
+    assert apart.min() > 0.4
+    assert np.linalg.norm(ends - (6.0, 8.0), axis=1).max() < 2.0
+    for track in tracks.values():
+        assert np.linalg.norm(np.diff(track[-200:, :2], axis=0), axis=1).sum() < 0.1
+
+
+def test_a_goal_amid_a_ring_of_people_is_reported():
+    world, _, _ = world_in(field())
+    turn = 2 * np.pi * np.arange(12) / 12
+    ring = [(6.0 + 2.3 * x, 7.0 + 2.3 * y) for x, y in zip(np.cos(turn), np.sin(turn), strict=True)]
+    inner = [(6.0 + 0.5 * x, 7.0 + 0.5 * y) for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    inner += [
+        (6.0 + 1.4 * x, 7.0 + 1.4 * y) for x, y in zip(np.cos(turn), np.sin(turn), strict=True)
+    ]
+    walker, *_ = enter(world, (6.0, 1.0), *ring, *inner)
+    world.give(walker.agent_id, goal(6.0, 7.0), 0.0)
+    _, arrived = walked(world, 15.0)
+    assert not arrived
+    assert len(blocked(world)) == 1
+
+
+def before_a_door(*people):
+    """Of people (place, goal, number) the first: whether it waits before a door at the origin."""
+    crowd = People.empty(len(people))
+    crowd.position[:] = [place for place, _, _ in people]
+    crowd.number[:] = [number for _, _, number in people]
+    crowd.aims.spot[:] = [spot for _, spot, _ in people]
+    crowd.walks[:] = crowd.aims.wants[:] = True
+    points = np.stack([np.zeros(20), people[0][0][1] + np.arange(0.2, 4.01, 0.2)], -1)[None]
+
+    def distance(points):
+        return np.where(np.abs(points[..., 1]) < 0.4, 0.45, 2.0)
+
+    return bool(turns(crowd, np.array([0]), points, distance).waits[0])
+
+
+def test_at_a_door_who_is_nearer_goes_first_and_others_of_its_way_follow():
+    me, nearer = ((0.0, -2.0), (0.0, 5.0), 2), ((0.0, 1.5), (0.0, -5.0), 3)
+    farther, inside = ((0.0, 2.3), (0.0, -5.0), 1), ((0.0, 0.1), (0.0, -5.0), 3)
+    mine, gone = ((0.0, 0.1), (0.0, 5.0), 3), ((0.5, -1.3), (0.0, -5.0), 1)
+    assert not before_a_door(me)
+    assert before_a_door(me, nearer)
+    assert not before_a_door(me, farther)
+    assert before_a_door(me, inside)
+    assert not before_a_door(me, mine, nearer)
+    assert not before_a_door(me, gone)
+
+
+def test_a_door_too_narrow_for_two_is_passed_both_ways():
+    walls = (Box((2.3, 6.0), (4.6, 0.2), 3.0), Box((8.7, 6.0), (6.6, 0.2), 3.0))
+    world, _, _ = world_in(field(*walls))
+    south = [(4.0 + 0.8 * k, 4.0) for k in range(2)]
+    north = [(4.0 + 0.8 * k, 8.0) for k in range(2)]
+    people = enter(world, *south, *north)
+    for agent, place in zip(people, (*north, *south), strict=True):
+        world.give(agent.agent_id, goal(*place), 0.0)
+    _, arrived = walked(world, 20.0)
+    assert arrived == {agent.agent_id for agent in people}
