@@ -52,7 +52,7 @@ class Goal(Message):
     )
     strafe: Bool | None = Field(
         default=None,
-        description="hold `heading` on the way, too: side steps, up to 0.6 m/s; default false",
+        description="hold `heading` on the way, too: side steps, up to 1.2 m/s; default false",
     )
     dwell: Dwell | None = Field(
         default=None, description="seconds to stand there before the next goal; default 0"
