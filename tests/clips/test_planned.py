@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.style import HURRY
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 
@@ -43,7 +40,7 @@ def test_goals_are_visited_in_turn_and_the_rest_of_the_time_is_spent_standing():
 def test_keeping_one_it_is_the_clip_made_online(foot_lock):
     spec = AgentSpec(noise_seed=9, foot_lock=foot_lock)
     world = make_world(steering=Steering(reactions=1).with_search(candidates=8))
-    goals = [replace(GOALS[0], speed=HURRY[1])]  # nobody has a stride of their own
+    goals = GOALS[:1]
     online = generate_clip(world, spec, goals, 4.0)
     clip = planned(goals, 4.0, BeamSettings(keep=1, children=8), spec=spec)
     on_the_way = slice(None, 56)  # then it stands, and a plan plants no feet

@@ -78,15 +78,13 @@ def rules_fail(rig, monkeypatch):
 
 
 def rules_give_nan(rig, monkeypatch):
-    real = scheduler.shorten
+    real = scheduler.Seeds
 
-    def shorten(before, gait, start, step, seed):
-        step, seed = real(before, gait, start, step, seed)
-        mine = np.abs(start[:, 0] - 2.0) < 1.0  # where the guilty one is
-        seed.markers[mine] = np.nan
-        return step, seed
+    def seeds(markers, translation, rotations):
+        mine = np.abs(translation[:, -1, 0] - 2.0) < 1.0  # where the guilty one is
+        return real(np.where(mine[:, None, None], np.nan, markers), translation, rotations)
 
-    monkeypatch.setattr(scheduler, "shorten", shorten)
+    monkeypatch.setattr(scheduler, "Seeds", seeds)
 
 
 def feet_fail(rig, monkeypatch):

@@ -13,7 +13,7 @@ from wayfarer.world.goals.steering import Steering
 
 AGENTS = 48
 ONE = Steering(reactions=1).with_search(candidates=1)
-FOUR = Steering(reactions=1)
+FOUR = Steering(reactions=1).with_search(candidates=4)
 
 
 def held(run: Run) -> set[str]:

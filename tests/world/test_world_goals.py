@@ -17,10 +17,12 @@ from wayfarer.world.goals.commands import (
     Path,
     Stop,
 )
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import DegradationLevel
 
 GOAL = Goal((0.0, 5.0, 0.0))
 AREA = Wander((5.0, 5.0), 3.0)
+FOUR = Steering(reactions=1).with_search(candidates=4)
 
 
 class Notes:
@@ -318,7 +320,7 @@ def test_sessions_are_told_as_they_were_opened():
 
 def test_an_observer_learns_of_every_change_and_of_the_chunk_it_begins_with():
     notes = Notes()
-    world = make_world(observer=notes)
+    world = make_world(observer=notes, steering=FOUR)
     world.create_session(SessionSpec("s"), 0.0)
     [agent] = (a.agent_id for a in world.create_agents("s", people(1), 0.0))
     assert notes.calls == [("opened", "s"), ("created", agent, people(1)[0])]
@@ -352,7 +354,7 @@ def test_an_observer_learns_of_every_change_and_of_the_chunk_it_begins_with():
 
 def test_an_observer_learns_how_many_candidates_were_tried():
     notes = Notes()
-    world, _ = populated(observer=notes)
+    world, _ = populated(observer=notes, steering=FOUR)
     list(world.advance(0.5))
     notes.chunks.clear()
     now = world.next_event()

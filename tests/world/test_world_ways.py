@@ -117,13 +117,15 @@ def test_turns_on_the_spot_to_the_heading_of_its_goal():
     assert states[0] is AgentState.TURNING and states[-1] is AgentState.STANDING
     info = world.get_agent(agent)
     assert abs(math.degrees(info.heading) - 120) <= 15
-    assert math.dist(info.position[:2], (0, 0)) < 0.3
+    # a model that only goes where it is asked walks a part of the circle that turning asks for
+    assert math.dist(info.position[:2], (0, 0)) < 0.5
 
 
 def test_strafes_and_faces_its_heading_on_the_way():
     world, [agent] = populated()
     world.give(agent, Goal((0.0, 5.0, 0.0), heading=math.radians(90), strafe=True), 0.0)
-    states = [c.state for c in world.advance(5.0)]
+    states = [c.state for c in world.advance(2.0)]
     assert states == sorted(states, key=[AgentState.TURNING, AgentState.WALKING].index)
-    info = world.get_agent(agent)
-    assert math.degrees(info.heading) == pytest.approx(90, abs=20) and 1.5 < info.position[1] < 3.0
+    assert math.degrees(world.get_agent(agent).heading) == pytest.approx(90, abs=20)
+    list(world.advance(8.0))
+    assert math.dist(world.get_agent(agent).position[:2], (0.0, 5.0)) < 0.3

@@ -15,6 +15,7 @@ from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Part, Patrol, Routine, Stand, Visit, Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import DegradationLevel
 
 RECORDED = SessionSpec("s", record=True)
@@ -93,7 +94,7 @@ def busy_levels(now):
 
 @pytest.fixture
 def recorded():
-    worlds = fake_worlds()
+    worlds = fake_worlds(steering=Steering().with_search(candidates=4))
     world = worlds.live()
     world.create_session(RECORDED, 0.0)
     ids = [agent.agent_id for agent in world.create_agents("s", people(5), 0.0)]

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from wayfarer.world.output.posture import PostureState
 
 from tests.service.kept_worlds import STICK, assert_same_poses, fake_worlds
 from tests.world.fakes import people
@@ -18,7 +17,7 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.container import ContainerKind, seal, unseal
-from wayfarer.service.persistence.packing import get, pack, row_bytes, unpack
+from wayfarer.service.persistence.packing import get, pack, unpack
 from wayfarer.service.persistence.snapshot import (
     AgentPart,
     AgentRows,
@@ -32,7 +31,6 @@ from wayfarer.service.persistence.snapshot import (
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
-from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
 
@@ -282,31 +280,6 @@ def test_flags_are_flags_and_rows_are_whole(snapshot):
         decode(changed(snapshot, rows=lambda rows: rows * 2))
 
 
-POSTURE = tuple(field.name for field in fields(PostureState))
-
-
-@pytest.mark.parametrize("known", [(), ("lean", "pitch"), POSTURE])
-def test_what_an_older_build_wrote_goes_on(snapshot, known):
-    width, floats = row_bytes(AgentRows), row_bytes(PostureState) // len(fields(PostureState))
-    missing = (len(fields(PostureState)) - len(known)) * floats
-    missing += row_bytes(Memory) + row_bytes(Aims)
-
-    def older(arrays):
-        rows = np.frombuffer(arrays, np.uint8).reshape(-1, width)
-        return rows[:, : width - missing].tobytes()
-
-    now, then = decode(snapshot), decode(changed(snapshot, rows=older))
-    assert len(now.agents) == len(then.agents) > 0
-    for agent, was in zip(now.agents, then.agents, strict=True):
-        assert (pack(was.motion) == pack(agent.motion)).all()
-        assert (pack(was.footing) == pack(agent.footing)).all()
-        assert not pack(was.memory).any() and not pack(was.aims).any()
-        for field in fields(PostureState):
-            value = getattr(was.posture, field.name)
-            before = getattr(agent.posture, field.name)
-            assert value == (before if field.name in known else 0), field.name
-
-
 @settings(max_examples=150)
 @given(st.data())
 def test_no_change_of_bytes_does_more_than_be_refused(data):
@@ -339,7 +312,6 @@ def test_the_header_names_every_part_of_a_record():
         "seq",
         "motion",
         "feet",
-        "posture",
         "footing",
         "memory",
         "aims",

@@ -1,7 +1,6 @@
 """Goals reached, paths done, and other events, as readers are told of them."""
 
 import pytest
-from wayfarer.world.output.posture import PostureState
 
 from tests.service.chunks import chunk, info, together
 from tests.service.streams.stage import ARRIVED, Stage, kinds, take
@@ -91,7 +90,6 @@ def record(mode, arrived=True, stop=True):
         seq=7,
         motion=motion,
         feet=None,
-        posture=PostureState.empty(1),
         footing=Footing.empty(1),
         memory=Memory.empty(1),
         aims=Aims.empty(1),

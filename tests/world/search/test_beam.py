@@ -66,7 +66,7 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
     assert found.translation[-1, 0] == lane
 
 
-@pytest.mark.parametrize("children", [1, 8])
+@pytest.mark.parametrize("children", [4, 8])
 def test_keeping_one_is_the_online_search(children):
     """Frame by frame what the world makes of the same agents."""
     specs = people(3)
@@ -167,7 +167,7 @@ def test_all_nodes_of_an_agent_are_ranked_by_the_table_of_its_best():
 
     def priced(mode: Mode) -> Search:
         weight = 1.0 if mode == Mode.WALKING else 9.0
-        return Search({"skating": weight}, candidates=4, temperature=1.0)
+        return Search({"skating": weight}, candidates=4, temperature=1.0, own=0.0)
 
     steering = Steering(searches={mode: priced(mode) for mode in Mode})
     settings = BeamSettings(children=4, keep=6, until="standing")

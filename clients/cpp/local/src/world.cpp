@@ -161,13 +161,14 @@ struct LocalWorld::State {
       put(feeds.at("goal"), row, {side * targets.place.x, targets.place.y, 0});
       put(feeds.at("target_speed"), row, {targets.speed});
       put(feeds.at("facing"), row, {side * targets.facing.x, targets.facing.y});
-      put(feeds.at("policy"), row, {mode.policy});
+      if (feeds.count("policy")) put(feeds.at("policy"), row, {mode.policy});
       const auto copy = [&](const char* name, const auto& values, auto change) {
         std::transform(values.begin(), values.end(),
                        feeds.at(name).values.begin() + static_cast<std::ptrdiff_t>(values.size() * row), change);
       };
       copy("betas", person.spec.betas, [](double value) { return static_cast<float>(value); });
-      copy("term_weights", mode.term_weights, [](float value) { return value; });
+      if (feeds.count("term_weights"))  // a policy may have no use for one
+        copy("term_weights", mode.term_weights, [](float value) { return value; });
       std::array<float, LATENT> drawn = noise;
       const double own = std::sqrt(mode.own), new_ = std::sqrt(1 - mode.own);
       for (std::size_t k = 0; k < LATENT; ++k)

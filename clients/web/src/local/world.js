@@ -139,7 +139,7 @@ export class LocalWorld {
     }
     people.forEach((person, row) => {
       const { seed, gait, targets } = asked[row], mode = this.modes[gait.mode], side = person.mirrored ? -1 : 1;
-      const put = (/** @type {string} */ name, /** @type {ArrayLike<number>} */ values) => feeds[name].data.set(values, values.length * row);
+      const put = (/** @type {string} */ name, /** @type {ArrayLike<number>} */ values) => feeds[name]?.data.set(values, values.length * row); // a policy may have no use for one
       put("seed_markers", person.mirrored ? this.#flippedMarkers(seed.markers) : seed.markers);
       put("seed_translation", person.mirrored ? flipped(seed.translation) : seed.translation);
       put("seed_rotations", person.mirrored ? this.#flippedTurns(seed.rotations) : seed.rotations);

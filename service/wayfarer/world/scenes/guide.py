@@ -76,7 +76,7 @@ TREAD: Final = (0.2, 0.6)
 """Metres from riser to riser that make stairs."""
 
 STAIRS_SPEED: Final = 0.9
-"""m/s that the model walks on them at most: its steps are then shortened, see `strides.py`."""
+"""m/s that an agent is asked for on them at most."""
 
 SLOPES: Final = (0.15, 0.45)
 SLOPE_SPEED: Final = (1.5, 0.8)
