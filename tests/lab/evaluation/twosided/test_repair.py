@@ -28,13 +28,13 @@ def frames(x: float = 0.0, up: float = 0.9, elbow: float = 0.0) -> tuple[np.ndar
 
 
 def repaired(repair: Repair) -> Repair:
-    """The model at 0; planting moves by 2 cm, foot lock by 1 cm more, posture bends an elbow."""
+    """The model at 0; guards move by 2 cm, foot lock by 1 cm more, the ground bends an elbow."""
     for name, values in (
         (MODEL, frames()),
-        ("planting", frames(0.02)),
+        ("guards", frames(0.02)),
         (PLANNED, frames(0.02)),
         ("foot lock", frames(0.03)),
-        ("posture", frames(0.03, elbow=22.0)),
+        ("ground", frames(0.03, elbow=22.0)),
     ):
         repair(name, SLOTS, *values)
     return repair
@@ -42,11 +42,11 @@ def repaired(repair: Repair) -> Repair:
 
 def test_each_rule_has_what_it_moves_and_all_have_the_whole() -> None:
     rows = repaired(Repair(SPECS, ANNY, every=1)).rows()
-    assert list(rows) == [ALL, "planting", "foot lock", "posture"]
-    assert rows["planting"]["cm_mean"] == pytest.approx(2, rel=1e-3)
+    assert list(rows) == [ALL, "guards", "foot lock", "ground"]
+    assert rows["guards"]["cm_mean"] == pytest.approx(2, rel=1e-3)
     assert rows["foot lock"]["cm_p95"] == pytest.approx(1, rel=1e-3)
-    assert rows["posture"]["deg_mean"] == pytest.approx(22 / POSED_JOINTS, rel=1e-3)
-    assert rows["posture"]["deg_p95"] == pytest.approx(0, abs=1e-3), "one joint of 22"
+    assert rows["ground"]["deg_mean"] == pytest.approx(22 / POSED_JOINTS, rel=1e-3)
+    assert rows["ground"]["deg_p95"] == pytest.approx(0, abs=1e-3), "one joint of 22"
     assert rows[ALL]["cm_mean"] == pytest.approx(3.3, abs=0.4)
 
 
