@@ -41,8 +41,7 @@ def test_who_glides_upright_keeps_posture_and_lifts_no_foot(tmp_path: Path) -> N
         sent, raw = rows[side, "sent"], rows[side, "raw"]
         assert raw["hips_p5"] == pytest.approx(1.0, abs=0.02)
         assert raw["lifts_per_04_m"] == raw["float_share"] == raw["contact_up"] == 0
-        # the rules carry who stands, and make steps of it
-        assert sent["arrive"] == 1 and sent["lifts_per_04_m"] > 0 and raw["arrive"] == 0
+        assert sent["arrive"] == 1 and sent["lifts_per_04_m"] == 0, "no rule makes steps of it"
     verdicts = bars_of(path)
     assert verdicts["left", "hips_p5"] == "met"
     assert ("left against right", "left_right_points") in verdicts
