@@ -84,7 +84,7 @@ def test_session_agents_goals_stream_goal_change_resume(real_server, page):
     socket = f"{api.replace('http', 'ws')}/stream?session={session['session_id']}"
     socket += "&encoding=smallest_three&fps=20"
     walked = page.evaluate(f"follow('{socket}', ({{ chunks }}) => chunks.at(-1)?.last[2] > 0.5)")
-    assert walked["header"]["sentFps"] == 20 and walked["header"]["encoding"] == 2
+    assert walked["header"]["sentFps"] == 20 and walked["header"]["encoding"] == 3
     assert [chunk["seq"] for chunk in walked["chunks"]] == list(range(len(walked["chunks"])))
     assert {chunk["goalRevision"] for chunk in walked["chunks"]} <= {0, 1}
 

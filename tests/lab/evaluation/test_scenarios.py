@@ -33,7 +33,9 @@ def test_gliding_bodies_do_what_they_are_asked(title: str, scenario: Scenario) -
     for success in ("success_03m", "faced_15", "passed"):
         assert made.get(success, 1.0) == 1.0
     if "drift_max_m" in made:
-        assert made["drift_max_m"] < 0.1
+        assert (
+            made["drift_max_m"] < 0.7
+        )  # who only goes where it is asked walks on the circle of a turn
     if "facing_error_mean_deg" in made:
         assert made["facing_error_mean_deg"] < 10.0
 
