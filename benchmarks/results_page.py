@@ -34,8 +34,8 @@ SHORT = "These are the main figures; [all are here](../benchmarks/results/README
 FULL = "All figures; the main ones are in [docs/results.md](../../docs/results.md)."
 
 STALE = """**Not of one release.** Tables marked stale were made by another commit than most of this
-page, or by an unknown one: their figures need not hold for the shipped models. **Nor is any table here
-of the model that serves since 2026-11-26**: models.md has what is measured of it so far.
+page, or by an unknown one: their figures need not hold for the shipped models. **Nor is any table
+here of the model that serves since 2026-11-26**: models.md has what is measured of it so far.
 """
 
 HELDOUT = "--data PREPARED --split heldout"

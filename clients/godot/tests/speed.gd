@@ -41,7 +41,7 @@ func _initialize() -> void:
 		var bytes := FileAccess.get_file_as_bytes(
 			check.golden.path_join("poses/gltf-%s-body-40.bin" % name)
 		)
-		var encoding := ENCODINGS[name]
+		var encoding: int = ENCODINGS[name]
 		var start := Time.get_ticks_usec()
 		for k in FRAMES:
 			WayfarerPoses.unpack(bytes, 0, 5, encoding, 22)

@@ -8,7 +8,7 @@ const ENCODINGS := {"f32_le": 1, "smallest_three": 3}
 func test_vectors(check: Checks) -> void:
 	var document := check.document("vectors.json")
 	for vector: Dictionary in document.vectors:
-		var encoding := ENCODINGS[vector.encoding]
+		var encoding: int = ENCODINGS[vector.encoding]
 		var bones: int = vector.bones.size()
 		var bytes := FileAccess.get_file_as_bytes(check.golden.path_join(vector.poses))
 		check.equal(WayfarerPoses.frame_bytes(encoding, bones), int(vector.frame_bytes), vector.name)
