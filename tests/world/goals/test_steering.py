@@ -134,14 +134,18 @@ def test_on_the_way_it_walks_a_curve_to_a_goal_beside():
 
 def test_a_turn_on_the_spot_is_asked_for_whole_with_a_small_way_ahead():
     """Without a way the model turns like a turntable."""
-    now = gait(Mode.TURNING, stop_facing=facing(120), stop_place=(9.0, 9.0))
-    target = STEERING.targets(now, at(1.0, heading=0), goal())
+    now = gait(Mode.TURNING, stop_facing=facing(120), stop_place=(1.0, 0.0))
+    target = STEERING.targets(now, at(1.2, heading=0), goal())
     np.testing.assert_allclose(target.facing[0], facing(120), atol=1e-6)
     assert target.speed[0] == pytest.approx(STEERING.turn_speed)
     np.testing.assert_allclose(
         target.place[0], [1, 0] + STEERING.turn_radius * np.array(facing(60)), atol=1e-6
     )
-    back = STEERING.targets(gait(Mode.TURNING, stop_facing=facing(180)), at(1.0, heading=0), goal())
+    back = STEERING.targets(
+        gait(Mode.TURNING, stop_facing=facing(180), stop_place=(1.0, 0.0)),
+        at(1.0, heading=0),
+        goal(),
+    )
     assert np.isfinite(back.place).all() and np.abs(back.place - [1, 0]).max() < 0.5
 
 
@@ -347,6 +351,8 @@ def test_side_steps_are_asked_for_with_their_speed_up_to_a_limit():
     assert target.speed[0] == pytest.approx(1.0)
     fast = STEERING.targets(gait(Mode.STRAFING), at(0), side_steps(speed=2.0))
     assert fast.speed[0] == pytest.approx(STEERING.strafe_speed)
+    slow = STEERING.targets(gait(Mode.STRAFING), at(0), side_steps(speed=0.2))
+    assert slow.speed[0] == pytest.approx(STEERING.strafe_slowest), "who goes slower glides"
 
 
 def test_weights_and_noise_follow_the_mode():

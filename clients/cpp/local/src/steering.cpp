@@ -1,6 +1,5 @@
 #include "steering.hpp"
 
-#include <limits>
 #include <stdexcept>
 
 namespace wayfarer::local {
@@ -70,6 +69,7 @@ Steering::Steering(const std::map<std::string, double>& constants) {
   turn_radius_ = read("turn_radius");
   turn_speed_ = read("turn_speed");
   strafe_speed_ = read("strafe_speed");
+  strafe_slowest_ = read("strafe_slowest");
 }
 
 Gait Steering::advance(Gait gait, const GoalRow& goal) const {
@@ -133,12 +133,13 @@ Gait Steering::decide(Gait gait, const Start& start, const GoalRow& goal, bool r
 Targets Steering::targets(const Gait& gait, const Start& start, const GoalRow& goal) const {
   if (gait.mode == TURNING) {
     const Point arc = start.facing + gait.stop_facing;
-    return {start.hips + turn_radius_ / std::max(length(arc), 0.1) * arc, gait.stop_facing, turn_speed_};
+    return {gait.stop_place + turn_radius_ / std::max(length(arc), 0.1) * arc, gait.stop_facing, turn_speed_};
   }
   if (gait.mode != WALKING && gait.mode != STRAFING) return {gait.stop_place, gait.stop_facing, 0};
-  const double most = goal.strafe ? strafe_speed_ : std::numeric_limits<double>::infinity();
+  const double asked = goal.speed * (1 + gait.trim);
+  const double speed = goal.strafe ? bounded(asked, strafe_slowest_, strafe_speed_) : asked;
   const Point facing = gait.mode == STRAFING ? goal.heading : Point{};
-  return {ahead(start, goal), facing, std::min(goal.speed * (1 + gait.trim), most)};
+  return {ahead(start, goal), facing, speed};
 }
 
 Point Steering::ahead(const Start& start, const GoalRow& goal) const {

@@ -85,6 +85,7 @@ export class Steering {
     this.turnRadius = read("turn_radius");
     this.turnSpeed = read("turn_speed");
     this.strafeSpeed = read("strafe_speed");
+    this.strafeSlowest = read("strafe_slowest");
   }
 
   /** Who is done with a goal that another follows is sent on. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
@@ -139,12 +140,13 @@ export class Steering {
     const { mode, stopPlace, stopFacing } = gait;
     if (mode === TURNING) {
       const arc = plus(start.facing, stopFacing), share = this.turnRadius / Math.max(Math.hypot(...arc), 0.1);
-      return { place: plus(start.hips, times(share, arc)), facing: stopFacing, speed: this.turnSpeed };
+      return { place: plus(stopPlace, times(share, arc)), facing: stopFacing, speed: this.turnSpeed };
     }
     if (mode !== WALKING && mode !== STRAFING) return { place: stopPlace, facing: stopFacing, speed: 0 };
     /** @type {Point} */
     const facing = mode === STRAFING && goal.heading ? goal.heading : [0, 0];
-    const speed = Math.min(goal.speed * (1 + gait.trim), goal.strafe ? this.strafeSpeed : Infinity);
+    const [least, most] = goal.strafe ? [this.strafeSlowest, this.strafeSpeed] : [0, Infinity];
+    const speed = bounded(goal.speed * (1 + gait.trim), least, most);
     return { place: this.#ahead(start, goal), facing, speed };
   }
 

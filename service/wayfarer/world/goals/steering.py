@@ -113,10 +113,11 @@ class Steering:
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
-    turn_radius: float = 0.5  # who turns on the spot aims so far ahead, halfway to the heading, …
+    turn_radius: float = 0.4  # who turns on the spot aims so far off it, halfway to the heading, …
     turn_speed: float = 0.5  # … and steps so fast: asked for no way, a body turns like a turntable
     climbing: float = 1.5  # steps a second on stairs, where each is as long as a tread
-    strafe_speed: float = 1.2  # at most, when it faces elsewhere than where it goes
+    strafe_speed: float = 1.2  # at most, when it faces elsewhere than where it goes, …
+    strafe_slowest: float = 0.6  # … and at least: asked for less, a body glides
 
     def with_search(
         self,
@@ -237,7 +238,8 @@ class Steering:
         arc = facing_of(seed.rotations[:, -1, 0]) + gait.stop_facing
         arc *= self.turn_radius / np.maximum(row_length(arc), 0.1)[:, None]
         place = _choose(
-            [(walking, self._ahead(hips, goals)), (turning, hips + arc)], gait.stop_place
+            [(walking, self._ahead(hips, goals)), (turning, gait.stop_place + arc)],
+            gait.stop_place,
         )
         facing = _choose(
             [(gait.mode == Mode.STRAFING, goals.heading), (walking, np.zeros_like(goals.heading))],
@@ -245,7 +247,8 @@ class Steering:
         )
         most = np.where(goals.strafe, self.strafe_speed, np.inf)
         most = np.where(goals.tread > 0, self.climbing * goals.tread, most)
-        speed = np.minimum(goals.speed * (1 + gait.trim), most)
+        least = np.where(goals.strafe, self.strafe_slowest, 0.0)
+        speed = np.clip(goals.speed * (1 + gait.trim), least, most)
         speed = np.select([walking, turning], [speed, self.turn_speed], 0.0)
         return Targets(place, speed.astype(np.float32), facing)
 
