@@ -337,7 +337,7 @@ before each step
     far = distance > braking and not (arrived and (slow_now or paused))
     walks = (WALKING and far) or ((still or STANDING or TURNING) and not arrived) or
             (not WALKING and distance > max(radius, braking) + resume_margin)
-    if still and not walks:  stop_place = hips
+    if still and not walks:  stop_place = goal if distance > radius / 2 else hips
     else if WALKING and not walks:  stop_place = goal
     if not walks and (WALKING or still):  stop_facing = facing_of_hips
     mode = WALKING if walks, STANDING if (STANDING or still), else STOPPING

@@ -91,6 +91,14 @@ def test_stopped_short_of_the_goal_it_walks_on():
     assert next_mode(now, at(0), goal(0.5)) is Mode.WALKING
 
 
+def test_come_to_rest_at_the_edge_of_a_goal_it_goes_on_to_it():
+    for x, place in ((0.29, 0.5), (0.4, 0.4)):
+        now = gait(Mode.STOPPING, 0.0, slow_seconds=0.2, arrived=True)
+        now = STEERING.decide(now, at(x), goal(0.5))
+        assert now.mode[0] == Mode.STANDING
+        np.testing.assert_allclose(now.stop_place[0], [place, 0], atol=1e-6)
+
+
 def test_strayed_from_its_goal_it_walks_back():
     assert next_mode(gait(Mode.STANDING, arrived=True), at(0), goal(0.5)) is Mode.STANDING
     assert next_mode(gait(Mode.STANDING, arrived=True), at(0), goal(0.7)) is Mode.WALKING

@@ -116,6 +116,8 @@ Gait Steering::decide(Gait gait, const Start& start, const GoalRow& goal, bool r
   const bool brakes = walking && !walks && !waits, rests = still && !walks;
   if (turns && holds && gait.arrived)
     gait.stop_place = goal.place;  // its steps take it nearer
+  else if (rests && holds && distance > goal.radius / 2)
+    gait.stop_place = goal.place;  // it would sway out of reach
   else if (rests || (turning && !turns))
     gait.stop_place = start.hips;
   else if (brakes)

@@ -128,6 +128,7 @@ export class Steering {
     const brakes = walking && !walks && !waits, rests = still && !walks;
     let { stopPlace, stopFacing } = gait;
     if (turns && holds && arrived) stopPlace = goal.place; // its steps take it nearer
+    else if (rests && holds && distance > goal.radius / 2) stopPlace = goal.place;
     else if (rests || (turning && !turns)) stopPlace = start.hips;
     else if (brakes) stopPlace = holds ? goal.place : this.#rest(gait, start);
     if (hasHeading && !walks && goal.heading) stopFacing = goal.heading;

@@ -204,6 +204,8 @@ class Steering:
 
         # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
         brakes, rests = walking & ~walks & ~waits, still & ~walks
+        # Who comes to rest at the edge of a goal goes on to it: else it would sway out of reach.
+        edges = rests & holds & (distance > goals.radius / 2)
         # The steps of a turn at a goal take an agent nearer to it.
         faces_there = turns & holds & gait.arrived
         rest = np.where(holds[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
@@ -214,7 +216,7 @@ class Steering:
             slow_seconds=slow_seconds.astype(np.float32),
             stop_place=_choose(
                 [
-                    (faces_there, goals.position[:, :2]),
+                    (faces_there | edges, goals.position[:, :2]),
                     (rests | (turning & ~turns), hips),
                     (brakes, rest),
                 ],
