@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from tests.clients.web_scripts import node
+from wayfarer.body.landmarks import marker_names
 from wayfarer.body.rotation import quaternion_from_rotvec
 from wayfarer.model_bundle import START_POSES, load_bodies
-from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
+from wayfarer.spec import MARKERS, NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_at, facing_of
@@ -29,11 +30,12 @@ from wayfarer.world.output.twobone import MOVED, move_ankles
 from wayfarer.world.stepping.guards import bendable, fallen, got_up
 from wayfarer.world.stepping.mirror import is_mirrored
 from wayfarer.world.stepping.noise import latents
+from wayfarer.world.stepping.righting import Step, righted
 
 LOG = logging.getLogger(__name__)
 CPP = Path(__file__).parents[2] / "clients" / "cpp"
 Port = Callable[[str, Path], Any]
-"""What a port makes of the rows in a file, by one of random, guards and rules."""
+"""What a port makes of the rows in a file, by one of random, guards, righting and rules."""
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +143,34 @@ def test_guards_repair_as_the_servers_do(port, tmp_path):
             ("stand", target.seed.rotations[k]),
         ):
             np.testing.assert_allclose(one[name], wanted.ravel(), atol=2e-4, err_msg=name)
+
+
+def test_leaning_people_straighten_up_as_on_the_server(port, tmp_path):
+    """All modes, leans of both sides of the bounds, in all directions."""
+    count, rng = 60, np.random.default_rng(8)
+    bends = np.radians(12) * rng.normal(size=(count, NEW_FRAMES, POSED_JOINTS, 3))
+    bends[: count // 3] *= 0.2
+    step = Step(
+        rng.normal([0, 0, 0.9], 0.05, (count, NEW_FRAMES, 3)).astype(np.float32),
+        quaternion_from_rotvec(bends).astype(np.float32),
+        rng.normal([0, 0, 1], 0.4, (count, SEED_FRAMES, MARKERS, 3)).astype(np.float32),
+    )
+    modes = rng.integers(0, len(Mode), count).astype(np.int8)
+    parts = {"translation": step.translation, "rotations": step.rotations, "markers": step.markers}
+    rows = [
+        {"mode": int(modes[k])} | {name: part[k] for name, part in parts.items()}
+        for k in range(count)
+    ]
+    file = tmp_path / "steps.json"
+    file.write_text(json.dumps({"names": marker_names(), "steps": rows}, default=_flat))
+    found = port("righting", file)
+    after = righted(modes, step)
+    left = (after.markers == step.markers).all((1, 2, 3))
+    assert 5 < left.sum() < count - 20
+    assert [one["same"] for one in found] == left.tolist()
+    for k, one in enumerate(found):
+        np.testing.assert_allclose(one["rotations"], after.rotations[k].ravel(), atol=2e-6)
+        np.testing.assert_allclose(one["markers"], after.markers[k].ravel(), atol=2e-6)
 
 
 def random_gaits(count: int) -> tuple[Gait, Seeds, GoalColumns, np.ndarray]:

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "legs.hpp"
-#include "steering.hpp"
+#include "righting.hpp"
 
 namespace wayfarer::local {
 
@@ -46,6 +46,7 @@ struct LocalModel::Parts {
   std::map<std::string, double> steering;
   std::map<std::string, local::Body> bodies;
   local::SoleMarkers soles;
+  std::vector<double> shares;  // of the markers when the spine turns, see righting.hpp
   std::vector<std::size_t> mirrored_markers, mirrored_joints;
 };
 

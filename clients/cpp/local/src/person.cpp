@@ -29,6 +29,7 @@ Person::Person(const LocalSpec& given, const LocalModel::Parts& model, const Ste
       manner(manner_of(given.seed)),
       body_(model.bodies.at(given.gender)),
       soles_(model.soles),
+      shares_(model.shares),
       steering_(steering),
       legs_(body_.legs(given.betas)),
       reaction_(reaction_of(given.seed, steering.reactions)),
@@ -83,6 +84,7 @@ void Person::take(const Asked& asked, Step made) {
     made.turns.fill(seed.turns.back());
   }
   make_bendable(made.turns, legs_);
+  right(gait.mode, shares_, made);
   const Gait after = observe(gait, start.hips, made.hips, goal);
   int flags = replanned_ ? LocalChunk::REPLANNED : 0;
   if (after.arrived && !gait.arrived) flags |= LocalChunk::ARRIVED;

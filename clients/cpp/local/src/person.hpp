@@ -63,6 +63,7 @@ class Person {
  private:
   const Body& body_;
   const SoleMarkers& soles_;
+  const std::vector<double>& shares_;
   const Steering& steering_;
   const Legs legs_;
   const int reaction_;

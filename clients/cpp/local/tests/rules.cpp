@@ -1,5 +1,5 @@
 // Rules of wayfarer::local on the rows in a file, as JSON: the tests of clients/web/test/local_*.js.
-// rules random|guards|rules FILE
+// rules random|guards|righting|rules FILE
 
 #include <fstream>
 #include <iostream>
@@ -7,6 +7,7 @@
 
 #include "guards.hpp"
 #include "random.hpp"
+#include "righting.hpp"
 #include "steering.hpp"
 
 namespace {
@@ -104,6 +105,22 @@ Json guarded(const Json& given) {
   return found;
 }
 
+Json righted(const Json& given) {
+  const std::vector<double> shares = shares_of(given.at("names").get<std::vector<std::string>>());
+  Json found = Json::array();
+  for (const Json& row : given.at("steps")) {
+    Step step{vectors<FrameHips>(row.at("translation")), turns<FrameTurns>(row.at("rotations")), {}, {}};
+    for (std::size_t k = 0; k < SEED * shares.size(); ++k) step.markers.push_back(vector(row.at("markers"), k));
+    const auto before = step.turns.back()[3];
+    right(static_cast<Mode>(row.at("mode").get<int>()), shares, step);
+    const auto& after = step.turns.back()[3];
+    found.push_back({{"same", before.x == after.x && before.y == after.y && before.z == after.z},
+                     {"rotations", flat(step.turns)},
+                     {"markers", flat(step.markers)}});
+  }
+  return found;
+}
+
 Json decided(const Json& row, const Steering& steering) {
   const Json &gait = row.at("gait"), &start = row.at("start"), &goal = row.at("goal");
   Gait before;
@@ -157,6 +174,6 @@ int main(int, char** words) {
   std::ifstream file(words[2]);
   const Json given = Json::parse(file);
   const std::string rule = words[1];
-  std::cout << (rule == "random" ? drawn(given) : rule == "guards" ? guarded(given) : ruled(given));
+  std::cout << (rule == "random" ? drawn(given) : rule == "guards" ? guarded(given) : rule == "righting" ? righted(given) : ruled(given));
   return 0;
 }

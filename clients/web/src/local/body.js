@@ -3,6 +3,7 @@
 
 import { multiply } from "../core/quaternions.js";
 import { measureLegs } from "./legs.js";
+import { sharesOf } from "./righting.js";
 
 const JOINTS = 22, SEED = 2;
 
@@ -22,6 +23,8 @@ export class LocalBody {
     /** Numbers of the sole markers, four of each foot, left first. @type {number[][]} */
     this.soles = about.sole_markers;
     this.markers = about.markers.length;
+    /** How far each marker goes along when the spine bends. */
+    this.shares = sharesOf(about.markers);
     this.poses = this.#part("start_rotations").length / (4 * JOINTS);
   }
 

@@ -4,6 +4,7 @@
 import { FootLock } from "./footlock.js";
 import { bendable, broken, fallen, gotUp } from "./guards.js";
 import { isMirrored, mannerOf, noiseOf, reactionOf } from "./random.js";
+import { righted } from "./righting.js";
 import { STANDING, WALKING, facingOf, goalAt, goalRows, observe } from "./steering.js";
 
 export const FRAMES = 8, SEED = 2, TURN = 88;
@@ -173,7 +174,7 @@ export class Person {
     const isBroken = broken(from, made.translation, [made.translation, made.rotations, made.markers]);
     let step = made;
     if (isBroken) step = { ...made, ...stillFrames(seed) };
-    step = { ...step, rotations: bendable(step.rotations, this.legs) };
+    step = righted(gait.mode, { ...step, rotations: bendable(step.rotations, this.legs) }, this.body.shares);
     const after = observe(gait, start.hips, step.translation, goal);
     let flags = this.#replanned ? FLAG_REPLANNED : 0;
     if (after.arrived && !gait.arrived) flags |= FLAG_ARRIVED;

@@ -56,11 +56,14 @@ STEADY: Final = 0.3
 
 
 def default_searches() -> dict[Mode, Search]:
-    """The search of each mode: K = 1, so each primitive is what people did, drawn by the policy."""
+    """The search of each mode: K = 1, so each primitive is what people did, drawn by the policy.
+
+    Noise that stays makes who stands lean ever more to one side: there is less of it.
+    """
     return {
-        Mode.STANDING: Search(STAND, candidates=1),
+        Mode.STANDING: Search(STAND, candidates=1, own=0.2),
         Mode.WALKING: Search(WALK, candidates=1, temperature=0.8),
-        Mode.STOPPING: Search(STAND, candidates=1),
+        Mode.STOPPING: Search(STAND, candidates=1, own=0.2),
         Mode.TURNING: Search(TURN, candidates=1),
         Mode.STRAFING: Search(STRAFE, candidates=1, temperature=0.8),
     }

@@ -12,7 +12,7 @@ from typing import Final
 from wayfarer.errors import InvalidArgument
 from wayfarer.world.rows import Float, Index
 
-RULES: Final = ("mirror", "guards", "getting up", "foot lock", "ground")
+RULES: Final = ("mirror", "guards", "righting", "getting up", "foot lock", "ground")
 """In the order in which they act: up to *getting up* before the frames are planned, and from where
 they end the next step starts; the others on what is sent."""
 

@@ -35,6 +35,7 @@ from wayfarer.world.stepping.guards import bearing, bendable, fallen, got_up
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.playback import Chunks, Playback
+from wayfarer.world.stepping.righting import Step, righted
 from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.unstepped import Unstepped
@@ -223,8 +224,13 @@ class Scheduler:
         if self._rules.acts("guards"):
             rotations = self._bendable(rotations, legs)
             self._rules.tell("guards", rows, translation, rotations)
+        markers = outputs.next_seed_markers
+        if self._mirrors and self._rules.acts("righting"):  # it knows where our markers are
+            step = righted(batch.gait.mode, Step(translation, rotations, markers))
+            translation, rotations, markers = step
+            self._rules.tell("righting", rows, translation, rotations)
         last = slice(-SEED_FRAMES, None)
-        seed = Seeds(outputs.next_seed_markers, translation[:, last], rotations[:, last])
+        seed = Seeds(markers, translation[:, last], rotations[:, last])
         gait = observe(batch.gait, start, translation, batch.goals)
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
