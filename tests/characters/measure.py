@@ -333,13 +333,18 @@ def walked(
 
 
 @cache
-def recorded() -> Clip:
-    """A stride of the mean woman on her way, as `walked` has it: the same for all characters."""
+def straight(metres: float, seconds: float) -> Clip:
+    """The mean woman, who walks straight ahead to a goal."""
     bundle = cached_bundle(command.DEFAULT_MODEL, 1)
     world = bundle.world(1, Steering().with_search(candidates=command.CANDIDATES))
     spec = AgentSpec(gender="female", betas=(0.0,) * BETAS)
-    goals = [Goal((3.0, 2.0, 0.0), speed=command.SPEED)]
-    return command.generate_clip(world, spec, goals, 2.0)[28:]
+    goals = [Goal((0.0, metres, 0.0), speed=command.SPEED)]
+    return command.generate_clip(world, spec, goals, seconds)
+
+
+def recorded() -> Clip:
+    """A stride on her way: the same for all characters."""
+    return straight(9.0, 3.0)[60:]
 
 
 def retargeted(data: bytes) -> tuple[bytes, Array]:

@@ -14,8 +14,8 @@ from tests.characters.measure import (
     Figures,
     Played,
     figures,
-    recorded,
     retargeted,
+    straight,
     walked,
 )
 from tests.clips.test_gltf_validator import issues
@@ -36,7 +36,7 @@ from wayfarer.characters.skins import Skins
 from wayfarer.errors import InvalidArgument
 from wayfarer_client.quaternions import multiply
 
-TURN = 30.0
+TURN = 15.0
 """Degrees that a joint may turn within a frame."""
 UNDER = -1.0
 """Centimetres that a sole may be below the floor."""
@@ -135,9 +135,9 @@ def check(found: Figures, carried: bool = False, pace: float = 1.0) -> None:
     """`pace`: how much faster than a person it steps, as its legs swing faster."""
     assert found.turn < TURN * pace, found
     assert found.lowest > UNDER, found
-    assert found.slide < 10, found
+    assert found.slide < 8, found
     assert found.backward == 0, found
-    assert found.facing > 0.6, found
+    assert found.facing > 0.85, found
     assert found.lean < 12, found
     assert found.left_behind < 0.5, found
     assert carried or found.stretch < 1.2, found
@@ -200,7 +200,7 @@ def test_scale_1_wins_wherever_a_body_has_it() -> None:
 
 def test_a_giant_covers_the_way_in_a_giants_time(tmp_path: Path) -> None:
     """By the command: its goal is where it was asked for; its steps take the root of its scale as
-    long, so its pace is that much above a person's.
+    long, so its pace is that much above that of a person who walks half as far.
     """
     file = tmp_path / "giant.glb"
     file.write_bytes(person(2.0).data())
@@ -209,7 +209,7 @@ def test_a_giant_covers_the_way_in_a_giants_time(tmp_path: Path) -> None:
     assert np.linalg.norm(hips[-1] - [0, 5]) < 1.0
     paces = [
         np.quantile(np.linalg.norm(np.diff(way, axis=0), axis=1) * 40, 0.8)
-        for way in (recorded().translation[:, :2], hips)
+        for way in (straight(2.5, 7.0 / 2**0.5).translation[:, :2], hips)
     ]
     assert 1.2 < paces[1] / paces[0] < 1.7  # √2
 
