@@ -1,9 +1,12 @@
 """Compiled rules: where their code is kept, and that another text of a rule is other code."""
 
 import importlib.util
+import os
+import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wayfarer import compiled
@@ -37,6 +40,38 @@ def test_where_nothing_can_be_written_it_is_compiled_all_the_same(tmp_path, monk
     assert rule.stats.cache_path is None
     compiled.warm(rule, 1)
     assert rule(1) == 2
+
+
+RULES = """
+import numpy as np
+from wayfarer.world.avoidance.avoid import avoid
+from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.around import way_around
+
+random = np.random.default_rng(0)
+people = People.empty(20)
+people.number[:] = np.arange(20)
+people.position[:] = random.uniform(-2, 2, (20, 2))
+people.velocity[:] = random.normal(size=(20, 2))
+people.walks[::2], people.radius[:] = True, 0.25
+found = avoid(people, np.arange(20), random.normal(size=(20, 2)).astype("f4"), None, 0.2)
+room, corners = random.uniform(-0.2, 1, (30, 40)), np.zeros((64, 2), np.int64)
+room[0, 0] = room[-1, -1] = 1
+count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
+"""
+
+
+def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_path):
+    """Compiled code does not look: beyond an array it reads and writes what is not its own."""
+    keep = f"np.savez({str(tmp_path / 'plain.npz')!r}, v=found.velocity, c=corners, n=count)"
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", RULES + keep], env=plain, check=True)
+    names = {}
+    exec(RULES, names)
+    kept = np.load(tmp_path / "plain.npz")
+    np.testing.assert_allclose(names["found"].velocity, kept["v"], atol=1e-5)
+    assert names["count"] == kept["n"] > 1
+    np.testing.assert_array_equal(names["corners"], kept["c"])
 
 
 @pytest.fixture(autouse=True)

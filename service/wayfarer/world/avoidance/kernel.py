@@ -277,7 +277,7 @@ def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made
 
     left [A]: metres to where each will stop. Walls are not among the costs.
     """
-    fan = Fan(np.empty(TRIED), np.empty(TRIED), np.empty(TRIED), np.empty(TRIED), np.empty(TRIED))
+    fan = Fan(np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE))
     urgencies = np.empty(NEIGHBOURS)
     for row in range(len(rows)):
         me, stops = rows[row], float(left[row])
