@@ -58,13 +58,6 @@ COMMANDS = {
     "scenes_streams": "wayfarer eval scenes --only corridor,doorway --repeats 5 --seed 0",
     "scenes_square": "wayfarer eval scenes --only square --seed 0",
 }
-SEEDS = """## control, three trainings of the policy
-
-`wayfarer train policy-analytic --config CONFIG` with `steps = 600` and `seed` 0, 1 and 2; of each
-`wayfarer export` and `wayfarer eval control --models MODELS --speed 1.5 {HELDOUT} --seed 7`
-{when}
-"""
-OF_SEEDS = ("policy & top1", "search K=8 π", "search K=8 N(0, I)")
 WORTH = frozenset(
     (
         # control, arrival
@@ -100,7 +93,6 @@ WORTH = frozenset(
 )
 """Figures of the short page."""
 
-OF_TRAININGS = ("success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
 SPEED = ", 0.9-1.4 m/s"
 Row = dict[str, Any]
 
@@ -143,20 +135,6 @@ def markdown(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def of_seeds(release: str) -> list[str]:
-    """The section that compares trainings which differ in their seed alone."""
-    results = [json.loads(path.read_text()) for path in sorted(RESULTS.glob("control_seed_*.json"))]
-    rows = [
-        {"name": f"{row['name']}, seed {seed}"} | {key: row[key] for key in OF_TRAININGS}
-        for name in OF_SEEDS
-        for seed, result in enumerate(results)
-        for row in result["rows"]
-        if row["name"] == name and "success" in row
-    ]
-    heading = SEEDS.format(HELDOUT=HELDOUT, when=made(results[0]["meta"], release))
-    return [heading, markdown(rows) + "\n"]
-
-
 def made(meta: dict[str, Any], release: str) -> str:
     """When, where and of what a result was made; **stale** when it is not of the release."""
     where = f"{meta['machine']['cpu']}, {meta['machine']['cores']} cores"
@@ -166,8 +144,7 @@ def made(meta: dict[str, Any], release: str) -> str:
 
 def commits() -> dict[str, str]:
     """The commit that each result on the page was made by."""
-    names = [*COMMANDS, *(path.stem for path in sorted(RESULTS.glob("control_seed_*.json")))]
-    paths = {name: RESULTS / f"{name}.json" for name in names}
+    paths = {name: RESULTS / f"{name}.json" for name in COMMANDS}
     return {
         name: json.loads(path.read_text())["meta"]["commit"]
         for name, path in paths.items()
@@ -226,8 +203,6 @@ def page(release: str, stale: bool, every: bool) -> str:
             parts.append(bars(result))
             continue
         parts += [markdown(rows) + "\n" for rows in tables(result["rows"], every)]
-        if name == "control":
-            parts += of_seeds(release)
     return "\n".join(parts)
 
 

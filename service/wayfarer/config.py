@@ -189,7 +189,10 @@ class Settings(BaseSettings):
     )
     pin_workers: bool = Field(default=False, description="bind each node to its share of the cores")
     candidates: int = Field(
-        default=4, ge=1, le=256, description="candidate primitives tried per step"
+        default=1,
+        ge=1,
+        le=256,
+        description="candidate primitives tried per step; 1: what the policy draws, as people move",
     )
     admission: bool = Field(
         default=True,

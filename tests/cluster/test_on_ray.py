@@ -213,7 +213,7 @@ async def test_three_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
         # Ray's head, and the directory with it: nothing new, and it is said; all others go on
         command.kill("gcs_server")
         command.kill("DirectoryActor")
-        # not ready at once, when the last it told has nobody with room; away once it has kept silent
+        # not ready at once if nobody had room; away once it has kept silent
         await command.until(lambda: command.health()[1]["away"], "the directory is away")
         assert command.health()[0] == 503
         figures = (await asyncio.to_thread(httpx.get, command.url + "/metrics")).text

@@ -8,23 +8,14 @@ from typing import Annotated, Any, TypeVar, cast
 import torch
 import typer
 from pydantic import BaseModel, ValidationError
-from rich.progress import Progress
 
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.processor import cores
 from wayfarer.world.agents.spawn import load_start_poses
-from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
-from wayfarer_lab.training.blend import blend_runs
 from wayfarer_lab.training.cloning import CloningConfig, train_cloning
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
-from wayfarer_lab.training.distillation import (
-    DistilledPolicyConfig,
-    DistilledPredictorConfig,
-    distil_policy,
-    distil_predictor,
-)
 from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end
 from wayfarer_lab.training.following import FollowingConfig, train_following
 from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, train_goal_cvae
@@ -35,7 +26,6 @@ from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
 from wayfarer_lab.training.regressor import RegressorConfig, train_regressor
 from wayfarer_lab.training.stages import StageList, Stages
 from wayfarer_lab.training.unpack import unpack_models
-from wayfarer_lab.training.visited import write_visited
 
 app = typer.Typer(
     help="Train the networks. A run lives in a folder and resumes from its checkpoint. "
@@ -53,9 +43,7 @@ ConfigOption = Annotated[
 ]
 DataOption = Annotated[
     Path,
-    typer.Option(
-        help="Folder made by `wayfarer data prepare`; of distillations, by `wayfarer train visit`."
-    ),
+    typer.Option(help="Folder made by `wayfarer data prepare`."),
 ]
 OutOption = Annotated[
     Path, typer.Option(help="Folder of this run; if it has a checkpoint, the run resumes.")
@@ -188,28 +176,6 @@ def policy(settings: PolicyConfig, data: Path, out: Path, minutes: float) -> boo
 
 
 @training(
-    "policy-analytic",
-    AnalyticConfig,
-    "policy_analytic",
-    "Train the goal policy by analytic gradients.",
-)
-def policy_analytic(settings: AnalyticConfig, data: Path, out: Path, minutes: float) -> bool:
-    """Train the goal policy by analytic gradients of the quality terms, as the shipped one.
-
-    The config names the runs of the trained networks. With a section [likeness] a critic learns
-    beside the policy to tell its steady walks from those recorded in --data, and its verdict joins
-    the cost. The log then shows how many agents were judged ("steady"), the share of pairs that the
-    critic tells apart ("auc": 1 all, 0.5 none), and bob (cm) and knees (degrees) of made and of
-    recorded walks. For example:
-
-    wayfarer train policy-analytic --config policy_walks --data data/prepared
-    --out runs/policy_walks
-    """
-    walks = load_walks(data) if settings.likeness else None
-    return train_analytic(settings, *_frames(data, settings.mix), out, minutes, walks)
-
-
-@training(
     "policy-clone",
     CloningConfig,
     "policy_cloned",
@@ -268,67 +234,6 @@ def end_to_end(settings: EndToEndConfig, data: Path, out: Path, minutes: float) 
     What comes out lies in the run's folder as runs of its own, for --runs of export and eval.
     """
     return train_end_to_end(settings, *_frames(data, settings.mix), out, minutes)
-
-
-@app.command(short_help="Write what a model is asked while it serves, for distillations.")
-def visit(
-    out: Annotated[Path, typer.Argument(help="Folder to write: train.pt and validation.pt.")],
-    models: Annotated[
-        Path, typer.Option(help="Model folder that serves.", show_default="the shipped model")
-    ] = SHIPPED,
-    agents: Annotated[int, typer.Option(min=1, help="People who are sent about.")] = 448,
-    seconds: Annotated[float, typer.Option(min=4, help="Seconds of their motion.")] = 120.0,
-    seed: Annotated[int, typer.Option(help="Of people and commands.")] = 1,
-) -> None:
-    """Send random people about by random commands, and write what each step asked the networks.
-
-    Every 0.2 s of a person is a question of 2.2 kB: the usual 448 people and 120 s are 280,000, and
-    take 5 minutes of two cores.
-    """
-    with Progress(transient=True) as progress:
-        task = progress.add_task("walking", total=None)
-        train, validation = write_visited(
-            models,
-            out,
-            agents,
-            seconds,
-            seed,
-            lambda done, total: progress.update(task, completed=done, total=total),
-        )
-    typer.echo(f"{out}: {train} questions for training, {validation} for validation")
-
-
-@training(
-    "distil-predictor",
-    DistilledPredictorConfig,
-    "distilled_predictor",
-    "Train a copy of the predictor that finds all frames at once.",
-)
-def distilled_predictor(
-    settings: DistilledPredictorConfig, data: Path, out: Path, minutes: float
-) -> bool:
-    """Train a copy of a 2-frame predictor that finds several frames at once: a cheaper step.
-
-    The config names the runs of the teachers, for example from `wayfarer train unpack`. The log
-    tells how far its markers are off the teacher's (mm), and their changes from frame to frame.
-    """
-    return distil_predictor(settings, data, out, minutes)
-
-
-@training(
-    "distil-policy",
-    DistilledPolicyConfig,
-    "distilled_policy",
-    "Train a narrower copy of the policy.",
-)
-def distilled_policy(
-    settings: DistilledPolicyConfig, data: Path, out: Path, minutes: float
-) -> bool:
-    """Train a narrower copy of a policy: a cheaper step.
-
-    The log tells how far its latents, and the markers that come of them, are off the teacher's.
-    """
-    return distil_policy(settings, data, out, minutes)
 
 
 @app.command("all", short_help="Run a list of stages, from recordings to models.")
@@ -399,27 +304,3 @@ def unpack(
     """
     for name, tensors in unpack_models(models, runs).items():
         typer.echo(f"{runs / name}: {tensors} tensors")
-
-
-@app.command(short_help="Write the mean of the weights of two runs or more.")
-def blend(
-    runs: Annotated[
-        list[str], typer.Argument(help="Run folders, each with its share: runs/policy_walks:0.65")
-    ],
-    out: Annotated[Path, typer.Option(help="Run folder to write; it must not exist.")],
-) -> None:
-    """Write a run folder with the weighted mean of the weights of runs that share a start.
-
-    A policy that was trained further and the policy it started from, for example:
-
-    wayfarer train blend runs/policy_walks:0.65 runs/policy:0.35 --out runs/policy_blend
-    """
-    shares = {}
-    for run in runs:
-        folder, _, share = run.rpartition(":")
-        try:
-            shares[Path(folder)] = float(share)
-        except ValueError:
-            raise InvalidArgument(f"{run!r} is not FOLDER:SHARE", "runs") from None
-    blend_runs(shares, out)
-    typer.echo(f"{out}: {(out / 'log.txt').read_text().strip()}")

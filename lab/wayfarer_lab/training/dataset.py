@@ -21,7 +21,7 @@ from wayfarer.motion.frame import Frame, canonical_frame
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer_lab.training.mocap.selection import Use
-from wayfarer_lab.training.mocap.store import ClipRange, Dataset, mirror
+from wayfarer_lab.training.mocap.store import Dataset, mirror
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Part = TypeVar("Part")
@@ -183,7 +183,7 @@ def _read(folder: Path, split: str, mix: Mapping[str, float]) -> tuple[Poses, Te
             for c in chosen
         ]
     )
-    groups = [group_of(chosen[o], u, d) for o, u, d in zip(owner, use, done, strict=True)]
+    groups = [group_of(u, d) for u, d in zip(use, done, strict=True)]
     weight = draw_weights(groups, [chosen[o].subject for o in owner], mix)
     hips, rotations = data.translation[rows], data.rotations[rows]
     image = mirror(hips, rotations, data.contacts[rows])
@@ -255,16 +255,11 @@ def _smooth(values: NDArray[np.floating], seconds: float = 0.5) -> NDArray[np.fl
     return np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
 
 
-def group_of(clip: ClipRange, use: int, done: str) -> str:
+def group_of(use: int, done: str) -> str:
     """What a frame teaches, one of `GROUPS`, or "" for nothing; `done` is from `label_motion`."""
     if use == Use.EXCLUDED:
         return ""
-    tags = clip.augmentation.split("+")
-    if {"start", "stop"} & set(tags):
-        return "start_stop"
-    if "stepturn" in tags:
-        return "turn"
-    if use == Use.STANDING or "standing" in tags:
+    if use == Use.STANDING:
         return "standing"
     return "other" if use == Use.OTHER else done
 

@@ -43,8 +43,6 @@ REST = 1.0
 """Seconds that such a clip goes on after it."""
 NOBODY_GOES = 20.0
 """Seconds of a clip without goals, or of one that beam search plans, if nothing else is asked."""
-CANDIDATES = 4
-"""Candidates per step of the online search, if nothing else is asked for."""
 
 
 class SearchKind(StrEnum):
@@ -140,7 +138,7 @@ def generate(
     candidates: Annotated[
         int | None,
         typer.Option(
-            help=f"With online: candidate primitives per step; default {CANDIDATES}.", min=1
+            help="With online: candidate primitives per step; default 1, as the server.", min=1
         ),
     ] = None,
     children: Annotated[
@@ -214,7 +212,7 @@ def generate(
     length = None if seconds is None else seconds / pace
     spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
     bundle = open_bundle(model, threads)
-    world = bundle.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
+    world = bundle.world(1, Steering().with_search(candidates=candidates))
     with Progress(transient=True) as progress:
         task = progress.add_task("generating", total=length)
 

@@ -6,7 +6,6 @@ from typing import Final, Literal
 
 from wayfarer_lab.evaluation.paper.published import (
     END_TO_END,
-    OF_SEEDS,
     OPTIMISED,
     REGRESSED,
     RUNS,
@@ -180,18 +179,6 @@ ORDERINGS: Final = (
         "to keep four nodes leaves bodies farther from the goal than to keep one: PPO", "Table 1",
         control_row("policy(10) & top4"), control_row("policy(10) & top1"), "avg_dist", True,
         UNTRAINED_PPO.format(10),
-    ),
-    Ordering(
-        "tree search arrives sooner than the policy alone: analytic policy", "Table 1",
-        control_row("policy & top1", OF_SEEDS), control_row("policy", OF_SEEDS), "steps", False,
-    ),
-    Ordering(
-        "tree search leaves bodies nearer to the goal: analytic policy", "Table 1",
-        control_row("policy & top1", OF_SEEDS), control_row("policy", OF_SEEDS), "avg_dist", False,
-    ),
-    Ordering(
-        "tree search has the better contact: analytic policy", "Table 1",
-        control_row("policy & top1", OF_SEEDS), control_row("policy", OF_SEEDS), "contact",
     ),
     Ordering(
         "predicted markers alone, without reprojection, jitter more", "Sec. 3.3",

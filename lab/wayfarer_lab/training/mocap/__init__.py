@@ -1,1 +1,1 @@
-"""Motion capture → prepared data: read, repair, resample, floor, retarget, augment, select."""
+"""Motion capture → prepared data: read, repair, resample, floor, retarget, select."""

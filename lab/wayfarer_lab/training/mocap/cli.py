@@ -45,9 +45,6 @@ def prepare(
             help="Clips whose acted upper bodies become plain ones, e.g. 'Chicken_*,Drunk_*'."
         ),
     ] = "",
-    augment: Annotated[
-        bool, typer.Option(help="Add curved, warped, starting, stopping and standing motion.")
-    ] = True,
     clips: Annotated[str, typer.Option(help="Only these clips, comma-separated.")] = "",
     fps: Annotated[
         float, typer.Option(help="Frame rate of AMC files, which do not state it.")
@@ -89,7 +86,7 @@ def prepare(
     ] = FitOptions.steps,
     device: Annotated[str, typer.Option(help="Where to fit: cpu or cuda.")] = "cpu",
     workers: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 1,
-    seed: Annotated[int, typer.Option(help="Seed of random shapes and augmentations.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of random shapes.")] = 0,
 ) -> None:
     """Read recordings, mend them, fit them to the body, and select what training uses.
 
@@ -108,7 +105,6 @@ def prepare(
         shapes=shapes,
         other_shapes=other_shapes,
         acted=_names(acted),
-        augment=augment,
         clips=_names(clips),
         seed=seed,
         workers=workers,

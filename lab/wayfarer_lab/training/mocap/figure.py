@@ -17,30 +17,28 @@ from wayfarer_lab.training.mocap.store import Dataset, atomically
 
 
 def draw(folder: Path, dataset: Dataset, fits: list[Fits]) -> None:
-    """Write `report.png`: joint error before and after, coverage as recorded and augmented."""
-    figure, (errors, recorded, made) = plt.subplots(1, 3, figsize=(15, 4), constrained_layout=True)
-    plain = [f for f in fits if not f.fitted.info.augmentation]
-    known = ~np.isnan(plain[0].fitted.joint_error[0])
+    """Write `report.png`: joint error before and after, the speeds and turns of training."""
+    figure, (errors, covered) = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
+    known = ~np.isnan(fits[0].fitted.joint_error[0])
     names = [n for n, k in zip(JOINT_NAMES, known, strict=True) if k]
     for shift, stage in ((-0.2, "copied"), (0.2, "fitted")):
-        values = np.concatenate([getattr(f, stage).joint_error for f in plain])[:, known]
+        values = np.concatenate([getattr(f, stage).joint_error for f in fits])[:, known]
         errors.barh(np.arange(len(names)) + shift, 100 * values.mean(0), 0.4, label=stage)
     errors.set(yticks=range(len(names)), yticklabels=names, title="mean joint error, cm")
     errors.legend()
-    for axes, augmented, title in ((recorded, False, "as recorded"), (made, True, "augmented")):
-        speed, yaw = coverage(dataset, augmented)
-        bins = [np.linspace(0, 4, 41), np.linspace(-2.5, 2.5, 41)]
-        axes.hist2d(speed, yaw, bins=bins, cmin=1, norm="log")
-        axes.set(title=title, xlabel="speed, m/s", ylabel="turning, rad/s (left positive)")
+    speed, yaw = coverage(dataset)
+    bins = [np.linspace(0, 4, 41), np.linspace(-2.5, 2.5, 41)]
+    covered.hist2d(speed, yaw, bins=bins, cmin=1, norm="log")
+    covered.set(title="training", xlabel="speed, m/s", ylabel="turning, rad/s (left positive)")
     atomically(folder / "report.png", lambda path: figure.savefig(path, dpi=100))
     plt.close(figure)
 
 
-def coverage(dataset: Dataset, augmented: bool) -> tuple[Array, Array]:
+def coverage(dataset: Dataset) -> tuple[Array, Array]:
     """Horizontal speed and yaw rate of the hips in the used train frames, smoothed over 0.4 s."""
     speeds, yaws = [np.zeros(0)], [np.zeros(0)]
     for clip in dataset.clips:
-        if clip.split != "train" or bool(clip.augmentation) != augmented:
+        if clip.split != "train":
             continue
         rows = slice(clip.start, clip.stop)
         x, y, z, w = dataset.rotations[rows, 0].astype(np.float64).T

@@ -14,7 +14,6 @@ from rich.progress import Progress
 
 from wayfarer.body.model import BodyModel
 from wayfarer.errors import DataError
-from wayfarer_lab.training.mocap.augment import augment
 from wayfarer_lab.training.mocap.fit import FitOptions, FittedClip
 from wayfarer_lab.training.mocap.fitting import Fits, fit_all
 from wayfarer_lab.training.mocap.level import level_subject
@@ -49,7 +48,6 @@ class PrepareOptions:
     shapes: int = 2  # per gender and locomotion clip: own proportions first, then random adults
     other_shapes: int = 1  # per clip of any other kind; genders take turns
     acted: tuple[str, ...] = ()  # patterns of clips that get a plain upper body, see `upper.py`
-    augment: bool = True  # add curved, faster and slower, starting, stopping, standing motion
     clips: tuple[str, ...] = ()  # only these, by name; empty: all
     seed: int = 0
     workers: int = 1
@@ -122,18 +120,13 @@ def prepare(
         uppers = plain_uppers([r.fitted for r in recorded], options.acted)
         recorded = [replace(r, fitted=f) for r, f in zip(recorded, uppers, strict=True)]
         poses = standing_poses([r.fitted for r in recorded])
-        derived = []
-        if options.augment:
-            widened = augment([r.fitted for r in recorded], poses, bodies, options.seed)
-            derived = fit(widened, "fitting augmented")
-    everything = recorded + derived
-    dataset = assemble([f.fitted for f in everything])
+    dataset = assemble([f.fitted for f in recorded])
     dataset.save(dst)
     save_start_poses(dst, poses)
     for what, lines in (("skipped", told.skipped), ("note", told.notes)):
         for line in lines:
             console.print(f"[yellow]{what}[/] {escape(line)}", highlight=False)
-    return Prepared(dataset, everything, told.skipped, told.notes)
+    return Prepared(dataset, recorded, told.skipped, told.notes)
 
 
 def _read_all(

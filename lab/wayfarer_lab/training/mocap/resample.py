@@ -44,16 +44,3 @@ def resample(places: Array, rotations: Array, fps: float, target: float) -> tupl
     return CubicSpline(given, places)(times), nearest_rotations(
         CubicSpline(given, rotations)(times)
     )
-
-
-def slerp(a: Array, b: Array, part: Array) -> Array:
-    """Rotation `part` of the way from a to b [..., 3, 3]; part broadcasts to [...]."""
-    # imported here: scipy comes with the `train` extra
-    from scipy.spatial.transform import Rotation
-
-    a, b = nearest_rotations(a), nearest_rotations(b)
-    between = np.swapaxes(a, -1, -2) @ b
-    shape = between.shape[:-2]
-    rotvec = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec().reshape(*shape, 3)
-    scaled = (rotvec * np.broadcast_to(part, shape)[..., None]).reshape(-1, 3)
-    return a @ Rotation.from_rotvec(scaled).as_matrix().reshape(*shape, 3, 3)

@@ -1,4 +1,4 @@
-"""Natural standing poses out of recordings, and quiet standing made of them."""
+"""Natural standing poses out of recordings: what agents stand in when they are created."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,14 +6,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
-from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.fit import FittedClip, matrix_quaternions
-from wayfarer_lab.training.mocap.posed import PosedMotion, average_pose, pose_local, yaw_matrix
-from wayfarer_lab.training.mocap.rig import ClipInfo, J
+from wayfarer_lab.training.mocap.resample import nearest_rotations
+from wayfarer_lab.training.mocap.rig import J
 from wayfarer_lab.training.mocap.selection import Use
-from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.skeleton import Array
 from wayfarer_lab.training.mocap.store import atomically, mirror
 
@@ -51,7 +48,7 @@ def standing_poses(fits: list[FittedClip]) -> list[StandingPose]:
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             local = matrix_from_quaternion(clip.rotations[a:b].astype(np.float64))
             middle = _stillest(local)
-            chosen = average_pose(local[max(0, middle - 2) : middle + AVERAGED - 2])
+            chosen = nearest_rotations(local[max(0, middle - 2) : middle + AVERAGED - 2].mean(0))
             chosen[0] = _facing_forward(chosen[0])
             pose = StandingPose(_straightened(chosen), clip.info.source, clip.info.subject)
             found.append((_unnatural(chosen), pose))
@@ -77,7 +74,8 @@ def _stillest(local: Array) -> int:
 
 def _facing_forward(hips: Array) -> Array:
     forward = hips[:2, 1]
-    return yaw_matrix(np.array(-np.arctan2(-forward[0], forward[1]))) @ hips
+    back = Rotation.from_euler("z", -np.arctan2(-forward[0], forward[1]))
+    return back.as_matrix() @ hips
 
 
 def _angles(local: Array) -> Array:
@@ -149,60 +147,3 @@ def save_start_poses(folder: Path, poses: list[StandingPose]) -> None:
             sources=np.array([p.source for p in poses], dtype=str),
         ),
     )
-
-
-def stand(
-    pose: StandingPose,
-    shape: RetargetShape,
-    body: BodyModel,
-    seconds: float,
-    generator: np.random.Generator,
-) -> PosedMotion:
-    """Quiet standing in a pose, swaying as people do, feet planted; hips above the origin.
-
-    Sway is a sum of slow sines: hips shift by millimetres to a centimetre, trunk and arms turn by
-    about a degree. Soles are put on the floor by the fit.
-    """
-    frames = round(seconds * FPS)
-    local = np.broadcast_to(pose.local, (frames, *pose.local.shape)).copy()
-    for joint, degrees in SWAY.items():
-        angles = np.deg2rad(degrees) * _slow(frames, 3, generator)
-        local[:, J[joint]] = local[:, J[joint]] @ Rotation.from_rotvec(angles).as_matrix()
-    info = ClipInfo(
-        name=f"{pose.source}~stand",
-        source=pose.source,
-        subject=pose.subject,
-        category="standing",
-        locomotion=False,
-        augmentation="standing",
-    )
-    touch = np.ones((frames, 2, 2), bool)
-    use = np.full(frames, Use.STANDING, np.uint8)
-    still = pose_local(info, shape, np.zeros((1, 3)), pose.local[None], touch[:1], use[:1], body)
-    motion = pose_local(info, shape, np.zeros((frames, 3)), local, touch, use, body)
-    # legs stay as in the still pose; the hips move over them and the fit bends the legs
-    legs = [J[f"{s}_{p}"] for s in ("left", "right") for p in ("hip", "knee", "ankle", "foot")]
-    places, world = motion.places.copy(), motion.world.copy()
-    world[:, legs] = still.world[:, legs]
-    sway = np.array([0.010, 0.008, 0.0]) * _slow(frames, 3, generator)
-    places += sway[:, None]
-    feet = [J[f"{s}_{p}"] for s in ("left", "right") for p in ("ankle", "foot")]
-    knees = [J["left_knee"], J["right_knee"]]
-    places[:, feet] = still.places[:, feet]
-    places[:, knees] = still.places[:, knees] + sway[:, None] / 2
-    rest = body.rest_joints(shape.betas)
-    floor = (still.places[0, feet, 2] - rest[feet, 2]).mean()
-    places[..., 2] -= floor
-    return replace(motion, places=places, world=world)
-
-
-SWAY = {"spine1": 0.5, "spine3": 0.7, "neck": 1.0, "head": 1.0}
-SWAY |= {f"{s}_{p}": d for s in ("left", "right") for p, d in (("shoulder", 1.0), ("elbow", 1.0))}
-
-
-def _slow(frames: int, width: int, generator: np.random.Generator) -> Array:
-    """Smooth noise [frames, width] of about unit size, 0.15 to 0.5 Hz."""
-    seconds = np.arange(frames)[:, None, None] / FPS
-    rates = generator.uniform(0.15, 0.5, (1, width, 3))
-    phases = generator.uniform(0, 2 * np.pi, (1, width, 3))
-    return np.sin(2 * np.pi * rates * seconds + phases).sum(-1) / 1.7

@@ -132,9 +132,7 @@ def test_the_orders_that_ship_are_those_that_docs_state():
     ):
         (claim,) = (c for c in stated if what in c and not c.endswith("short trainings"))
         assert stated[claim] == "as in the paper"
-    assert (
-        stated["tree search leaves bodies nearer to the goal: analytic policy"] == "as in the paper"
-    )
+    assert stated["tree search leaves bodies nearer to the goal: PPO"] == "as in the paper"
     assert stated["of all variants the policy has the best contact"] == "the other way"
     assert stated["feet skate no more than in recordings"] == "the other way"
     assert stated["motion of the policy looks more real than random motion"] == "the other way"

@@ -21,7 +21,7 @@ from wayfarer_lab.training.mocap.report import write_report
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import Dataset
 
-OPTIONS = PrepareOptions(fit=FitOptions(steps=5), shapes=1, augment=False)
+OPTIONS = PrepareOptions(fit=FitOptions(steps=5), shapes=1)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_amass_is_prepared_like_any_other_recording(tmp_path, bodies) -> None:
         write_smpl(models, layout, "male")
     options = PrepareOptions(
         read=ReadOptions(smpl_models=models), fit=FitOptions(steps=5), shapes=1,
-        augment=False, validation=("SSM/ann",),
+        validation=("SSM/ann",),
     )  # fmt: skip
     done = prepare(src, tmp_path / "dst", bodies, options, quietly())
     clips = Dataset.load(tmp_path / "dst").clips

@@ -195,7 +195,7 @@ def test_a_folder_without_a_standing_zero_pose_is_prepared(tmp_path) -> None:
     entry(tmp_path / "src" / "stand.bvh", bvh_of(with_axes(truth.cut(0, 50), axes)))
     entry(tmp_path / "src" / "crouch.bvh", bvh_of(with_axes(truth.cut(0, 66), axes).cut(20)))
     entry(tmp_path / "src" / "plain.bvh", bvh_of(truth))
-    options = PrepareOptions(fit=FitOptions(steps=2), augment=False, shapes=1)
+    options = PrepareOptions(fit=FitOptions(steps=2), shapes=1)
     bodies = {"male": load_body("anny52", "male")}
     done = prepare(tmp_path / "src", tmp_path / "dst", bodies, options)
     assert done.skipped == []
