@@ -26,7 +26,6 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(results_page, "PAGE", tmp_path / "results.md")
     monkeypatch.setattr(results_page, "ALL", tmp_path / "README.md")
     monkeypatch.setattr("sys.argv", ["results_page.py"])
-    monkeypatch.setattr(results_page, "of_seeds", lambda release: [])
     for name in ("arrival", "long", "control"):
         (tmp_path / f"{name}.json").write_text(json.dumps(result("abc1234")))
     return tmp_path
