@@ -40,7 +40,7 @@ def main(people: int, scene: str) -> None:
     profile = Path(tempfile.mkdtemp())
     with Service() as service, Page(executable, profile, (1440, 900)) as page:
         page.call("Page.addScriptToEvaluateOnNewDocument", source=NO_DRAWING)
-        page.call("Page.navigate", url=f"{service.url}/?scene={scene}&look=0")
+        page.call("Page.navigate", url=f"{service.url}/?scene={scene}&people=0&look=0")
         page.wait_for(f"globalThis.wayfarer?.stage.renderer && {CONNECTION} === 'open'", 60)
         for first in range(0, people, 50):
             page.evaluate(f"wayfarer.arrivals.roamers({min(50, people - first)})")

@@ -22,7 +22,7 @@ ADD = "document.querySelector('#add-one').click()"
 def test_a_page_whose_node_is_killed_goes_on_at_another(page: Page):
     with RunningCluster() as cluster:
         until_they_know_each_other(cluster.nodes())
-        page.call("Page.navigate", url=f"{cluster.url}/?detail=low&scene=corridor")
+        page.call("Page.navigate", url=f"{cluster.url}/?detail=low&scene=corridor&people=0")
         page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
         node = page.evaluate("location.origin")
         assert node != cluster.url

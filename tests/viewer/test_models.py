@@ -49,7 +49,7 @@ def test_a_link_shows_people_over_themselves_as_another_model_moves_them(
         )
         with urlopen(load) as answer:
             assert answer.status == 201
-        page.call("Page.navigate", url=f"{service.url}/?detail=low&scene=corridor&look=0")
+        page.call("Page.navigate", url=f"{service.url}/?detail=low&scene=corridor&people=0&look=0")
         page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
         page.evaluate("document.querySelector('#add-one').click()")
         page.wait_for(f"{SHOWN} === 1", 60)

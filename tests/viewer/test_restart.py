@@ -44,7 +44,7 @@ def test_after_a_restart_everybody_is_there_again(page: Page, keys, tmp_path: Pa
     with Service(*options, "--state-dir", str(tmp_path)) as first:
         page.call(
             "Page.navigate",
-            url=f"{first.url}/?detail=low&scene=corridor&encoding=smallest_three&fps=20",
+            url=f"{first.url}/?detail=low&scene=corridor&people=0&encoding=smallest_three&fps=20",
         )
         page.wait_for("document.querySelector('#access')?.open", 60)
         assert page.evaluate("document.querySelector('#access-reason').textContent")

@@ -25,7 +25,7 @@ PEOPLE = "globalThis.wayfarer.crowd.people"
 @pytest.fixture
 def visit(page: Page) -> Callable[[str], Page]:
     def visit(scene: str) -> Page:
-        page.call("Page.navigate", url=f"{page.url}/?detail=low&scene={scene}")
+        page.call("Page.navigate", url=f"{page.url}/?detail=low&scene={scene}&people=0")
         there = "globalThis.wayfarer?.book.version >= 0 && wayfarer.stage.renderer"
         page.wait_for(f"{there} && {CONNECTION} === 'open'", 60)
         return page

@@ -73,7 +73,7 @@ def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two people wander in the corridor; the folder that files are saved to."""
     folder = tmp_path_factory.mktemp("saved")
     page.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
-    page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor")
+    page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor&people=0")
     page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
     for _ in range(2):
         page.evaluate("document.querySelector('#add-one').click()")

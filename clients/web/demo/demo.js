@@ -57,7 +57,7 @@ try {
 looks = await asked.looks;
 level.show(outlinesOf(await asked.square));
 stage.lower(level.under);
-stage.approach();
+stage.approach(level);
 globalThis.demo = { session, people, stage, send };
 
 /** A person who has stood where a click sent him walks about again, unless another click has sent him on. */
@@ -90,7 +90,7 @@ async function wear(file) {
   try {
     const look = await CharacterFile.read(await file.arrayBuffer(), file.name);
     if (look.problem) throw new Error(look.problem);
-    const { x, z } = stage.approach();
+    const { area: { x, z } } = stage.approach(level);
     dressed = look;
     const [{ agent_id: id }] = await session.createAgents([{ name: look.title, position: { x, z }, heading: 0, seed: made++ }]);
     await session.api.wander(id, AREA.middle, AREA.radius);

@@ -2,7 +2,6 @@
 
 import { randomAgents } from "./choices.js";
 
-const AT_FIRST = 10; // people who walk there when the page opens
 const SOON = 50; // ms between two looks whether somebody has come
 
 export class Arrivals {
@@ -54,9 +53,10 @@ export class Arrivals {
     await Promise.all(told);
   }
 
-  /** People who walk about when the page opens, before the camera. */
+  /** People who walk about in a scene that opens, before the camera. */
   async welcome() {
-    await this.roamers(AT_FIRST, this.stage.approach());
+    const { count, area } = this.stage.approach(this.place.level);
+    await this.roamers(count, area);
   }
 
   /** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */

@@ -1,9 +1,13 @@
-// What blocks of certain sizes look like: houses have windows, doors and roofs, trees have crowns. No DOM, no three.js.
+// What blocks of certain sizes look like: houses have windows, doors and roofs, trees have crowns, and what is smaller is
+// furniture (furniture.js). No DOM, no three.js.
+
+import { furnitureOf } from "./furniture.js";
+import { dot, facing, middleOf, quad, sides } from "./facets.js";
 
 const HOUSE = { high: 6, wide: 4 }; // metres, at least
 const TREE = { high: 4, wide: 0.8, corners: 12 }; // metres at least, at most; a round trunk has more corners
 const STOREY = 2.9, BAY = 2.7; // metres between windows, up and along
-const WINDOW = { wide: 1.1, high: 1.5, sill: 1.0 };
+const WINDOW = { wide: 1.1, high: 1.5, sill: 1.0, glow: 0.8 };
 const DOOR = { wide: 1.2, high: 2.2, sill: 0 };
 const OUT = 0.03; // metres before the wall: at one depth they would flicker
 const ROOF = { high: 2.2, over: 0.5, flat: 0.02 };
@@ -30,19 +34,27 @@ export function crownHides(crown, eye, point) {
 }
 
 /**
- * Triangles of what a block has besides its walls: [{ corners: [a, b, c], normals: [a, b, c], colour, light }], points
- * { x, y, z }, `light` 0 to 1. `number` makes neighbours differ.
+ * How a block is drawn: whether its own `walls` are, and triangles [{ corners: [a, b, c], normals: [a, b, c], colour,
+ * light, glow }] besides, points { x, y, z }; `light` is 1 of what the colour says, `glow` what shines of it at night, if
+ * anything. `number` makes neighbours differ.
  */
 export function dressingOf(block, number) {
   const crown = crownOf(block);
-  if (crown) return BLOBS.flatMap((blob, k) => blobOf(crown, blob, LEAVES[(number + k) % LEAVES.length], number));
+  if (crown) {
+    const leaves = BLOBS.flatMap((blob, k) => blobOf(crown, blob, LEAVES[(number + k) % LEAVES.length], number));
+    return { walls: true, triangles: leaves };
+  }
   const { top, bottom } = block;
-  const house = top.length === 4 && top[0].y - bottom >= HOUSE.high && Math.min(...sides(top)) >= HOUSE.wide;
-  return house ? [...top.flatMap((a, k) => frontOf(a, top[(k + 1) % 4], bottom, middleOf(top))), ...roofOf(top)] : [];
+  if (top.length === 4 && top[0].y - bottom >= HOUSE.high && Math.min(...sides(top)) >= HOUSE.wide) {
+    const fronts = top.flatMap((a, k) => frontOf(a, top[(k + 1) % 4], bottom, middleOf(top), number + k));
+    return { walls: true, triangles: [...fronts, ...roofOf(top)] };
+  }
+  const furniture = furnitureOf(block, number);
+  return { walls: !furniture, triangles: furniture ?? [] };
 }
 
-/** Windows of a wall between two corners, and a door in its middle. */
-function frontOf(a, b, bottom, middle) {
+/** Windows of a wall between two corners, some of them lit at night, and a door in its middle. */
+function frontOf(a, b, bottom, middle, number) {
   const length = Math.hypot(b.x - a.x, b.z - a.z);
   const on = { x: (b.x - a.x) / length, z: (b.z - a.z) / length };
   let out = { x: -on.z, y: 0, z: on.x };
@@ -55,14 +67,15 @@ function frontOf(a, b, bottom, middle) {
       const door = storey === 0 && bay === Math.floor(bays / 2);
       const { wide, high, sill } = door ? DOOR : WINDOW;
       const low = bottom + storey * STOREY + sill;
-      const pane = (margin, depth, colour) => {
+      const lit = !door && (7 * number + 5 * bay + 3 * storey) % 8 < 3; // somebody is at home
+      const pane = (margin, depth, colour, glow) => {
         const corner = (side, y) => ({ x: a.x + on.x * (along + side) + out.x * depth, y, z: a.z + on.z * (along + side) + out.z * depth });
         const [w, y0, y1] = [wide / 2 + margin, Math.max(bottom, low - margin), low + high + margin];
         const ring = [corner(-w, y0), corner(w, y0), corner(w, y1), corner(-w, y1)];
-        found.push(...quad(ring, out, colour));
+        found.push(...quad(ring, out, colour, glow));
       };
       pane(0.12, OUT, COLOURS.frame);
-      pane(0, 2 * OUT, door ? COLOURS.door : COLOURS.window);
+      pane(0, 2 * OUT, door ? COLOURS.door : COLOURS.window, lit ? WINDOW.glow : 0);
     }
   }
   return found;
@@ -111,29 +124,4 @@ function blobOf(crown, [x, y, z, radius], colour, number) {
     }
   }
   return found;
-}
-
-function quad([a, b, c, d], normal, colour) {
-  return [facing([a, b, c], normal, colour), facing([a, c, d], normal, colour)];
-}
-
-/** A flat triangle that is seen from where its normal points. */
-function facing([a, b, c], normal, colour) {
-  const u = [b.x - a.x, b.y - a.y, b.z - a.z], v = [c.x - a.x, c.y - a.y, c.z - a.z];
-  const across = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-  const corners = dot(across, [normal.x, normal.y, normal.z]) > 0 ? [a, b, c] : [a, c, b];
-  return { corners, normals: [normal, normal, normal], colour, light: 1 };
-}
-
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-
-function middleOf(ring) {
-  const mean = (axis) => ring.reduce((sum, point) => sum + point[axis], 0) / ring.length;
-  return { x: mean("x"), z: mean("z") };
-}
-
-/** How far a ring reaches along x and z, or of four corners the length of its sides. */
-function sides(ring) {
-  if (ring.length === 4) return [0, 1].map((k) => Math.hypot(ring[k + 1].x - ring[k].x, ring[k + 1].z - ring[k].z));
-  return ["x", "z"].map((axis) => Math.max(...ring.map((p) => p[axis])) - Math.min(...ring.map((p) => p[axis])));
 }

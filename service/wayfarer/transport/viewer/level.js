@@ -7,6 +7,7 @@ import {
 import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
 import { crownHides, crownOf, dressingOf } from "./dressing.js";
 import { loadGlb } from "./packed.js";
+import { LAMPLIGHT } from "./scene.js";
 import { blockMesh, extentOf, outlineOf } from "./shapes.js";
 import { pavingTexture } from "./textures.js";
 
@@ -186,6 +187,8 @@ class Blocks {
     this.mesh = new Mesh(new BufferGeometry(), new MeshLambertMaterial({
       vertexColors: true, alphaHash: true,
     }));
+    this.mesh.material.emissive = LAMPLIGHT; // black by day
+    this.mesh.material.onBeforeCompile = glowing;
     this.mesh.castShadow = this.mesh.receiveShadow = true;
     this.edges = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: EDGE, transparent: true, opacity: 0.35 }));
     this.group.add(this.mesh, this.edges);
@@ -198,10 +201,12 @@ class Blocks {
     this.starts = starts;
     this.faded = new Set();
     const colours = new Float32Array(4 * (corners.length / 3)).fill(1);
+    const glows = new Float32Array(corners.length / 3);
     let painted = 0;
     blocks.forEach((block, k) => {
       for (let vertex = dressed[k]; vertex < starts[k + 1]; vertex += 3, painted += 1) {
-        const { colour, light } = paints[painted];
+        const { colour, light, glow = 0 } = paints[painted];
+        glows.fill(glow, vertex, vertex + 3);
         const { r, g, b } = new Color(colour);
         for (let corner = vertex; corner < vertex + 3; corner += 1) colours.set([light * r, light * g, light * b], 4 * corner);
       }
@@ -214,6 +219,7 @@ class Blocks {
     replace(this.mesh, corners);
     this.mesh.geometry.setAttribute("normal", new BufferAttribute(normals, 3));
     this.mesh.geometry.setAttribute("color", new BufferAttribute(colours, 4));
+    this.mesh.geometry.setAttribute("glow", new BufferAttribute(glows, 1));
     replace(this.edges, lines);
     this.group.visible = blocks.length > 0;
   }
@@ -230,6 +236,14 @@ class Blocks {
     colours.needsUpdate = true;
     this.faded = numbers;
   }
+}
+
+/** Let a material shine by the attribute `glow` of its corners. */
+function glowing(shader) {
+  const given = "varying float shines;\n";
+  shader.vertexShader = `attribute float glow;\n${given}${shader.vertexShader}`.replace("#include <begin_vertex>", "#include <begin_vertex>\nshines = glow;");
+  shader.fragmentShader = `${given}${shader.fragmentShader}`
+    .replace("#include <emissivemap_fragment>", "#include <emissivemap_fragment>\ntotalEmissiveRadiance *= shines;");
 }
 
 /** Another geometry of these points. */

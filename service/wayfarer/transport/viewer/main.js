@@ -61,7 +61,7 @@ watchNodes(api.homes);
 watchPolicy(tell, () => session.id);
 const stage = new Stage(view);
 const readout = new Readout();
-const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
+const place = new ScenePanel(api, stage, { enter, chosen: welcome, changed: attempt(() => errands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), (agent, detail) => arrivals.mesh(agent, detail), refresh, tell);
 const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: onEnded });
@@ -111,7 +111,7 @@ async function start() {
     else await place.begin(place.value ?? page.get("scene") ?? FIRST_SCENE);
     showTrouble(null);
     if (replay) stage.lookFrom(replay.script.camera);
-    welcomed = !watched && !replay && !place.begun && !page.has("scene") ? arrivals.welcome() : null; // is asked for before the stage is made
+    welcomed = !watched && !replay && !place.begun ? welcome() : null; // is asked for before the stage is made
     place.begun = true;
     await new Promise((go) => setTimeout(go)); // what was asked is sent
     beginStage();
@@ -191,6 +191,11 @@ async function enter(scene) {
   if (joining) session.join(joining, scene);
   else if (!replaying) await session.open(scene); // a replay has been opened
   joining = replaying = null;
+}
+
+/** People walk in an example when it opens, unless the page's address says `people=0`. */
+async function welcome() {
+  if (place.isExample && page.get("people") !== "0") await arrivals.welcome();
 }
 
 function onEvent(event) {

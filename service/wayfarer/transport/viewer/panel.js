@@ -8,10 +8,10 @@ const POLL_SECONDS = 1.5;
 
 export class ScenePanel {
   /**
-   * `enter(sceneId)` begins a session there; `changed()` is called when its ground or obstacles have
+   * `enter(sceneId)` begins a session there; `chosen()` is called when the user has chosen a scene, and it is open; `changed()` is called when its ground or obstacles have
    * changed; `attempt(action)` wraps what may be refused.
    */
-  constructor(api, stage, { enter, changed, attempt }) {
+  constructor(api, stage, { enter, chosen, changed, attempt }) {
     Object.assign(this, { api, stage, enter, changed });
     this.level = new Level();
     this.book = new SceneBook(api, {
@@ -27,11 +27,16 @@ export class ScenePanel {
     this.fresh = false; // the next outlines are the first of this scene
     stage.add(this.level.group);
     this.settled = Promise.resolve(); // until then a scene is being opened
-    this.choose = attempt((value) => this.#while(this.#choose(value)));
+    this.choose = attempt((value) => this.#while(this.#choose(value)).then(chosen));
     this.take = attempt((file) => this.#while(this.#take(file))); // a level
     byId("scene").onchange = ({ target }) => this.choose(target.value);
     byId("walkable").onchange = ({ target }) => this.level.showWalkable(target.checked);
     setInterval(() => document.hidden || this.book.poll(), POLL_SECONDS * 1000);
+  }
+
+  /** Whether the scene is one of the server's examples. */
+  get isExample() {
+    return this.choices.some(({ value, example }) => example && value === this.value);
   }
 
   /** At the start, after `list`: begin in the scene of this name or id, or in none. */

@@ -1,14 +1,15 @@
 // The stage: camera, light, ground. Y up, metres, people face +Z at heading 0.
 
 import {
-  ACESFilmicToneMapping, BackSide, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshLambertMaterial,
+  ACESFilmicToneMapping, BackSide, Color, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "./vendor/three.min.js";
 import { floorTexture, skyTexture } from "./textures.js";
+import { vantageOf } from "./vantage.js";
 
 const TIMES = { // of day: as the page is light or dark
-  day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 2.9, above: "#dbeaf7", below: "#b3a78f", fill: 1.5, floor: "#ffffff" },
-  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#9db2d8", below: "#5a6274", fill: 1.7, floor: "#e2e5ec" },
+  day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 2.9, above: "#dbeaf7", below: "#b3a78f", fill: 1.5, floor: "#ffffff", lamps: "#000000" },
+  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#9db2d8", below: "#5a6274", fill: 1.7, floor: "#e2e5ec", lamps: "#ffc46b" },
 };
 const SKY_RADIUS = 450; // metres
 const FLOOR_SIZE = 1000; // metres
@@ -25,6 +26,9 @@ const PATIENCE = 4; // slow readings in a row before the look is made lighter
 const SHADED = [14, 48]; // metres around the point looked at that have shadows: from near, from afar
 const FAR = [45, 160]; // metres: where fog begins and ends, seen from near; farther off, farther
 const LEANING = 0.72; // of a view of all: how steep, 0 level, 1 straight down
+
+/** Of lamps and lit windows, as the time of day is. */
+export const LAMPLIGHT = new Color();
 
 /** The browser shows no 3D. */
 export class NoPicture extends Error {}
@@ -142,14 +146,12 @@ export class Stage {
     this.#move(eye, target, 1);
   }
 
-  /** Look at the middle of what is looked at from so near that people are people. Returns where they should stay: { x, z, radius }. */
-  approach() {
-    const { x, z } = this.controls.target;
+  /** Look at a level from so near that people are people. Returns how many should walk there, and where: { count, area: { x, z, radius } }. */
+  approach(level) {
     const tall = this.canvas.clientWidth < this.canvas.clientHeight; // the camera's aspect comes with the first picture
-    const [eye, seen] = tall ? [[-0.5, 10.5, 13.5], [-0.7, 0.6, 2.6]] : [[0.3, 3.4, 9.3], [-0.7, 1.5, 2]]; // before the trees, between two stalls
-    const place = ([right, up, near]) => new Vector3(x + right, up, z + near);
-    this.#move(place(eye), place(seen), 1);
-    return { x: x - 0.8, z: z + 3.6, radius: 4.5 }; // about what stands in the middle, most of it before
+    const { eye, target, area, count } = vantageOf(level, level.extent, tall);
+    this.glide(eye, target, 1);
+    return { area, count };
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */
@@ -234,7 +236,8 @@ export class Stage {
   }
 
   /** Light, sky and haze of a time of day. */
-  #turn({ sky, haze, sun, strength, above, below, fill, floor }) {
+  #turn({ sky, haze, sun, strength, above, below, fill, floor, lamps }) {
+    LAMPLIGHT.set(lamps);
     this.sky.material.map?.dispose();
     this.sky.material.map = skyTexture(...sky);
     this.sky.material.needsUpdate = true;

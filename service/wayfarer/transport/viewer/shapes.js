@@ -1,12 +1,15 @@
 // Blocks and ground as triangles to be drawn: flat arrays of numbers. No DOM, no three.js.
 
+const PLAIN = { walls: true, triangles: [] };
+
 /**
  * Corners (x, y, z each) and normals of blocks { top: [{ x, y, z }], bottom }, and the lines along their
  * upright and upper edges. `starts[k]` is the first vertex of block k, and the last entry their count; `dressed[k]` is
- * the first vertex of what `dressingOf` gives it besides (dressing.js), in `paints`: { colour, light } of each triangle.
+ * the first vertex of what `dressingOf` gives it besides or instead (dressing.js), in `paints`: { colour, light, glow } of each
+ * triangle.
  * `triangulate(ring)` gives triangles [[i, j, k]] of a ring of { x, z }.
  */
-export function blockMesh(blocks, triangulate, dressingOf = () => []) {
+export function blockMesh(blocks, triangulate, dressingOf = () => PLAIN) {
   const corners = [];
   const normals = [];
   const lines = [];
@@ -14,33 +17,39 @@ export function blockMesh(blocks, triangulate, dressingOf = () => []) {
   const dressed = [];
   const paints = [];
   blocks.forEach(({ top, bottom }, number) => {
-    const raised = top.map((point) => ({ ...point, y: point.y + lift(point.y - bottom, number) }));
-    const ring = signedArea(top) > 0 ? raised : raised.reverse();
-    for (const [i, j, k] of triangulate(ring)) {
-      const [a, b, c] = [ring[i], ring[j], ring[k]];
-      const up = normalOf(a, b, c);
-      addTriangle(corners, normals, ...(up.y > 0 ? [a, b, c, up] : [a, c, b, minus(up)]));
-    }
-    ring.forEach((a, k) => {
-      const b = ring[(k + 1) % ring.length];
-      const [foot, next] = [{ ...a, y: bottom }, { ...b, y: bottom }];
-      const out = outward(a, b);
-      addTriangle(corners, normals, foot, next, b, out);
-      addTriangle(corners, normals, foot, b, a, out);
-      pushPoints(lines, a, b);
-      if (ring.length <= UPRIGHTS) pushPoints(lines, foot, a);
-    });
+    const { walls, triangles } = dressingOf({ top, bottom }, number);
+    if (walls) addWalls({ corners, normals, lines }, { top, bottom }, number, triangulate);
     dressed.push(corners.length / 3);
-    for (const { corners: ring, normals: up, colour, light } of dressingOf({ top, bottom }, number)) {
+    for (const { corners: ring, normals: up, colour, light, glow } of triangles) {
       pushPoints(corners, ...ring);
       pushPoints(normals, ...up);
-      paints.push({ colour, light });
+      paints.push({ colour, light, glow });
     }
     starts.push(corners.length / 3);
   });
   return {
     corners: Float32Array.from(corners), normals: Float32Array.from(normals), lines: Float32Array.from(lines), starts, dressed, paints,
   };
+}
+
+/** A block's top and sides, and the lines of them. */
+function addWalls({ corners, normals, lines }, { top, bottom }, number, triangulate) {
+  const raised = top.map((point) => ({ ...point, y: point.y + lift(point.y - bottom, number) }));
+  const ring = signedArea(top) > 0 ? raised : raised.reverse();
+  for (const [i, j, k] of triangulate(ring)) {
+    const [a, b, c] = [ring[i], ring[j], ring[k]];
+    const up = normalOf(a, b, c);
+    addTriangle(corners, normals, ...(up.y > 0 ? [a, b, c, up] : [a, c, b, minus(up)]));
+  }
+  ring.forEach((a, k) => {
+    const b = ring[(k + 1) % ring.length];
+    const [foot, next] = [{ ...a, y: bottom }, { ...b, y: bottom }];
+    const out = outward(a, b);
+    addTriangle(corners, normals, foot, next, b, out);
+    addTriangle(corners, normals, foot, b, a, out);
+    pushPoints(lines, a, b);
+    if (ring.length <= UPRIGHTS) pushPoints(lines, foot, a);
+  });
 }
 
 /** Tall blocks that overlap at one height would flicker: each has a height of its own, to a hair. */

@@ -1,7 +1,7 @@
 // <wayfarer-view scene="corridor" session="…">: the viewer in another page. The page's origin must be in the server's setting
 // cors_origins, unless it is the server's own.
 
-const PASSED = ["scene", "session", "look"]; // attributes that the viewer's address has, too
+const PASSED = ["scene", "session", "look", "people"]; // attributes that the viewer's address has, too
 
 export class WayfarerView extends HTMLElement {
   static observedAttributes = ["server", "replay", ...PASSED];
