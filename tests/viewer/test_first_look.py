@@ -133,6 +133,21 @@ def test_a_thumb_walks_somebody(page: Page):
     assert page.problems == []
 
 
+def test_a_cross_lets_the_selected_go(page: Page):
+    chosen = "document.querySelector('#chosen')"
+    page.wait_for(f"{PEOPLE}?.length > 0", 60)
+    assert page.evaluate(f"{chosen}.hidden")
+    page.evaluate(f"wayfarer.selection.choose([{PEOPLE}[0]])")
+    name = page.evaluate(f"{PEOPLE}[0].agent.name")
+    assert page.evaluate(f"{chosen}.innerText").startswith(f"{name} is selected.")
+    assert page.evaluate("document.querySelector('#pitch').hidden")
+    assert page.evaluate(HIDDEN_CONTROLS) == []
+    page.evaluate("document.querySelector('#deselect').click()")
+    assert page.evaluate("wayfarer.selection.people.length") == 0
+    assert page.evaluate(f"{chosen}.hidden && !document.querySelector('#pitch').hidden")
+    assert page.evaluate("document.querySelector('input[name=send]:checked').value") == "nearest"
+
+
 def test_names_do_not_lie_over_each_other(page: Page):
     page.resize(1440, 900)
     page.evaluate("document.querySelector('#labels').click()")

@@ -20,7 +20,7 @@ const MIDDLE = { x: 5, z: -2 };
 test("on free ground people walk in the middle, and are seen from near, also on a phone that is held upright", () => {
   for (const tall of [false, true]) {
     const { eye, target, area, count } = vantageOf(levelOf([]), MIDDLE, tall);
-    assert.deepEqual(area, { ...MIDDLE, radius: 3.2 });
+    assert.deepEqual(area, { ...MIDDLE, radius: tall ? 0.8 * 2.8 : 2.8 });
     assert.equal(count, 10);
     assert.ok(Math.hypot(eye.x - target.x, eye.y - target.y, eye.z - target.z) < 13);
   }

@@ -41,7 +41,7 @@ function basinOf(middle, radius, y, high) {
     ]),
     ...Array.from({ length: 8 }, (_, k) => (k * Math.PI) / 4).flatMap((angle) => { // thin falls from its rim
       const at = { x: middle.x + (bowl + 0.03) * Math.cos(angle), z: middle.z + (bowl + 0.03) * Math.sin(angle) };
-      return turnedOf(at, [[0.07, water], [0.03, top + 1.08, FOAM]]);
+      return turnedOf(at, [[0.045, water], [0.02, top + 1.08, FOAM]]);
     }),
   ];
 }

@@ -82,6 +82,9 @@ export function listPeople(people, selection) {
   const groups = selection.groups.flatMap((group, k) => (group.length ? [new Option(`group ${k + 1} · ${group.length} people`, `group ${k + 1}`)] : []));
   const chosen = several ? [new Option(`${selection.people.length} people`, "several", false, true)] : [];
   list.replaceChildren(new Option("nobody", "", false, !selection.person), ...chosen, ...groups, ...options);
+  byId("chosen").hidden = !selection.person;
+  byId("pitch").hidden = Boolean(selection.person); // it says that the nearest goes
+  byId("chosen-name").textContent = several ? `${selection.people.length} people are selected.` : `${selection.person?.agent.name || "One person"} is selected.`;
   byId("remove").disabled = !selection.person;
   byId("keep-group").disabled = !several;
 }

@@ -327,6 +327,10 @@ byId("selected").onchange = ({ target: { value } }) => {
   if (group) selection.recall(Number(group));
   else selection.choose(value && person ? [person] : []);
 };
+byId("deselect").onclick = () => {
+  selection.choose([]);
+  view.focus(); // the button is gone
+};
 byId("keep-group").onclick = () => mention(`Group ${selection.keep()} is kept: its key and the list select it`);
 watchPointer(view, stage.controls, {
   press: (event) => (session.watchOnly ? null : tools.press(event)),

@@ -14,6 +14,7 @@ const TIMES = { // of day: as the page is light or dark
 const SKY_RADIUS = 450; // metres
 const FLOOR_SIZE = 1000; // metres
 const HOME = [5.5, 3.6, 8.5]; // of the camera, where there is no scene
+const OPENING = { wide: 42, tall: 58 }; // degrees of the camera, upright: more where the picture is narrow
 const SUN = new Vector3(5, 11, 6);
 const LOOKS = [
   { pixels: 2, shadows: true, sharpness: 16 },
@@ -39,7 +40,7 @@ export class Stage {
     this.renderer = null; // until `begin`
     this.scene = new Scene();
     this.scene.fog = new Fog("#dfeaf0", ...FAR);
-    this.camera = new PerspectiveCamera(42, 1, 0.15, 600);
+    this.camera = new PerspectiveCamera(OPENING.wide, 1, 0.15, 600);
     this.controls = new OrbitControls(this.camera, canvas);
     this.overlook(null);
     this.controls.enableDamping = true;
@@ -115,6 +116,7 @@ export class Stage {
     this.renderer?.setPixelRatio(Math.min(globalThis.devicePixelRatio, LOOKS[this.look].pixels));
     this.renderer?.setSize(width, height, false);
     this.camera.aspect = width / Math.max(1, height);
+    this.camera.fov = width < height ? OPENING.tall : OPENING.wide;
     this.camera.updateProjectionMatrix();
   }
 

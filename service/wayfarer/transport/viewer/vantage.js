@@ -4,11 +4,12 @@ const SEARCHED = [0, 2, 4.5, 7]; // metres from the middle
 const ROOM = [1, 2]; // metres around somebody, that should be ground
 const NEARNESS = 1.5; // samples of ground that a metre towards the middle is worth
 const LOW = 0.6; // metres over the lowest ground
-const EYE = { wide: [[7, 3.2], [7, 5], [5, 8.5]], tall: [[10.5, 6.5], [10, 9], [6, 12]] }; // metres off and up: the first that is free
+const EYE = { wide: [[7, 3.2], [7, 5], [5, 8.5]], tall: [[7, 3.4], [7, 5.5], [6, 9]] }; // metres off and up: the first that is free
 const LOOKED_AT = { up: 0.75, inward: 0.4, beside: 1.5 }; // metres up, share of the way to the middle, metres
 const DIRECTIONS = 8;
 const FEW = 0.7; // of the samples: with less ground, fewer people have more space
-const WELCOME = { roomy: { count: 10, radius: 3.2 }, narrow: { count: 6, radius: 6 } };
+const SLIM = 0.8; // share of the radius, in a picture that is higher than wide
+const WELCOME = { roomy: { count: 10, radius: 2.8 }, narrow: { count: 6, radius: 6 } };
 
 /**
  * { eye, target, area: { x, z, radius }, count } for a level (level.js), whose middle is { x, z }: `count` people walk in
@@ -24,7 +25,7 @@ export function vantageOf(level, middle, tall) {
   const [first] = EYE[tall ? "tall" : "wide"];
   const eyes = EYE[tall ? "tall" : "wide"].flatMap((reach) => turns().map((turn) => eyeAt(focus, base, ahead + turn, reach)));
   const eye = eyes.find((one) => sees(level, one, focus, base)) ?? eyeAt(focus, base, ahead, first);
-  return { eye, target, area: { ...focus, radius }, count };
+  return { eye, target, area: { ...focus, radius: tall ? SLIM * radius : radius }, count };
 }
 
 /** The place near the middle that has most ground around it, and which share of what was looked at is ground. */
