@@ -92,4 +92,4 @@ def test_no_package_of_ours_is_taken_from_elsewhere():
         assert OWN.isdisjoint(pins(file, environment("3.13")))
     lab = map(Requirement, PROJECTS["lab"]["project"]["dependencies"])
     (wanted,) = (need for need in lab if need.name == "wayfarer")
-    assert "0.1.0" in wanted.specifier and "0.8" not in wanted.specifier
+    assert "0.2.0" in wanted.specifier and "0.8" not in wanted.specifier

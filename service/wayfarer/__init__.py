@@ -3,7 +3,7 @@
 import os
 import sys
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Two engines report their use to their makers as soon as they are imported, and keep an id of the
 # user in his home folder: ONNX Runtime unless this variable is set (its API comes too late), and

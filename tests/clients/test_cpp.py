@@ -196,7 +196,7 @@ def test_a_project_has_the_core_as_a_part(tmp_path):
     quick = "-DCMAKE_CXX_COMPILER=clang++"
     run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", quick)
     run("cmake", "--build", tmp_path / "build")
-    assert run(tmp_path / "build" / "part") == "0.1.0 22"
+    assert run(tmp_path / "build" / "part") == "0.2.0 22"
     assert not run("cmake", "--install", tmp_path / "build", "--prefix", tmp_path / "out").count(
         "wayfarer"
     )

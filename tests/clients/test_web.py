@@ -38,13 +38,16 @@ def test_an_agent_walks_to_its_goal_on_characters_of_each_engine(real_server):
 
 @with_tools
 def test_its_types_are_right_and_it_is_fit_to_publish(tmp_path):
-    """`npm pack` writes the types; publint looks at what a user would get."""
+    """`npm pack` writes the types, as an installation does; two tools look at what a user gets."""
+    shutil.rmtree(FOLDER / "types", ignore_errors=True)
+    run("node_modules/.bin/tsc", "--project", "tsconfig.json", "--outDir", str(tmp_path / "types"))
     (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
     files = {entry["path"] for entry in packed["files"]}
     assert {"README.md", "LICENSE", "src/index.js", "types/index.d.ts"} <= files
     assert not any(path.startswith(("test/", "node_modules/")) for path in files)
-    said = run("node_modules/.bin/publint", "--strict", str(tmp_path / packed["filename"]))
-    assert "All good!" in said
+    file = str(tmp_path / packed["filename"])
+    assert "All good!" in run("node_modules/.bin/publint", "--strict", file)
+    run("node_modules/.bin/attw", "--profile", "esm-only", file)
 
 
 @with_tools

@@ -136,6 +136,7 @@ def test_a_thumb_walks_somebody(page: Page):
 def test_a_cross_lets_the_selected_go(page: Page):
     chosen = "document.querySelector('#chosen')"
     page.wait_for(f"{PEOPLE}?.length > 0", 60)
+    page.evaluate("wayfarer.selection.choose([])")  # the test before has driven somebody
     assert page.evaluate(f"{chosen}.hidden")
     page.evaluate(f"wayfarer.selection.choose([{PEOPLE}[0]])")
     name = page.evaluate(f"{PEOPLE}[0].agent.name")

@@ -79,7 +79,7 @@ void put(const Vec3& v, double* out) { out[0] = v.x, out[1] = v.y, out[2] = v.z;
 }  // namespace
 
 const char* wf_error() { return last_error().c_str(); }
-const char* wf_version() { return "0.1.0"; }
+const char* wf_version() { return "0.2.0"; }
 
 const char* wf_bone_name(std::int32_t bone) {
   return bone >= 0 && bone < BONE_COUNT ? BONES[static_cast<std::size_t>(bone)].data() : nullptr;

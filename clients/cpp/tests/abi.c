@@ -64,7 +64,7 @@ int main(int count, char **values) {
   wf_homes *homes;
   wf_route *route;
 
-  CHECK(strcmp(wf_version(), "0.1.0") == 0);
+  CHECK(strcmp(wf_version(), "0.2.0") == 0);
   CHECK(wf_bone_number("head") == 15 && strcmp(wf_bone_name(15), "head") == 0);
   CHECK(wf_bone_number("tail") == -1 && wf_bone_name(22) == NULL);
 

@@ -22,7 +22,7 @@ extern "C" {
 
 /* Why the last call of this thread failed. */
 WF_API const char *wf_error(void);
-/* "0.1.0" */
+/* "0.2.0" */
 WF_API const char *wf_version(void);
 /* NULL when there is none of that number; -1 when there is none of that name. */
 WF_API const char *wf_bone_name(int32_t bone);
