@@ -23,7 +23,7 @@ WEB := clients/web
 NPM_TOOLS := tests/node_modules/.package-lock.json
 BUF := tests/node_modules/.bin/buf
 RELEASED := tests/proto/released.binpb
-CHECKED := service lab tests requirements clients/python benchmarks proto/build_hook.py
+CHECKED := service lab tests requirements clients/python benchmarks proto/build_hook.py .github/name_repository.py
 PINNED := requirements/build.txt requirements/serve.txt
 PINS := $(CURDIR)/requirements/dev.txt
 

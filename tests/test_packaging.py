@@ -1,12 +1,17 @@
 """Files of the project that no interpreter reads before they are needed: do they fit together?"""
 
+import json
 import re
+import runpy
+import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
-from wayfarer import config_sources
+from wayfarer import __version__, config_sources
 
 ROOT = Path(__file__).parent.parent
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
@@ -56,3 +61,51 @@ def test_make_knows_its_targets(target: str) -> None:
         ["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert plan.returncode == 0, plan.stderr
+
+
+@pytest.mark.parametrize(
+    ("file", "stated"),
+    [
+        ("clients/python/pyproject.toml", r'^version = "(.+)"'),
+        ("lab/pyproject.toml", r'^version = "(.+)"'),
+        ("clients/web/package.json", r'^  "version": "(.+)"'),
+        ("clients/web/package-lock.json", r'^  "version": "(.+)"'),
+        ("clients/unity/package.json", r'^  "version": "(.+)"'),
+        ("clients/godot/addons/wayfarer/plugin.cfg", r'^version="(.+)"'),
+        ("clients/unreal/Wayfarer.uplugin", r'"VersionName": "(.+)"'),
+        ("clients/cpp/CMakeLists.txt", r"^project\(wayfarer VERSION (\S+)"),
+        ("clients/cpp/src/wayfarer_c.cpp", r'wf_version\(\) { return "(.+)"; }'),
+        ("CHANGELOG.md", r"^## \[(\d.+)\]"),
+        ("clients/unity/CHANGELOG.md", r"^## (\d\S+)"),
+    ],
+)
+def test_every_package_has_the_version_of_the_service(file: str, stated: str) -> None:
+    found = re.search(stated, (ROOT / file).read_text(), re.MULTILINE)
+    assert found is not None and found[1] == __version__
+
+
+def test_a_release_names_its_repository(tmp_path: Path) -> None:
+    script = runpy.run_path(str(ROOT / ".github/name_repository.py"))
+    for name in (*script["READMES"], *script["PROJECTS"], "clients/web/package.json"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    script["main"](tmp_path, "https://example.org/us/wayfarer", "v1")
+    for name in script["READMES"]:
+        text = (tmp_path / name).read_text()
+        assert re.findall(r"\]\((?!https?://|#)[^)]*\)", text) == []
+        for path in re.findall(r"example\.org/us/wayfarer/(?:blob|raw)/v1/([^)#]+)", text):
+            assert (ROOT / path).exists(), path
+    for name in script["PROJECTS"]:
+        urls = tomllib.loads((tmp_path / name).read_text())["project"]["urls"]
+        assert urls["Source"] == "https://example.org/us/wayfarer"
+    web = json.loads((tmp_path / "clients/web/package.json").read_text())
+    assert web["repository"]["directory"] == "clients/web"
+
+
+def test_the_release_workflow_runs_what_is_there() -> None:
+    steps = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]["packages"]
+    commands = "\n".join(step.get("run", "") for step in steps["steps"])
+    for path in re.findall(r"\.github/\S+\.py|clients/\w+", commands):
+        assert (ROOT / path).exists()
+    for target in re.findall(r"\bmake (\S+)", commands):
+        assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
