@@ -72,8 +72,7 @@ class Character:
 
     def joints(self) -> tuple[dict[str, Array], float | None]:
         """Joints [3] at rest by bone, upright in the glTF basis, and the height of the floor. A
-        body
-        of its proportions is made from these.
+        body of its proportions is made from these.
         """
         return character_joints(self.bones, floor=self.soles.floor if self.soles else None)
 
@@ -353,8 +352,7 @@ def _split_matrix(node: Json) -> None:
 
 def _humanoid(document: Json, numbers: tuple[int, ...]) -> dict[str, int] | None:
     """VRM's bones as nodes of the rig, by VRM 1's names. VRM 0 has the same names for legs, arms
-    and
-    spine.
+    and spine.
     """
     extensions = document.get("extensions", {})
     if "VRMC_vrm" in extensions:

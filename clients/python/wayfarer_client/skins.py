@@ -147,8 +147,7 @@ class Skins:
 
     def array(self, number: int | None) -> Array | None:
         """[N, C] of an accessor; None: its data lies outside of the file, or the library that
-        unpacks
-        it is not installed.
+        unpacks it is not installed.
         """
         if number is None:
             return None
