@@ -98,7 +98,7 @@ export class Route {
   }
 
   /**
-   * Note that a call was refused with an HTTP status (0: no answer); returns whether it continues.
+   * Note that a call was refused with an HTTP status (0: no answer). Returns whether it continues.
    * @param {number} status @param {{ host?: string, http_port?: number }} [endpoint] of the problem
    */
   refused(status, { host = "", http_port = 0 } = {}) {

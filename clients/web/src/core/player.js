@@ -61,7 +61,7 @@ export class MotionPlayer {
     this.header = null;
     /** The moment shown: server time, seconds since 1970. */
     this.moment = NaN;
-    /** Counts since the start; `gaps`, `reduced`, `held`: chunks with that flag. */
+    /** Counts since the start; `gaps`, `reduced` and `held` count chunks with that flag. */
     this.stats = { messages: 0, bytes: 0, chunks: 0, frames: 0, gaps: 0, reduced: 0, held: 0 };
   }
 
