@@ -1,4 +1,4 @@
-"""Build hook of the client: the repository's one, from `proto/` there or in the sdist."""
+"""Build hook of the client: the repository's, on `proto/` there or in the sdist."""
 
 import importlib.util
 from pathlib import Path

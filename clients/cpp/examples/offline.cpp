@@ -1,5 +1,5 @@
-// One person walks to a goal without a server: ONNX Runtime's C API runs what `wayfarer export --for engines` has
-// written, and wayfarer::local decides what the person does, as the server does.
+// One person walks to a goal without a server. ONNX Runtime's C API runs the files of `wayfarer export --for engines`,
+// and wayfarer::local decides what the person does, as the server does.
 //
 //   offline FOLDER [--goal X,Y] [--gender female|male] [--seed N] [--heading RADIANS]
 //                  [--speed M/S] [--radius M] [--seconds S]
@@ -61,7 +61,7 @@ int main(int count, char** words) try {
 
   std::puts("seconds,state,done,x,y,z,heading,left,right");
   world.advance(options.seconds, [](const wayfarer::LocalChunk& chunk) {
-    for (std::size_t t = 0; t < chunk.frames.size(); ++t) {  // here a host would pose its character
+    for (std::size_t t = 0; t < chunk.frames.size(); ++t) {  // a host would pose its character here
       const auto& frame = chunk.frames[t];
       const auto [left, right] = chunk.contacts[t];
       const double heading = wayfarer::local_basis.heading({frame[3], frame[4], frame[5], frame[6]});

@@ -17,10 +17,10 @@ constexpr int REQUIRED[]{PELVIS,         SIDES[0].hip,  SIDES[0].knee, SIDES[0].
                          SIDES[1].hip,   SIDES[1].knee, SIDES[1].ankle};
 constexpr int TRUNK[]{PELVIS, SPINE[0], SPINE[1], SPINE[2], NECK, HEAD};
 constexpr int BRANCHING[]{SIDES[0].hip, SIDES[1].hip, SIDES[0].collar, SIDES[1].collar, SIDES[0].shoulder,
-                          SIDES[1].shoulder};  // they may hang from any bone of the trunk: they move with their own
-constexpr double UNEVEN = 1.01;   // what the scales of a node's axes may be of each other at most
-constexpr double BACKWARD = 0.2;  // cosine up to which toes may point backwards
-constexpr double HEELS = 0.3;     // of a thigh's height over the lowest node of its leg: a higher ankle is none
+                          SIDES[1].shoulder};  // they may hang from any bone of the trunk: they move with that bone
+constexpr double UNEVEN = 1.01;   // greatest ratio between the scales of a node's axes
+constexpr double BACKWARD = 0.2;  // cosine of the angle up to which toes may point backwards
+constexpr double HEELS = 0.3;     // greatest height of an ankle over its leg's lowest node, by the thigh's height
 constexpr const char* HINDLEGS =
     "legs as animals' hind legs, whose heels are off the ground, are not found by their shape. Say which bones these "
     "are, by a correction";
@@ -42,7 +42,7 @@ std::string listed(const char* role, const Words& names) {
   return found;
 }
 
-/// What to call those that are missing.
+/// Known names of missing bones.
 std::string known_names(const Nodes& nodes) {
   std::string found;
   const auto add = [&](bool lacks, const std::string& row) {
@@ -63,7 +63,7 @@ bool leads_to(int upper, int b) {
   return false;
 }
 
-/// Another bone that a bone hangs from, or is, and should not; -1: none.
+/// The bone that this one wrongly hangs from or shares a node with; -1: none.
 int misplaced(const Rig& rig, const Nodes& nodes, int b) {
   const int node = nodes[at(b)];
   for (int other = 0; other < BONE_COUNT; ++other)
@@ -80,7 +80,7 @@ int misplaced(const Rig& rig, const Nodes& nodes, int b) {
   return branches && contains(TRUNK, above) && !leads_to(b, above) ? -1 : above;
 }
 
-/// Without bones that are not needed and cannot be where they were found.
+/// The bones without optional ones whose place is impossible.
 Nodes kept(const Rig& rig, Nodes nodes) {
   for (int b = 0; b < BONE_COUNT; ++b)
     if (nodes[at(b)] >= 0 && !contains(REQUIRED, b) && misplaced(rig, nodes, b) >= 0) nodes[at(b)] = -1;
@@ -188,7 +188,7 @@ Nodes changed(const Rig& rig, Nodes nodes, const BoneMap::Changes& changes) {
   return nodes;
 }
 
-/// What is found, enough or not, and how.
+/// The bones found, enough or not, and how they were found.
 std::pair<Nodes, std::string> find(const Rig& rig, const std::map<std::string, int>& humanoid, const Basis& basis) {
   if (!humanoid.empty()) return {by_vrm(humanoid), "vrm"};
   const Nodes named = by_names(rig);

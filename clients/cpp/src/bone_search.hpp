@@ -1,4 +1,4 @@
-// What the searches for bones share: by names, by shape.
+// Shared by the searches for bones by names and by shape.
 #pragma once
 
 #include <algorithm>
@@ -38,26 +38,26 @@ inline Nodes none() {
   return nodes;
 }
 
-/// From a node down to one below it.
+/// The nodes from a node down to a descendant.
 Line path(const Rig& rig, int top, int bottom);
 /// A node and all below it, level by level.
 Line subtree(const Rig& rig, int node);
-/// Of a path, those at least so far from the one before: the later of two at one place.
+/// The nodes of a path, without those nearer than `least` to the one kept before.
 Line joints(const Rig& rig, const Line& line, double least);
 /// Nodes between pelvis and neck → spine bones: the last, from which arms hang, is spine3.
 void spread_spine(const Line& chain, Nodes& nodes);
 
 Nodes by_vrm(const std::map<std::string, int>& humanoid);
-/// What the names tell, enough for a humanoid or not.
+/// The bones that names reveal, enough for a humanoid or not.
 Nodes by_names(const Rig& rig);
-/// A node of a limb whose name tells the other side than its bone; -1: none does, or most tell the side that was found.
+/// A node of a limb whose name gives the other side than its bone; -1: none, or most agree with the side found.
 int contradicted(const Rig& rig, const Nodes& nodes);
 
-/// Branches of a rig that reach the ground, and what follows from them.
+/// Branches of a rig that reach the ground, and the bones that follow from them.
 class Shape {
  public:
   Shape(const Rig& rig, const Basis& basis);
-  /// What the shape tells, enough for a humanoid or not.
+  /// The bones that the shape reveals, enough for a humanoid or not.
   Nodes nodes() const;
   /// A pair of legs of the same body that hangs far from these two thighs; empty: none does.
   Line other_legs(int pelvis, const Line& hips) const;

@@ -52,7 +52,7 @@ Nodes by_vrm(const std::map<std::string, int>& humanoid) {
 
 namespace {
 
-/// Side ("left", "right", "") and the rest of a name; helpers give nothing.
+/// Side ("left", "right", "") and the rest of a name; both empty for helpers.
 struct Named {
   std::string_view side;
   std::string rest;
@@ -86,7 +86,7 @@ std::vector<std::string> tokens_of(const std::string& name) {
   return tokens;
 }
 
-/// Takes a word for a side off a token, with which words begin in scripts without spaces.
+/// Removes the side at the start of a token, where words begin with it in scripts without spaces.
 template <class Marks>
 bool take_side(std::string& token, const Marks& marks) {
   for (const auto mark : marks) {
@@ -140,8 +140,9 @@ class ByNames {
   }
 
  private:
-  /// The uppermost node of the role's first word that any has; below `inside`, if any is there. Otherwise anywhere: feet
-  /// of IK rigs hang from the root. A word that stands for two roles, as `foot`, is not looked for there again.
+  /// The uppermost node with the first of the role's words that any node has. Nodes below `inside` come first.
+  /// Otherwise it may be anywhere: feet of IK rigs hang from the root. A word of two roles, such as `foot`, is not
+  /// looked for there again.
   template <class Words>
   void find(int b, const Words& role, std::string_view side, int inside = -1, bool shares_foot = false) {
     for (const int within : inside < 0 ? Line{-1} : Line{inside, -1})
@@ -158,7 +159,7 @@ class ByNames {
       }
   }
 
-  /// What the trunk leads to: the neck, or the head, or both arms.
+  /// The nodes at the end of the trunk: the neck, or the head, or both arms.
   Line top() const {
     for (const int b : {NECK, HEAD})
       if (nodes_[at(b)] >= 0) return {nodes_[at(b)]};
@@ -178,7 +179,7 @@ class ByNames {
     return found;
   }
 
-  /// It carries both legs and the trunk: else it is the lowest node that does.
+  /// Moves the pelvis to the lowest node that carries both legs and the trunk.
   void find_pelvis() {
     const Line legs = thighs();
     if (legs.size() < 2) return;
@@ -193,7 +194,7 @@ class ByNames {
     }
   }
 
-  /// The nodes from which all of these hang, from below.
+  /// The common ancestors of these nodes, from below.
   Line shared(const Line& nodes) const {
     Line found;
     for (const int k : above_[at(nodes[0])])
@@ -201,8 +202,8 @@ class ByNames {
     return found;
   }
 
-  /// The trunk's bones, from which no thigh hangs; those of rigs that only number them, as Rigify, with neck and head: by
-  /// where arms branch off.
+  /// The trunk's bones, from which no thigh hangs. Where rigs only number them, with neck and head, as Rigify does,
+  /// where arms branch off tells them apart.
   void find_spine() {
     const Line ends = top();
     if (ends.empty() || nodes_[at(PELVIS)] < 0) return;
@@ -233,7 +234,7 @@ class ByNames {
     if (!rest.empty()) nodes_[at(HEAD)] = rest.back();
   }
 
-  /// Nodes with a name below this one, from the lowest: none that a thigh hangs from.
+  /// Named nodes below this one, from the lowest, except ancestors of thighs.
   Line trunk(int top_node) const {
     const Line legs = thighs();
     Line found;

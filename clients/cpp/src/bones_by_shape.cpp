@@ -3,10 +3,10 @@
 namespace wayfarer::bone_search {
 namespace {
 
-constexpr double LOW = 0.1;      // of the rig's height: a branch that ends so low reaches the ground
-constexpr double APART = 0.05;   // of that height: the ends of two legs stand apart at least so far
-constexpr double TOES = 0.02;    // of that height: toes lie at least so far before the ankle
-constexpr double FAR_OFF = 0.25; // of that height: a second pair of legs hangs so far from the first
+constexpr double LOW = 0.1;      // of the rig's height: a branch that ends below this reaches the ground
+constexpr double APART = 0.05;   // of that height: least distance between the ends of two legs
+constexpr double TOES = 0.02;    // of that height: least distance of toes before the ankle
+constexpr double FAR_OFF = 0.25; // of that height: least distance between two pairs of legs
 
 }  // namespace
 

@@ -93,7 +93,7 @@ bool Route::refused(int status, const std::string& host, int port) {
 bool Route::closed(int code, const std::string& reason) {
   const auto [host, port] = place_of(reason);
   if (code == 4421) return misdirected(host, port);
-  unavailable();  // in a cluster its node is gone, perhaps; in any case not at once
+  unavailable();  // its node may have left the cluster; in any case not at once
   return false;
 }
 

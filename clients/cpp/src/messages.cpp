@@ -117,7 +117,7 @@ Agent read_agent(ProtoReader reader) {
   return agent;
 }
 
-/// Into an event whose strings keep their room.
+/// Reads into an event whose strings keep their memory.
 void read_event(ProtoReader reader, Event& event) {
   event.kind = EventKind::unknown;
   event.agent_id.clear();

@@ -76,7 +76,7 @@ void MotionPlayer::take_batch(double now) {
   }
 }
 
-/// A new agent, or one that is known already, when a stream begins again.
+/// A new agent, or a known one when a stream begins again.
 void MotionPlayer::add(const Agent& agent, std::size_t width) {
   const auto known = agents_.find(agent.alias);
   if (known != agents_.end()) {

@@ -9,9 +9,9 @@ namespace {
 constexpr double FIRST_DELAY = 0.35, LEAST_DELAY = 0.2, MOST_DELAY = 1.5;
 constexpr double MARGIN = 0.06;     // over the worst lateness of the window
 constexpr double STRETCH = 0.05;    // playback runs at most this much faster or slower
-constexpr double JUMP = 1.0;        // seconds off beyond which it jumps instead (a machine that slept)
+constexpr double JUMP = 1.0;        // error in seconds beyond which it jumps instead (after a sleep)
 constexpr double BLEND = 0.2;       // seconds to blend from a held pose to the stream again
-constexpr std::size_t KEPT = 400;   // frames of an agent at most
+constexpr std::size_t KEPT = 400;   // most frames of an agent
 constexpr std::size_t FIRST_ROOM = 32;
 
 }  // namespace
@@ -38,7 +38,7 @@ void WindowLeast::grow() {
 }
 
 void PlayoutClock::observe(double now, double sent_at) {
-  // until experience tells, expect as much as the first delay allows
+  // at first, expect as much as the first delay allows
   if (!known(offset_)) earliness_.add(now, MARGIN - FIRST_DELAY);
   transit_.add(now, now - sent_at);
   offset_ = transit_.least(now);

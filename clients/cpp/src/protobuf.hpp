@@ -13,7 +13,7 @@
 
 namespace wayfarer {
 
-/// Reads the fields of one message; an embedded message has a reader of its own. Never reads beyond its bytes.
+/// Reads the fields of one message; an embedded message has its own reader. Never reads beyond its bytes.
 class ProtoReader {
  public:
   ProtoReader(const std::uint8_t* bytes, std::size_t size) : at_(bytes), end_(bytes + size) {}
@@ -68,7 +68,7 @@ class ProtoReader {
     into.assign(reinterpret_cast<const char*>(bytes), size);
   }
 
-  /// A repeated field: packed, or one at a time; appended.
+  /// Append a repeated field, packed or one at a time.
   void varints(std::vector<std::uint64_t>& into) {
     if (wire_type_ != 2) return into.push_back(varint());
     ProtoReader packed = message();
@@ -86,7 +86,7 @@ class ProtoReader {
     while (packed.left()) into.push_back(packed.fixed<T>());
   }
 
-  /// Pass over the value of a field that is not wanted.
+  /// Skip the value of a field that is not needed.
   void skip() {
     std::size_t size;
     if (wire_type_ == 0) raw();

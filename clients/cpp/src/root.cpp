@@ -6,7 +6,7 @@ namespace wayfarer {
 namespace {
 
 constexpr double SMOOTHING = 0.3;  // seconds: time constant of the critically damped filter
-constexpr double PAUSE = 2;        // seconds between samples beyond which it begins again in place
+constexpr double PAUSE = 2;        // seconds between samples beyond which it begins again at that place
 constexpr double TURN = 2 * 3.141592653589793;
 
 }  // namespace

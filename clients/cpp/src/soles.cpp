@@ -8,10 +8,10 @@
 namespace wayfarer {
 namespace {
 
-constexpr double STEEP[]{45, 75};  // degrees off straight down of the directions in which outermost points are looked for
-constexpr int ROUND = 8;           // how many of these directions there are round about
+constexpr double STEEP[]{45, 75};  // outermost points are looked for in these directions: degrees off straight down
+constexpr int ROUND = 8;           // number of directions around the vertical, for each
 
-/// Down, and obliquely down all round.
+/// Directions down, and obliquely down all around.
 std::vector<Vec3> sole_directions(const Basis& basis) {
   const double pi = 3.141592653589793;
   std::vector<Vec3> found{-basis.up};

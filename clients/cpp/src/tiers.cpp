@@ -28,7 +28,7 @@ std::vector<Quat> turned(const float* table, std::size_t count, const Basis& bas
   return found;
 }
 
-/// Between two rotations, linearly along the shorter arc, normalised.
+/// Interpolates two rotations linearly along the shorter arc, normalised.
 Quat mixed(const Quat& p, const Quat& q, double share) {
   const double cosine = p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w;
   const double from = 1 - share, to = cosine < 0 ? -share : share;
@@ -51,7 +51,7 @@ TierUnpacker::TierUnpacker(const Header& header)
       cycle_(turned(gait_table::CYCLE, GAIT_POSES * GAIT_BONES, basis_of(header))),
       up_(basis_of(header).up) {
   for (const Tier& tier : header.tiers) {
-    frame_bytes(tier.encoding, tier.bones.size());  // an unknown encoding is told at once
+    frame_bytes(tier.encoding, tier.bones.size());  // an unknown encoding throws at once
     if (tier.bones.size() > MOST_TIER_BONES) throw DecodeError(std::to_string(tier.bones.size()) + " bones are too many");
     if (!tier.sent_fps) throw DecodeError("the header says no frames per second");
     Packing packing{tier.encoding, tier.bones.size(), tier.bones == bones_, {}};

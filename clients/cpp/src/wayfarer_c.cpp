@@ -54,7 +54,7 @@ std::string& last_error() {
   return said;
 }
 
-/// What `make` gives, or `failed`: no exception leaves the library.
+/// The result of `make`, or `failed`: no exception leaves the library.
 template <class Result, class Make>
 Result guarded(Result failed, Make make) noexcept {
   try {
@@ -62,7 +62,7 @@ Result guarded(Result failed, Make make) noexcept {
   } catch (const std::exception& error) {
     try {
       last_error() = error.what();
-    } catch (...) {  // no memory to say so
+    } catch (...) {  // no memory for the message
     }
     return failed;
   }
@@ -265,7 +265,7 @@ std::int32_t wf_map_correct(wf_map* map, const char* bone, const char* node_name
   return guarded<std::int32_t>(WF_ERROR, [&] {
     const auto node = node_name ? std::optional<std::string>(node_name) : std::nullopt;
     map->map = map->map.corrected({{bone, node}});
-    map->soles.reset();  // they were measured of other bones
+    map->soles.reset();  // they were measured for other bones
     return 0;
   });
 }

@@ -1,4 +1,4 @@
-// What abi.c reads: abi_files FOLDER
+// Writes the files that abi.c reads: abi_files FOLDER
 
 #include <filesystem>
 #include <fstream>

@@ -55,7 +55,7 @@ int main(int count, char** values) {
     for (int k = 0; k < 40; ++k, ++round) {
       Bytes bytes = seeds[k < 2 ? std::size_t(8 + k) : random() % seeds.size()];
       if (k >= 2 && random() % 8) mutate(bytes, random, seeds);
-      // in a block of its own, of its own size: a byte beyond it is an error of the sanitizer
+      // in its own block of the exact size: the sanitizer reports a byte beyond it
       const std::unique_ptr<std::uint8_t[]> own(new std::uint8_t[bytes.size()]);
       std::copy(bytes.begin(), bytes.end(), own.get());
       try {

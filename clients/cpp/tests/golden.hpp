@@ -17,7 +17,7 @@ Bytes from_hex(const std::string& hex);
 /// A message of messages.json.
 Bytes message(const std::string& name);
 
-/// Frames of an agent who walks (91 numbers each), and its rest offsets.
+/// Frames of a walking agent (91 numbers each), and its rest offsets.
 struct Walk {
   std::vector<float> rest_offsets;
   std::vector<std::vector<float>> frames;

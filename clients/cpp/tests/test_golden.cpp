@@ -72,7 +72,7 @@ TEST_CASE("every packing of poses, in every basis") {
   }
 }
 
-TEST_CASE("tiers with less than all bones, in every basis") {
+TEST_CASE("tiers without all bones, in every basis") {
   const Json document = golden::json("tiers.json");
   for (const Json& own : document.at("cases")) {
     CAPTURE(own.at("basis").get<std::string>());

@@ -1,4 +1,4 @@
-// Messages of a stream: what they say, and those that are refused.
+// Messages of a stream: their content, and refusals.
 
 #include <doctest/doctest.h>
 
@@ -67,7 +67,7 @@ TEST_CASE("a batch gives new agents, chunks and removals") {
   CHECK(frames[0] == 3);
 }
 
-TEST_CASE("an event says what happened to whom; a heartbeat nothing") {
+TEST_CASE("an event says what happened to which agent; a heartbeat nothing") {
   StreamDecoder decoder;
   CHECK(decode(decoder, message("event")) == MessageKind::event);
   const Event& event = decoder.event();
@@ -77,7 +77,7 @@ TEST_CASE("an event says what happened to whom; a heartbeat nothing") {
   decode(decoder, message("batch"));
   CHECK(decode(decoder, message("heartbeat")) == MessageKind::heartbeat);
   CHECK((decoder.chunks() == 0 && decoder.added().empty() && decoder.removed().empty()));
-  CHECK(decoder.resume_token() == "r.1.41");  // all but this is of the last message
+  CHECK(decoder.resume_token() == "r.1.41");  // all except this is of the last message
 }
 
 TEST_CASE("malformed messages are refused in words") {
@@ -94,7 +94,7 @@ TEST_CASE("malformed messages are refused in words") {
                        DecodeError);
 }
 
-TEST_CASE("unknown fields of every wire type are passed over") {
+TEST_CASE("unknown fields of every wire type are skipped") {
   StreamDecoder decoder;  // fields 20 to 23: varint -1, fixed64, block, fixed32; then field 1 = 5
   const Bytes unknown{0xa0, 0x01, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01, 0xa9, 0x01, 1, 2, 3, 4,
                       5,    6,    7,    8,    0xb2, 0x01, 2,    7,    7,    0xbd, 0x01, 1,    2,    3,    4, 0x08, 5};
@@ -102,7 +102,7 @@ TEST_CASE("unknown fields of every wire type are passed over") {
   CHECK(decoder.sent_at() == 5e-6);
 }
 
-TEST_CASE("a player shows agents, tells of them, and counts") {
+TEST_CASE("a player shows agents, reports them, and counts") {
   std::vector<std::string> heard;
   PlayerEvents on;
   on.header = [&](const Header&, bool again) { heard.push_back(again ? "header again" : "header"); };
@@ -134,7 +134,7 @@ TEST_CASE("a player shows agents, tells of them, and counts") {
   CHECK((player.agents().empty() && heard.back() == "removed a-7"));
 }
 
-TEST_CASE("a header with tiers, a batch of roots, and who is hidden") {
+TEST_CASE("a header with tiers, a batch of roots, and hidden agents") {
   StreamDecoder decoder;
   decode(decoder, message("header_tiers"));
   const auto& tiers = decoder.header().tiers;
@@ -151,7 +151,7 @@ TEST_CASE("a header with tiers, a batch of roots, and who is hidden") {
   CHECK((decoder.header().bones.size() == 22 && decoder.header().tiers[0].bones.empty()));
 }
 
-TEST_CASE("a player shows all tiers alike, and takes away who is hidden") {
+TEST_CASE("a player shows all tiers alike, and removes hidden agents") {
   std::vector<std::string> told;
   PlayerEvents on;
   on.added = [&](PlayedAgent& played) { told.push_back("+" + played.agent.id); };
@@ -173,7 +173,7 @@ TEST_CASE("a player shows all tiers alike, and takes away who is hidden") {
   CHECK_THROWS_WITH_AS(give(plain, "batch_root", 0), doctest::Contains("1 tiers, not of 2"), DecodeError);
 }
 
-TEST_CASE("who comes nearer goes on, and who was not introduced is not shown") {
+TEST_CASE("an agent that comes nearer continues, and one that was not introduced is not shown") {
   std::vector<std::string> told;
   PlayerEvents on;
   on.added = [&](PlayedAgent& played) { told.push_back("+" + played.agent.id); };

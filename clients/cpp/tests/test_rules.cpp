@@ -1,4 +1,4 @@
-// What the traces do not show: refusals, corrections, recovery.
+// Refusals, corrections and recovery, which the traces do not show.
 
 #include <cmath>
 #include <doctest/doctest.h>
@@ -85,7 +85,7 @@ TEST_CASE("a map that failed is completed by corrections") {
   CHECK((map.found_by() == "user" && map.missing().empty()));
 }
 
-TEST_CASE("what is no humanoid is refused in words") {
+TEST_CASE("a rig that is no humanoid is refused in words") {
   const Rig table({{"table"}, {"leg1", 0, {0, -1, 0}}, {"leg2", 0, {1, -1, 0}}});
   CHECK_THROWS_WITH_AS(map_bones(table), doctest::Contains("no node was found for pelvis, left_hip"),
                        std::invalid_argument);

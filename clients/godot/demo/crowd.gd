@@ -1,5 +1,5 @@
 extends Node3D
-## Stick figures who walk about. Start the server, then this scene.
+## Stick figures that walk about. Start the server, then this scene.
 
 @export var people := 12
 @export var radius := 8.0

@@ -30,7 +30,7 @@ const OFFSETS: Array[Vector3] = [
 ]
 
 
-## A new one, which stands at the origin.
+## A new figure, which stands at the origin.
 static func make(colour: Color) -> Node3D:
 	var figure := Node3D.new()
 	var skeleton := Skeleton3D.new()

@@ -1,5 +1,5 @@
 extends RefCounted
-## What tests say, and what they read.
+## Checks of tests, and the files they read.
 
 var failures: Array[String] = []
 var checks := 0

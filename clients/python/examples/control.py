@@ -26,7 +26,7 @@ async def main(address: str) -> None:
                 print(f"corner {len(CORNERS) - len(ahead)} reached")
                 if not ahead:
                     break
-                try:  # refused if somebody else has sent her elsewhere meanwhile
+                try:  # refused if another client has given her a goal meanwhile
                     revision = await control.set_goal(ada, ahead.pop(0), expected=revision)
                 except Aborted as error:
                     print(error)

@@ -1,4 +1,4 @@
-"""A town square full of people, and somebody who has to get across it.
+"""A town square full of people, and a person who must cross it.
 
 python clients/python/examples/populate_square.py [address] [people]
 """

@@ -1,4 +1,4 @@
-"""A program that ends, and another that goes on where it was: no frame is missed.
+"""A program that ends, and another that resumes where it stopped, without a lost frame.
 
 python clients/python/examples/resume.py [address]
 """
@@ -11,7 +11,7 @@ from wayfarer_client import AgentSpec, Client, MotionStream
 
 
 async def main(address: str) -> None:
-    """Follow an agent in two lives of a program."""
+    """Follow an agent through two runs of a program."""
     session_id, token = await first_life(address)
     print("... away for a second; the agent walks on")
     await asyncio.sleep(1.0)
@@ -19,7 +19,7 @@ async def main(address: str) -> None:
 
 
 async def first_life(address: str) -> tuple[str, str]:
-    """Not `async with` for the session, which would be deleted: its lease keeps it."""
+    """No `async with`, which would delete the session: its lease keeps it."""
     async with Client(address) as client:
         session = await client.create_session(lease=30.0)
         (ada,) = await session.create_agents(AgentSpec(name="Ada"))
@@ -30,7 +30,7 @@ async def first_life(address: str) -> tuple[str, str]:
 
 
 async def second_life(address: str, session_id: str, token: str) -> None:
-    """A session that is joined lives on after `async with`, so it is deleted here."""
+    """A session that was joined remains after `async with`, so it is deleted here."""
     async with Client(address) as client, await client.session(session_id) as session:
         async with session.stream(resume_token=token) as stream:
             await show(stream, 10)

@@ -18,7 +18,7 @@ DEADLINE_S = 120.0
 
 
 def person(number: int) -> AgentSpec:
-    """Someone on a circle of 4 m, facing its centre."""
+    """A person on a circle of 4 m, facing its centre."""
     chance = random.Random(number)
     angle = 2 * math.pi * number / PEOPLE
     return AgentSpec(
@@ -67,7 +67,7 @@ async def main(address: str) -> int:
 
 
 async def send_on(session: Session, batch: Batch, reached: dict[str, int], started: float) -> None:
-    """Give those who have arrived their next goal."""
+    """Give agents that have arrived their next goal."""
     for frames in batch:
         agent = frames.agent
         # a chunk planned for an earlier goal says nothing about the present one

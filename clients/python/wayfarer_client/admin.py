@@ -10,7 +10,7 @@ LOAD_TIMEOUT_S: Final = 300.0
 
 
 class Admin:
-    """Models and the end of a server. `Client.admin` is one."""
+    """Manages models and ends the server; `Client.admin` is one."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -25,7 +25,7 @@ class Admin:
         return reply.model
 
     async def use_model(self, name: str, move_agents: bool = False) -> int:
-        """Let new agents be moved by it, and those present on request; return how many change."""
+        """Use it for new agents, and on request for present ones; return how many change."""
         request = admin_pb2.UseModelRequest(name=name, move_agents=move_agents)
         reply = await self._connection.call(self._connection.admin.UseModel, request)
         return int(reply.moved)
@@ -36,5 +36,5 @@ class Admin:
         await self._connection.call(self._connection.admin.UnloadModel, request)
 
     async def drain(self) -> None:
-        """Let the server end its streams and stop."""
+        """End the server's streams and stop it."""
         await self._connection.call(self._connection.admin.Drain, admin_pb2.DrainRequest())

@@ -27,7 +27,7 @@ class Basis:
         return float(np.arctan2(ahead @ np.cross(self.up, self.forward), ahead @ self.forward))
 
     def level(self, v: Array) -> Array:
-        """What of a vector [3] lies along the ground."""
+        """The part of a vector [3] that lies along the ground."""
         return v - (v @ self.up) * self.up
 
 

@@ -1,4 +1,4 @@
-"""What agents do of themselves, for `Session.behave`; in the session's basis, see goal.proto."""
+"""Behaviours of agents, for `Session.behave`, in the session's basis; see goal.proto."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -23,7 +23,7 @@ class Patrol:
     """Visiting goals again and again."""
 
     goals: Sequence[Goal]
-    to_and_fro: bool = False  # back the way it came; else from the last straight to the first
+    to_and_fro: bool = False  # back the way it came; otherwise straight from the last to the first
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +47,11 @@ class KeepAway:
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """Lining up; queues of one name are one, and the first agent in it says where it is."""
+    """Lining up. Queues of one name are one; its first agent defines where it is."""
 
     name: str
     head: Place  # where the first one stands
-    heading: float  # radians about up: which way those who wait face
+    heading: float  # radians about up: where waiting agents face
     spacing: float | None = None  # None: 0.8 m
     speed: float | None = None  # None: 1.2 m/s
 
@@ -73,7 +73,7 @@ class Part:
     """A part of a routine."""
 
     does: "Visit | Stand | Wander | Patrol | Follow | KeepAway | Queue"
-    seconds: float = 0.0  # then the next begins; 0: when it is done, as only a visit ever is
+    seconds: float = 0.0  # then the next begins; 0: when it is done, which only a visit can be
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Routine:
     """One thing after the other."""
 
     parts: Sequence[Part]
-    repeat: bool = False  # begin again after the last; else stand
+    repeat: bool = False  # begin again after the last; otherwise stand
 
 
 Behaviour: TypeAlias = Wander | Patrol | Follow | KeepAway | Queue | Routine

@@ -1,4 +1,4 @@
-"""Which node of a rig is which bone: by VRM's table, else by names, else by shape.
+"""Maps nodes of a rig to bones: by VRM's table, otherwise by names, otherwise by shape.
 
 clients/README.md, "Bones of a character", has the rules and the refusals.
 """
@@ -18,17 +18,17 @@ from .rig import BONES, PARENTS, Rig
 REQUIRED: Final = ("pelvis", *(f"{s}_{b}" for s in SIDES for b in ("hip", "knee", "ankle")))
 TRUNK: Final = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
 BRANCHING: Final = ("hip", "collar", "shoulder")
-"""Bones that may hang from any bone of the trunk: they move with their own."""
+"""Bones that may hang from any bone of the trunk; they move with that bone."""
 UNEVEN: Final = 1.01
-"""Most that the scales of a node's axes may be of each other."""
+"""Greatest ratio between the scales of a node's axes."""
 HEELS: Final = 0.3
-"""Share of a thigh's height over the lowest node of its leg up to which an ankle is one."""
+"""Greatest height of an ankle over the lowest node of its leg, as a share of the thigh's height."""
 HINDLEGS: Final = (
     "legs as animals' hind legs, whose heels are off the ground, are not found by their shape. Say "
     "which bones these are, by a correction"
 )
 BACKWARD: Final = 0.2
-"""Cosine up to which toes may point backwards."""
+"""Cosine of the angle up to which toes may point backwards."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class BoneMap:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Bones that the rig does not have; their turns go on into their children."""
+        """Bones that the rig does not have; their children take over their rotations."""
         return tuple(bone for bone in BONES if bone not in self.bones)
 
     def table(self) -> dict[str, str]:
@@ -61,11 +61,9 @@ def map_bones(
     basis: Basis = BASES["gltf"],
     correct: Mapping[str, str | None] | None = None,
 ) -> BoneMap:
-    """The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up;
-    `correct`: as `BoneMap.corrected`, also of what would be refused without.
-
-    Raises InvalidArgument that names what is missing, or why this is nothing that walks on two
-    legs.
+    """The map of a rig. `humanoid`: VRM's names → nodes. `basis`: gives the up of the rig's space.
+    `correct`: as for `BoneMap.corrected`; it also serves rigs that would be refused without it.
+    Raises InvalidArgument that names what is missing, or why the rig is no biped.
     """
     bones, found_by = _found(rig, humanoid, basis)
     if correct:
@@ -78,7 +76,7 @@ def map_bones(
 def _found(
     rig: Rig, humanoid: Mapping[str, int] | None, basis: Basis
 ) -> tuple[dict[str, int], str]:
-    """What is found, enough or not, and how."""
+    """The bones found, enough or not, and how they were found."""
     if humanoid:
         return by_vrm(humanoid), "vrm"
     named = by_names(rig)
@@ -107,7 +105,7 @@ def _changed(
 
 
 def _kept(rig: Rig, bones: Mapping[str, int]) -> dict[str, int]:
-    """Without bones that are not needed and cannot be where they were found."""
+    """The bones without optional ones whose place is impossible."""
     kept = {bone: bones[bone] for bone in BONES if bone in bones}
     for bone in BONES:
         if bone in kept and bone not in REQUIRED and _misplaced(rig, kept, bone) is not None:
@@ -116,7 +114,7 @@ def _kept(rig: Rig, bones: Mapping[str, int]) -> dict[str, int]:
 
 
 def _misplaced(rig: Rig, bones: Mapping[str, int], bone: str) -> str | None:
-    """What a bone hangs from ("": nothing), or is, and should not."""
+    """The bone that this one wrongly hangs from or shares a node with; None: none."""
     node = bones[bone]
     above = next((b for k in rig.ancestors(node) for b, n in bones.items() if n == k), "")
     twin = next((b for b, n in bones.items() if n == node and b != bone), None)
@@ -129,7 +127,7 @@ def _misplaced(rig: Rig, bones: Mapping[str, int], bone: str) -> str | None:
 
 
 def _line(bone: str) -> list[str]:
-    """The bones above one, to the pelvis."""
+    """The bones above a bone, up to the pelvis."""
     found, k = [], PARENTS[BONES.index(bone)]
     while k >= 0:
         found.append(BONES[k])
@@ -138,7 +136,7 @@ def _line(bone: str) -> list[str]:
 
 
 def _checked(rig: Rig, bones: Mapping[str, int]) -> dict[str, int]:
-    """In canonical order, if they are those of a humanoid."""
+    """The bones in canonical order. Raises InvalidArgument if they are not a humanoid's."""
     lacking = [bone for bone in REQUIRED if bone not in bones]
     if lacking:
         roles = dict.fromkeys(bone.removeprefix("left_").removeprefix("right_") for bone in lacking)

@@ -26,11 +26,11 @@ LIMBS: Final = (
     ("hip", ""), ("knee", "hip"), ("ankle", "knee"), ("foot", "ankle"),
     ("shoulder", ""), ("elbow", "shoulder"), ("wrist", "elbow"), ("collar", ""),
 )  # fmt: skip
-"""Role, and the role of the bone that it hangs from."""
+"""Pairs of a role and the role of the bone that it hangs from."""
 
 
 def words(name: str) -> tuple[str, str]:
-    """Side ("left", "right", "") and the rest of a name; helpers give ("", "")."""
+    """Side ("left", "right", "") and rest of a name; ("", "") for helpers."""
     last = re.split(r"[:|]", name)[-1]
     tokens = [token.lower() for token in TOKENS.findall(BREAKS.sub(" ", last))]
     if any(token in WORDS["helpers"] for token in tokens):
@@ -49,7 +49,7 @@ def words(name: str) -> tuple[str, str]:
 
 
 def _begins(token: str, mark: str) -> bool:
-    """Words in scripts without spaces begin with their side."""
+    """Whether a word in a script without spaces begins with its side."""
     return not mark.isascii() and token.startswith(mark)
 
 
@@ -75,7 +75,7 @@ def by_vrm(humanoid: Mapping[str, int]) -> dict[str, int]:
 
 
 def by_names(rig: Rig) -> dict[str, int]:
-    """What the names tell, enough for a humanoid or not."""
+    """The bones that names reveal, enough for a humanoid or not."""
     return _Names(rig).bones
 
 
@@ -95,10 +95,9 @@ class _Names:
         self.find_spine()
 
     def find(self, bone: str, role: str, side: str, inside: int | None = None) -> None:
-        """The uppermost node of the role's first word that any has; below `inside`, if any is
-        there. Otherwise anywhere: feet of IK rigs hang from the root. A word that stands for two
-        roles, as
-        `foot`, is not looked for there again.
+        """The uppermost node with the first of the role's words that any node has.
+        Nodes below `inside` come first. Otherwise it may be anywhere: feet of IK rigs hang from
+        the root. A word of two roles, such as `foot`, is not looked for there again.
         """
         for within in (inside,) if inside is None else (inside, None):
             for word in WORDS["roles"][role]:
@@ -117,7 +116,7 @@ class _Names:
                     return
 
     def top(self) -> list[int]:
-        """What the trunk leads to: the neck, or the head, or both arms."""
+        """The nodes at the end of the trunk: the neck, or the head, or both arms."""
         for bone in ("neck", "head"):
             if bone in self.bones:
                 return [self.bones[bone]]
@@ -125,7 +124,7 @@ class _Names:
         return [arm for arm in arms if arm is not None] if None not in arms else []
 
     def find_pelvis(self) -> None:
-        """It carries both legs and the trunk: else it is the lowest node that does."""
+        """Moves the pelvis to the lowest node that carries both legs and the trunk."""
         legs = [self.bones[bone] for bone in ("left_hip", "right_hip") if bone in self.bones]
         if len(legs) < 2:
             return
@@ -138,12 +137,12 @@ class _Names:
                 return
 
     def shared(self, nodes: list[int]) -> list[int]:
-        """The nodes from which all of these hang, from below."""
+        """The common ancestors of these nodes, from below."""
         return [k for k in self.above[nodes[0]] if all(k in self.above[n] for n in nodes)]
 
     def find_spine(self) -> None:
-        """The trunk's bones, from which no thigh hangs; those of rigs that only number them, as
-        Rigify, with neck and head: by where arms branch off.
+        """The trunk's bones, from which no thigh hangs. Where rigs only number them, with neck and
+        head, as Rigify does, where arms branch off tells them apart.
         """
         top = self.top()
         if not top or "pelvis" not in self.bones:
@@ -169,7 +168,7 @@ class _Names:
             self.bones["head"] = rest[-1]
 
     def trunk(self, top: int) -> list[int]:
-        """Nodes with a name below this one, from the lowest: none that a thigh hangs from."""
+        """Named nodes below this one, from the lowest, except ancestors of thighs."""
         found = []
         legs = [self.bones[bone] for bone in ("left_hip", "right_hip") if bone in self.bones]
         for k in self.above[top]:
@@ -180,13 +179,13 @@ class _Names:
         return found[::-1]
 
     def plain(self, node: int) -> bool:
-        """Whether a node has a name, of no side."""
+        """Whether a node has a name without a side."""
         side, rest = self.words[node]
         return bool(rest) and not side
 
 
 def joints(rig: Rig, path: list[int], least: float) -> list[int]:
-    """Of a path, those at least so far from the one before: the later of two at one place."""
+    """The nodes of a path, without those nearer than `least` to the one kept before."""
     found: list[int] = []
     for k in path:
         if found and np.linalg.norm(rig.places[k] - rig.places[found[-1]]) < least:

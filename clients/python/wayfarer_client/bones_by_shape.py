@@ -11,17 +11,17 @@ from .quaternions import Array
 from .rig import Rig
 
 LOW: Final = 0.1
-"""Share of the rig's height over its lowest node up to which a branch ends at the ground."""
+"""A branch that ends below this share of the rig's height reaches the ground."""
 APART: Final = 0.05
-"""Share of that height by which the ends of two legs stand apart at least."""
+"""Least distance between the ends of two legs, as a share of that height."""
 TOES: Final = 0.02
-"""Share of that height by which toes lie before the ankle, at least."""
+"""Least distance of toes before the ankle, as a share of that height."""
 FAR: Final = 0.25
-"""Share of that height: a second pair of legs hangs so far from the first."""
+"""Least distance between two pairs of legs, as a share of that height."""
 
 
 class Shape:
-    """Branches of a rig that reach the ground, and what follows from them."""
+    """Branches of a rig that reach the ground, and the bones that follow from them."""
 
     def __init__(self, rig: Rig, basis: Basis) -> None:
         self.rig, self.basis = rig, basis
@@ -30,18 +30,18 @@ class Shape:
 
     @cached_property
     def below(self) -> list[list[int]]:
-        """Of each node, itself and all that hang from it."""
+        """Each node with all its descendants."""
         return [self.rig.subtree(k) for k in range(len(self.rig.nodes))]
 
     @cached_property
     def lowest(self) -> list[int]:
-        """Of each node, the lowest of these."""
+        """The lowest of these, for each node."""
         return [min(nodes, key=lambda n: self.height[n]) for nodes in self.below]
 
     @cached_property
     def pairs(self) -> list[tuple[int, list[int], list[int]]]:
-        """Node, and the joints of two branches of at least three that hang from it and reach the
-        ground apart from each other.
+        """Nodes with two branches that reach the ground apart from each other; with the joints of
+        both, three or more each.
         """
         found = []
         ground = self.height.min() + LOW * self.tall if self.tall > 0 else -np.inf
@@ -80,7 +80,7 @@ class Shape:
         return None
 
     def bones(self) -> dict[str, int]:
-        """What the shape tells, enough for a humanoid or not."""
+        """The bones that the shape reveals, enough for a humanoid or not."""
         walking = [
             pair
             for pair in self.pairs
@@ -105,7 +105,7 @@ class Shape:
         return bones | self.upper(_path(self.rig, pelvis, top)[1:], left)
 
     def upper(self, spine: list[int], left: Array) -> dict[str, int]:
-        """The trunk, by where arms branch to both sides of it."""
+        """The trunk's bones, by where arms branch off on both sides."""
         rig, side_of = self.rig, self.rig.places @ left
         for k, chest in enumerate(spine):
             arms = [c for c in rig.children[chest] if c not in spine]
@@ -132,8 +132,8 @@ class Shape:
 
 
 def contradicted(rig: Rig, bones: dict[str, int]) -> str:
-    """A node of a limb whose name tells the other side than its bone; "": none does, or as many
-    names tell the side that was found.
+    """A node of a limb whose name gives the other side than its bone. "": none, or as many names
+    agree with the side that was found.
     """
     against, told = "", 0
     for bone, node in bones.items():

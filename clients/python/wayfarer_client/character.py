@@ -1,7 +1,7 @@
 """A user's own character in a GLB or VRM file, with an agent's motion put into it.
 
-Nothing of the file changes but that it has one more animation, before its own. This module and
-those that it imports are the server's, too (service/wayfarer/characters): hence relative imports.
+The file gains one animation, before its own; nothing else changes. The server also uses this module
+and those that it imports (service/wayfarer/characters), so their imports are relative.
 """
 
 import json
@@ -65,14 +65,14 @@ class Character:
         return cls(document, binary, rig, bones, numbers, measure_soles(bones, *points))
 
     def corrected(self, changes: Mapping[str, str | None]) -> "Character":
-        """With other nodes for some bones, by name; see `BoneMap.corrected`."""
+        """The character with other nodes for some bones; see `BoneMap.corrected`."""
         bones = self.bones.corrected(changes)
         points = Skins(self.document, self.binary, self.rig, self.numbers).points()
         return replace(self, bones=bones, soles=measure_soles(bones, *points))
 
     def joints(self) -> tuple[dict[str, Array], float | None]:
-        """Joints [3] at rest by bone, upright in the glTF basis, and the height of its floor: what
-        a body of its proportions is made of.
+        """Joints [3] at rest by bone, upright in the glTF basis, and the height of the floor. A
+        body of its proportions is made from these.
         """
         return character_joints(self.bones, floor=self.soles.floor if self.soles else None)
 
@@ -140,7 +140,7 @@ class Character:
         return file.to_bytes()
 
     def _at_rest(self) -> Iterator[tuple[int, str, Array]]:
-        """Node of the rig, path and value of what its rest has otherwise than the document."""
+        """Node of the rig, path and value wherever its rest differs from the document."""
         for k, (number, node) in enumerate(zip(self.numbers, self.rig.nodes, strict=True)):
             found = _transform(self.document["nodes"][number])
             rest = (node.position, node.rotation, node.scale)
@@ -158,12 +158,12 @@ class Carrier:
     retarget: Retarget = field(repr=False)
     root: SmoothRoot = field(repr=False)
     _turn: Array = field(default_factory=lambda: IDENTITY, repr=False)
-    """Of what hangs from it since rest, and where it was moved, in the world."""
+    """The turn since rest of what hangs from it, and its new place, in the world."""
     _place: Array = field(default_factory=lambda: np.zeros(3), repr=False)
 
     @classmethod
     def of(cls, character: Character, retarget: Retarget) -> "Carrier | None":
-        """None: nothing but the hips hangs from what is above them."""
+        """The carrier; None when the nodes above the hips carry nothing else."""
         rig, bones = character.rig, set(retarget.nodes.values())
         skins = Skins(character.document, character.binary, rig, character.numbers)
         joints = skins.joints()
@@ -178,7 +178,7 @@ class Carrier:
         for node in reversed(line[1 : highest + 2]):
             below = set(rig.subtree(node))
             if any(skin & below and not skin & own for skin in joints):
-                continue  # another one's skeleton hangs there, too
+                continue  # the skeleton of another character hangs there, too
             return cls(node, rig, retarget, SmoothRoot(retarget.basis)) if held & below else None
         return None
 
@@ -218,7 +218,7 @@ class Carrier:
 
 
 class _Growing:
-    """A document to whose binary chunk arrays are added."""
+    """Adds arrays to the binary chunk of a document."""
 
     def __init__(self, document: Json, binary: bytes) -> None:
         self.document = document
@@ -344,15 +344,15 @@ def _transform(node: Json) -> tuple[list[float], list[float], list[float]]:
 
 
 def _split_matrix(node: Json) -> None:
-    """With what can be animated, in the place of a matrix."""
+    """The node with properties that can be animated in place of a matrix."""
     if "matrix" in node:
         node["translation"], node["rotation"], node["scale"] = _transform(node)
         del node["matrix"]
 
 
 def _humanoid(document: Json, numbers: tuple[int, ...]) -> dict[str, int] | None:
-    """VRM's bones as nodes of the rig, by VRM 1's names (those of legs, arms and spine are VRM
-    0's, too).
+    """VRM's bones as nodes of the rig, by VRM 1's names. VRM 0 has the same names for legs, arms
+    and spine.
     """
     extensions = document.get("extensions", {})
     if "VRMC_vrm" in extensions:
@@ -369,7 +369,7 @@ def _humanoid(document: Json, numbers: tuple[int, ...]) -> dict[str, int] | None
 
 
 def _continuous(turns: Array) -> Array:
-    """Neighbours on one half-sphere, so that no player spins [N, 4]."""
+    """Rotations [N, 4] with neighbours on one half-sphere, so that no player spins."""
     flips = (turns[1:] * turns[:-1]).sum(-1) < 0
     signs = np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)
     return np.concatenate([turns[:1], turns[1:] * signs[:, None]])

@@ -48,8 +48,8 @@ class Client:
     ) -> None:
         """`timeout`: seconds for connecting and for each call.
 
-        `token` is a JWT, or a function that gives a fresh one: it is asked at every call. Keys and
-        tokens can be read on the way unless `tls` is given.
+        `token` is a JWT, or a function that returns a fresh one and is called for every call.
+        Keys and tokens can be read on the way unless `tls` is given.
         """
         self.connection = Connection(address, timeout, Access(api_key, token), tls)
         self.admin = Admin(self.connection)
@@ -67,7 +67,7 @@ class Client:
         return self
 
     async def close(self) -> None:
-        """Close the connection. Sessions live on until they are deleted or their lease ends."""
+        """Close the connection. Sessions remain until they are deleted or their lease ends."""
         await self.connection.close()
 
     async def __aenter__(self) -> Self:
@@ -96,10 +96,10 @@ class Client:
     ) -> Session:
         """Open a session; basis: gltf, unity, unreal, unreal_mannequin, blender or ros.
 
-        `seed`: from which agents without one of their own draw theirs. `lease`: seconds that it
-        outlives its last call and stream. `lock_step`: time passes in `Session.step` only.
+        `seed`: agents without a seed draw theirs from it. `lease`: seconds that the session
+        outlives its last call and stream. `lock_step`: time passes only in `Session.step`.
         `record`: keep its commands for `Session.export_log`. `scene`: where its agents walk; empty:
-        the endless flat floor. `avoid`: they keep out of each other's way.
+        the endless flat floor. `avoid`: agents avoid each other.
         """
         request = session_pb2.CreateSessionRequest(
             basis=enum_label(common_pb2.Basis, basis, "basis"),
@@ -114,19 +114,19 @@ class Client:
         return self._session(reply.session, owned=True)
 
     async def session(self, session_id: str) -> Session:
-        """Take part in a session that exists; it is not deleted at the end. Raises NotFound."""
+        """Join an existing session, which is not deleted at the end. Raises NotFound."""
         request = session_pb2.GetSessionRequest(session_id=session_id)
         reply = await self.connection.call(self.connection.sessions.GetSession, request)
         return self._session(reply.session, owned=False)
 
     async def sessions(self) -> list[Session]:
-        """Those of this caller, oldest first."""
+        """The sessions of this caller, oldest first."""
         request = session_pb2.ListSessionsRequest()
         reply = await self.connection.call(self.connection.sessions.ListSessions, request)
         return [self._session(message, owned=False) for message in reply.sessions]
 
     async def import_session(self, snapshot: bytes) -> Session:
-        """Go on with a session that `Session.export` has exported, here or on another server."""
+        """Resume a session from `Session.export`, on this or another server."""
         request = snapshot_pb2.ImportSessionRequest(snapshot=snapshot)
         reply = await self.connection.call(self.connection.snapshots.ImportSession, request)
         return self._session(reply.session, owned=True)
@@ -149,7 +149,7 @@ class Client:
         basis: str = "gltf",
         format: PoseFormat | None = None,
     ) -> AsyncGenerator[Batch]:
-        """One agent's walk, as fast as the server finds time for. Times count from its start.
+        """One agent's walk, as fast as the server can make it. Times count from its start.
 
         `until_arrival`: end once the last goal is reached and the agent stands. `tracks` joins the
         batches: `tracks([batch async for batch in client.generate_clip(...)])`.
@@ -168,13 +168,13 @@ class Client:
         until_arrival: bool = False,
         basis: str = "gltf",
     ) -> bytes:
-        """As `generate_clip`, as the content of a file; None: a GLB with body and motion."""
+        """The clip of `generate_clip` as a file's content. None: a GLB with body and motion."""
         request = _clip_request(agent, goals, seconds, until_arrival, basis)
         request.file.CopyFrom((file or MotionFile()).to_wire())
         return await self.connection.file(self.connection.motion.GenerateClip, request)
 
     def replay(self, log: bytes, *, format: PoseFormat | None = None) -> AsyncGenerator[Batch]:
-        """The motion of a session again, from `Session.export_log`; times as they were."""
+        """The motion of a session from `Session.export_log`, with its original times."""
         request = snapshot_pb2.ReplayRequest(log=log, format=(format or PoseFormat()).to_wire())
         return self._batches(self.connection.messages(self.connection.snapshots.Replay, request))
 
@@ -218,9 +218,9 @@ class Client:
     ) -> BodyFit:
         """The body whose bones are as long as a character's: `fit.spec()` makes such an agent.
 
-        `character`: its file, the map of its bones, or places of its joints by bone; hips, knees
-        and ankles are needed. `floor`: height under its soles; a map knows it where the character
-        stands on the ground. `gender`: of the body; empty: the one that fits better. Raises
+        `character`: its file, the map of its bones, or its joints' places by bone; hips, knees and
+        ankles are needed. `floor`: height under its soles, which a map knows if the character
+        stands on the ground. `gender`: that of the body; empty: the one that fits better. Raises
         InvalidArgument.
         """
         if isinstance(character, Character | BoneMap):

@@ -1,4 +1,4 @@
-"""The channel to a server: how it is opened, who calls, how failures become errors."""
+"""The channel to a server: connecting, credentials, and errors from failures."""
 
 import asyncio
 import random
@@ -34,15 +34,15 @@ from wayfarer_client.v1 import (
 )
 
 BACKOFF_S: Final = (0.1, 2.0)
-"""First and longest pause between attempts; doubled in between."""
+"""First and longest pause between attempts, seconds; each pause is twice the one before."""
 
 OPTIONS: Final = [
     ("grpc.keepalive_time_ms", 20_000),
     ("grpc.keepalive_timeout_ms", 10_000),
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 2_000),
-    # Let a reader that is too slow be seen by the server, which then drops old frames, instead
-    # of piling up minutes of motion in this process.
+    # The server must notice a reader that is too slow: it then drops old frames, instead of piling
+    # up minutes of motion in this process.
     ("grpc.http2.lookahead_bytes", 64 * 1024),
     ("grpc.max_receive_message_length", 64 * 1024 * 1024),
 ]
@@ -55,7 +55,7 @@ class Tls:
     ca: Path | None = None  # PEM file of the authority that signed the server's certificate
     certificate: Path | None = None  # PEM file of this client's certificate chain (mTLS)
     key: Path | None = None  # PEM file of its private key
-    server_name: str = ""  # name in the server's certificate, where it is not that of the address
+    server_name: str = ""  # name in the server's certificate, if it differs from the address
 
     def credentials(self) -> grpc.ChannelCredentials:
         """Raises InvalidArgument when a file cannot be read."""
@@ -73,10 +73,10 @@ class Tls:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What shows the server who calls. None of it is logged or shown."""
+    """The caller's credentials. They are never logged or shown."""
 
     api_key: str = field(default="", repr=False)
-    token: str | Callable[[], str] = field(default="", repr=False)  # a JWT, or what gives a new one
+    token: str | Callable[[], str] = field(default="", repr=False)  # a JWT, or a function
 
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """Headers of a call."""
@@ -91,12 +91,12 @@ class Access:
 class Connection:
     """A channel and its stubs.
 
-    A server may be many nodes: what lives on another one is called there. A node that does not
-    answer is forgotten, and asked for again at the address of the connection.
+    A server may be several nodes: calls go to the node where their session or scene lives. A node
+    that does not answer is forgotten, and the connection's address is asked for it again.
     """
 
     def __init__(self, address: str, timeout: float, access: Access, tls: Tls | None) -> None:
-        """`timeout`: seconds for connecting, for each call, and for the tries of one refused."""
+        """`timeout`: seconds for connecting, for each call, and for its retries."""
         self.address = address
         self.timeout = timeout
         self._access = access
@@ -134,7 +134,7 @@ class Connection:
             await channel.close(None)
 
     def learn(self, session_id: str, host: str, port: int) -> None:
-        """A session lives at that node."""
+        """Note that a session lives at that node."""
         self.homes.learn(session_id, self.homes.node(host, port))
 
     def _node(self, address: str) -> grpc.aio.Channel:
@@ -145,14 +145,14 @@ class Connection:
         return self._nodes[address]
 
     def route(self, request: Any) -> Route:
-        """Where a call goes that concerns whom a request or an id names."""
+        """The route of a call about the session, scene or agent that is named."""
         return self.homes.route(about(request))
 
     async def call(self, method: Any, request: Any, timeout: float | None = None) -> Any:
         """The reply to a request. Raises WayfarerError.
 
-        One that is refused for now is sent again when the server has said, as long as that is
-        within the connection's `timeout`. One that belongs to another node goes there.
+        A call that is refused temporarily is sent again after the server's waiting time, within
+        the connection's `timeout`. A call that belongs to another node goes there.
         """
         limit = self.timeout if timeout is None else timeout
         ends_at = _now() + self.timeout
@@ -170,9 +170,9 @@ class Connection:
                 raise refusal
 
     async def create(self, method: Any, request: Any, timeout: float | None = None) -> Any:
-        """As `call`, again and again while the server is unavailable, for `self.timeout`.
+        """As `call`, repeated while the server is unavailable, for `self.timeout`.
 
-        The request carries an id, so that it takes effect once whatever gets lost on the way.
+        The request carries an id, so that it takes effect once, whatever is lost on the way.
         """
         request.request_id = request.request_id or str(uuid.uuid4())
         backoff = Backoff(self.timeout)
@@ -191,7 +191,7 @@ class Connection:
     async def messages(self, method: Any, request: Any) -> AsyncGenerator[Any]:
         """All messages of a stream that is read once. Raises WayfarerError.
 
-        One that is refused for now is asked for again, as of `call`.
+        A stream that is refused temporarily is requested again, as by `call`.
         """
         ends_at = _now() + self.timeout
         begun = False
@@ -217,14 +217,14 @@ class Connection:
 
 
 def goes_on(route: Route, refusal: WayfarerError) -> bool:
-    """Whether the call goes on at another node, which is now the route's `address`."""
+    """Whether the call continues at another node, now the route's `address`."""
     if isinstance(refusal, Misdirected):
         return route.misdirected(refusal.host, refusal.grpc_port)
     return isinstance(refusal, Unavailable) and route.unavailable()
 
 
 async def come_again(refusal: WayfarerError, ends_at: float) -> bool:
-    """Wait as long as the server asks; False at once when it does not ask, or time is up."""
+    """Wait for as long as the server asks; False at once if it does not, or time is up."""
     wait = refusal.retry_after * random.uniform(1.0, 1.2)  # so that not all come back together
     if not (isinstance(refusal, ResourceExhausted) and 0 < wait <= ends_at - _now()):
         return False
@@ -249,7 +249,7 @@ class Backoff:
         left = self._ends_at - _now()
         if left <= 0:
             return False
-        # by chance: clients that a server has lost together must not come back together
+        # random: clients that a server lost together must not come back together
         pause = max(at_least, self._pause * random.uniform(0.5, 1.0))
         self._pause = min(2 * self._pause, BACKOFF_S[1])
         await asyncio.sleep(min(pause, left))

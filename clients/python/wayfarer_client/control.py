@@ -26,29 +26,30 @@ from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
 
 LOOK_S: Final = 0.1
-"""Seconds between viewpoints that are sent, at least."""
+"""Least seconds between two viewpoints that are sent."""
 
 VIEW_ID: Final = (1 << 64) - 1
 """`command_id` of viewpoints, which are answered only when they are refused."""
 
 QUEUE: Final = 64
-"""Batches that wait for this program to read them; then the oldest are lost."""
+"""Most batches that wait for this program; beyond it the oldest are lost."""
 
 
 FIELDS: Final = {
     field.message_type.full_name: field.name  # type: ignore[union-attr]
     for field in control_pb2.ControlRequest.DESCRIPTOR.oneofs_by_name["payload"].fields
 }
-"""In which field of a ControlRequest a message goes."""
+"""Field of a ControlRequest that each message goes into."""
 
 
 class Control(GoalCommands):
-    """As `async with`: iterate over its batches, and give commands, at the same time.
+    """Goals and motion over one connection. Use it as `async with`; iterate over its batches and
+    give commands at the same time.
 
-    Each batch that is taken is acknowledged, with the playhead: from the first on, the server runs
-    ahead of it by Limits.lead_s at most, however slowly this program takes them. A lost connection
-    is made again as `MotionStream` does; commands under way then raise Unavailable, and may or may
-    not have been heard.
+    Each batch taken is acknowledged, with the playhead. From the first on, the server is ahead of
+    the playhead by Limits.lead_s at most, however slowly this program reads. A lost connection is
+    restored as by `MotionStream`; commands under way then raise Unavailable, and may have been
+    carried out.
     """
 
     def __init__(
@@ -88,7 +89,7 @@ class Control(GoalCommands):
 
     @property
     def info(self) -> StreamInfo | None:
-        """What the header of the present connection says; None before the first batch."""
+        """The header of the present connection; None before the first batch."""
         return self._reader.info
 
     @property
@@ -110,10 +111,10 @@ class Control(GoalCommands):
         raise item
 
     async def ack(self, playhead: float, resume_token: str = "") -> None:
-        """Say what is on the screen now: Unix seconds of the server's clock.
+        """Report what is on the screen now, in Unix seconds of the server's clock.
 
-        Taking a batch does so by itself, with the time of its first frame; a program that plays
-        with a delay of its own says it better.
+        Taking a batch reports the time of its first frame; a program that plays with a delay
+        reports it more precisely.
         """
         if self._call is None:
             return
@@ -123,11 +124,11 @@ class Control(GoalCommands):
         await self._write(control_pb2.ControlRequest(ack=message))
 
     async def look(self, *viewpoints: Viewpoint) -> None:
-        """See the agents from these places, of a stream with `interest`. Call it as often as a
-        camera moves: ten calls a second are sent at most, and the last always.
+        """See the agents from these places, in a stream with `interest`. Call it as often as the
+        camera moves: ten calls a second at most are sent, and always the last.
 
-        A connection that is made again begins with the last ones. Raises what the server said of
-        the ones before, if it refused them.
+        A restored connection begins with the last ones. Raises the server's error about earlier
+        viewpoints, if it refused them.
         """
         if not self._request.HasField("interest"):
             raise FailedPrecondition("the stream was opened without `interest`")
@@ -177,7 +178,7 @@ class Control(GoalCommands):
         try:
             async with self._writing:
                 await self._call.write(request)
-        except Exception as error:  # what grpc.aio raises on a call that is over differs by moment
+        except Exception as error:  # grpc.aio raises various errors on a call that is over
             raise Unavailable(f"the connection is lost: {error}") from None
 
     async def _acknowledge(self, batch: Batch) -> None:
@@ -199,7 +200,7 @@ class Control(GoalCommands):
         finally:
             self._ended = end or Unavailable("the control stream has ended")
             self._hang_up(self._ended)
-            self._opened.set()  # waiters for a connection learn that there will be none
+            self._opened.set()  # those waiting for a connection see that none will come
             self._batches.put_nowait(end)
 
     async def _received(self) -> AsyncGenerator[Batch]:
@@ -242,7 +243,7 @@ class Control(GoalCommands):
             self._call.cancel()
 
     async def _keep_up(self, message: motion_pb2.StreamMotionResponse) -> None:
-        """Let the playhead go on while nothing moves: motion may begin again at any later time."""
+        """Advance the playhead while nothing moves: motion may begin again at any time."""
         if message.HasField("heartbeat") and self._batches.empty():
             await self.ack(message.sent_at_us / 1e6)
 
@@ -264,7 +265,7 @@ class Control(GoalCommands):
                 waiting.set_exception(error)
 
     def _keep(self, batch: Batch) -> None:
-        """Queue it for the program; a program that does not take it gets a notice of the loss."""
+        """Queue it for the program, which gets an event if it reads too late."""
         if self._batches.qsize() >= QUEUE:
             self._batches.get_nowait()
             lost = Event("gap", batch.sent_at, None, 0, 0, "this program did not read in time")

@@ -14,7 +14,7 @@ DETAILS: Final = "grpc-status-details-bin"
 
 
 class WayfarerError(Exception):
-    """Base of all. The text is the server's, which names the field at fault."""
+    """Base of all errors. The text is the server's; it names the field at fault."""
 
     def __init__(self, message: str, field: str = "", retry_after: float = 0.0) -> None:
         super().__init__(message)
@@ -37,7 +37,7 @@ class AlreadyExists(WayfarerError):
 
 
 class FailedPrecondition(WayfarerError):
-    """Right request, wrong moment."""
+    """The request is valid, but not in the present state."""
 
 
 class Unreachable(FailedPrecondition):
@@ -58,7 +58,7 @@ class Misdirected(FailedPrecondition):
 
 
 class Aborted(WayfarerError):
-    """Somebody else was quicker: the revision expected is no longer the agent's."""
+    """Another client was quicker: the agent no longer has the expected revision."""
 
 
 class ResourceExhausted(WayfarerError):
@@ -78,7 +78,7 @@ class Unavailable(WayfarerError):
 
 
 class InternalError(WayfarerError):
-    """The server failed; its log tells more."""
+    """The server failed; see its log."""
 
 
 CLASSES: Final = {
@@ -98,7 +98,7 @@ _BY_NUMBER: Final = {code.value[0]: kind for code, kind in CLASSES.items()}
 
 
 CALL_ENDED: Final = "Internal error from Core"
-"""What grpc.aio says when a call ends beneath a read or a write of it; no server sends it."""
+"""Text of grpc.aio when a call ends during a read or write; no server sends it."""
 
 
 def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
@@ -123,7 +123,7 @@ def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
 
 
 def from_problem(problem: common_pb2.Problem) -> WayfarerError:
-    """The client's error for a command that failed on a stream that goes on."""
+    """The client's error for a failed command on a stream that continues."""
     if problem.HasField("nearest"):
         unreachable = Unreachable(problem.message, problem.field)
         unreachable.nearest = (problem.nearest.x, problem.nearest.y, problem.nearest.z)
@@ -148,7 +148,7 @@ def _details(error: grpc.aio.AioRpcError) -> _Details:
             continue
         try:
             details = Status.FromString(value).details
-        except DecodeError:  # a proxy's: the text is all there is
+        except DecodeError:  # from a proxy: there is only the text
             continue
         for detail in details:
             bad, retry, info = BadRequest(), RetryInfo(), ErrorInfo()

@@ -1,4 +1,4 @@
-"""Poses of far people, of whom a stream tells less: clients/README.md, "Far people"."""
+"""Poses of far people, from reduced data: clients/README.md, "Far people"."""
 
 import json
 from pathlib import Path
@@ -49,7 +49,7 @@ def _turned(table: Array, turn: Array) -> Array:
 
 
 def _mixed(a: Array, b: Array, share: float) -> Array:
-    """Between rotations [22, 4]: linearly along the shorter arc, normalised."""
+    """Interpolates rotations [22, 4] linearly along the shorter arc, normalised."""
     b = np.where((a * b).sum(-1, keepdims=True) < 0, -b, b)
     mixed = (1 - share) * a + share * b
     return np.asarray(mixed / np.linalg.norm(mixed, axis=-1, keepdims=True))

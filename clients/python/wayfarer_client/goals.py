@@ -13,7 +13,7 @@ from wayfarer_client.v1 import goal_pb2
 
 
 def id_of(agent: Agent | str) -> str:
-    """The id of an agent, which may be given as its id."""
+    """The id of an agent, given as an object or as its id."""
     return agent if isinstance(agent, str) else agent.agent_id
 
 
@@ -24,8 +24,8 @@ def _wired(goal: Goal | Place, **how: Unpack[GoalOptions]) -> goal_pb2.Goal:
 class GoalCommands(ABC):
     """Each command returns the revision that it makes, and raises WayfarerError.
 
-    `expected`: the agent's revision that the command is meant for. Raises Aborted when the agent
-    has another one by then; None: any.
+    `expected`: the agent's revision that the command is meant for; None: any. Raises Aborted when
+    the agent has another revision by then.
     """
 
     @abstractmethod
@@ -63,7 +63,7 @@ class GoalCommands(ABC):
     async def append_goals(
         self, agent: Agent | str, goals: Iterable[Goal | Place], expected: int | None = None
     ) -> int:
-        """Add goals to the end of an agent's path; what it does now it goes on doing."""
+        """Add goals to the end of an agent's path; its present goal stays."""
         wired = [_wired(goal) for goal in goals]
         request = goal_pb2.AppendGoalsRequest(
             agent_id=id_of(agent), goals=wired, expected_revision=expected
@@ -79,7 +79,7 @@ class GoalCommands(ABC):
         dwell: float | None = None,
         expected: int | None = None,
     ) -> int:
-        """Let an agent walk about, in a disc or all over its scene, until its next goal command."""
+        """Make an agent wander in a disc or its whole scene, until its next goal command."""
         if (center is None) != (radius is None):
             raise InvalidArgument(
                 "center and radius belong together: give both, or neither to walk all over the "

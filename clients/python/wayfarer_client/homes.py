@@ -21,7 +21,7 @@ class Homes:
         self._homes: dict[str, str] = {}  # addresses by slot
 
     def home(self, about: str) -> str:
-        """The address at which the one whose id is in `about` is called."""
+        """The address for calls about the id in `about`."""
         return self._homes.get(slot_of(about), self.entry)
 
     def node(self, host: str, port: int) -> str:
@@ -33,23 +33,23 @@ class Homes:
         return f"{found[1]}{host or found[2]}:{port}"
 
     def route(self, about: str) -> "Route":
-        """Where a call goes. `about`: text with the id of whom it concerns; "": nobody's."""
+        """The route of a call. `about`: text with the id that it concerns; "": none."""
         return Route(self, about)
 
     def learn(self, about: str, address: str) -> None:
-        """They live there."""
+        """Note that the slot of `about` lives at `address`."""
         if slot := slot_of(about):
             self._homes[slot] = address
 
     def forget(self, about: str) -> None:
-        """Nobody knows where they live, but the entry."""
+        """Forget where it lives; only the entry knows."""
         self._homes.pop(slot_of(about), None)
 
 
 class Route:
-    """The addresses that a call, or a stream, goes to in turn: `address` is the next one.
+    """The addresses to which a call or a stream goes in turn: `address` is the next one.
 
-    At most four: the node that is known, the one that it names, the entry, the one that it names.
+    At most four: the known node, the node it names, the entry, and the node that the entry names.
     """
 
     def __init__(self, homes: Homes, about: str) -> None:
@@ -58,7 +58,7 @@ class Route:
         self.begin()
 
     def begin(self) -> None:
-        """Start again: as for a new call."""
+        """Start again, as for a new call."""
         self.address = self._homes.home(self._about)
         self._asked = self.address == self._homes.entry
         self._followed = False
@@ -70,9 +70,9 @@ class Route:
         self.begin()
 
     def misdirected(self, host: str, port: int) -> bool:
-        """`address` has named another node; whether the call goes on, to the new `address`.
+        """Note that `address` has named another node; returns whether the call continues there.
 
-        Port 0, or what is no host's name: it has named none.
+        Port 0, or an invalid host name: it has named none.
         """
         if self._followed or not 0 < port < 1 << 16 or not _HOST.fullmatch(host):
             return self._ask()
@@ -82,7 +82,7 @@ class Route:
         return True
 
     def unavailable(self) -> bool:
-        """`address` does not answer, or not at present; as `misdirected`."""
+        """Note that `address` does not answer at present; returns as `misdirected`."""
         return self._ask()
 
     def _ask(self) -> bool:
@@ -97,7 +97,7 @@ class Route:
 def slot_of(about: str) -> str:
     """The slot of the first id in a text, which a session and its agents share; or "".
 
-    All of a slot lives on one node.
+    One node has everything of a slot.
     """
     found = _SLOT.search(about)
     return found[1] if found else ""

@@ -32,7 +32,7 @@ class JitterBuffer:
         self._clock = clock
         self._playout = PlayoutClock()
         self._members: dict[str, _Member] = {}
-        self._underruns = 0  # of agents that are gone
+        self._underruns = 0  # of removed agents
 
     @property
     def underruns(self) -> int:
@@ -41,7 +41,7 @@ class JitterBuffer:
 
     @property
     def delay(self) -> float:
-        """Seconds between a frame's time and its picture, at present."""
+        """Present delay between a frame's time and its display, seconds."""
         return self._playout.delay(self._clock())
 
     def push(self, batch: Batch) -> None:
@@ -61,14 +61,14 @@ class JitterBuffer:
     def sample(self, now: float | None = None) -> dict[str, Pose]:
         """Pose of each agent, by id, at `now` (this machine's clock; default: its present time).
 
-        Before its first frame's time an agent waits on that frame.
+        Before the time of its first frame, an agent holds that frame.
         """
         moment = self._playout.advance(self._clock() if now is None else now)
         return {agent_id: member.at(moment) for agent_id, member in self._members.items()}
 
 
 class _Member:
-    """An agent's frames, and what state it is in when."""
+    """An agent's frames, and its states with their times."""
 
     def __init__(self, agent: Agent) -> None:
         self.agent = agent

@@ -1,4 +1,4 @@
-"""Where a character's joints are at rest, upright: clients/README.md, "Retargeting", 1."""
+"""Joints of a character at rest, upright: clients/README.md, "Retargeting", 1."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -12,7 +12,7 @@ from .quaternions import Array, from_axes, rotate
 from .rig import BONES
 
 SNAP: Final = np.cos(np.radians(25))
-"""A rig's up or left that lies so near to one of its axes is meant to be that axis."""
+"""Cosine: a rig's up or left that is this near to one of its axes is taken to be that axis."""
 LEGS: Final = tuple(
     tuple(BONES.index(f"{side}_{bone}") for bone in ("hip", "knee", "ankle", "foot"))
     for side in SIDES
@@ -24,8 +24,8 @@ def character_joints(
 ) -> tuple[dict[str, Array], float | None]:
     """Joints [3] of a character at rest by bone, upright in the basis; height of its floor.
 
-    `floor`: where its mesh tells that (`measure_soles`). None is returned when nothing does: it
-    does not stand on the origin's level.
+    `floor`: the height of the floor, if its mesh gives it (`measure_soles`). The returned height is
+    None when nothing gives it and the character does not stand at the origin's level.
     """
     turn = alignment(bone_map, basis)
     places = {bone: rotate(turn, bone_map.rig.places[n]) for bone, n in bone_map.bones.items()}
@@ -36,7 +36,7 @@ def character_joints(
 
 
 def alignment(bone_map: BoneMap, basis: Basis) -> Array:
-    """The rotation from the character's axes to the basis, by where legs are."""
+    """The rotation from the character's axes to the basis, derived from its legs."""
     at = {BONES.index(bone): bone_map.rig.places[n] for bone, n in bone_map.bones.items()}
     up = _snapped(middle(at) - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
     left = at[LEGS[0][0]] - at[LEGS[1][0]]
@@ -49,7 +49,7 @@ def alignment(bone_map: BoneMap, basis: Basis) -> Array:
 
 
 def middle(places: Mapping[int, Array] | Sequence[Array] | Array) -> Array:
-    """Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it."""
+    """Place of the pelvis, between the thigh joints: a rig's hips joint may be anywhere near it."""
     return np.asarray((places[LEGS[0][0]] + places[LEGS[1][0]]) / 2)
 
 
@@ -59,7 +59,7 @@ def lowest_joint(place: Mapping[int, Array], up: Array) -> float:
 
 
 def stands(place: Mapping[int, Array], up: Array) -> bool:
-    """Its feet are so near over the origin's level that this is its floor."""
+    """Whether its feet are so close above the origin's level that this is its floor."""
     lowest = lowest_joint(place, up)
     return 0 <= lowest <= 0.25 * (float(middle(place) @ up) - lowest)
 

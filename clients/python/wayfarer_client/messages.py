@@ -1,4 +1,4 @@
-"""What goes to the server and what comes back, as plain values and numpy arrays.
+"""Requests and replies of the server, as plain values and numpy arrays.
 
 All places, lengths and headings are in the session's basis; times are seconds of the server's
 Unix clock.
@@ -24,7 +24,7 @@ class Flag(IntFlag):
 
     NONE = 0
     FIRST = 1  # first of this agent on this stream: start from it, do not blend
-    REPLANNED = 2  # frames planned for this time were thrown away for a new goal
+    REPLANNED = 2  # frames planned for this time were discarded for a new goal
     ARRIVED = 4  # the goal was reached
     GAP = 8  # earlier frames were lost, because this reader was too slow
     REDUCED = 16  # the server was short of time and tried fewer candidates than usual
@@ -33,7 +33,7 @@ class Flag(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class PoseFormat:
-    """What poses hold and how they are packed."""
+    """Contents and packing of poses."""
 
     # or "smallest_three" (rotations within 0.009°); of streams "root"
     encoding: str = "f32_le"
@@ -55,7 +55,7 @@ class PoseFormat:
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """The agents within a distance, and the detail in which they come."""
+    """The agents within a distance, and the detail in which they are sent."""
 
     radius: float  # from a viewpoint, in units of the basis: 0.1 m to 20 km
     format: PoseFormat | None = None  # None: as the stream's
@@ -76,8 +76,8 @@ class Viewpoint:
 
 @dataclass(frozen=True, slots=True)
 class Interest:
-    """Levels of detail: an agent comes in the detail of the innermost ring that it is in, and not
-    at all outside of the last.
+    """Levels of detail. An agent is sent in the detail of the innermost ring that contains it, and
+    not at all outside of the last ring.
     """
 
     rings: Sequence[Ring]  # 1 to 8, from the inside out
@@ -119,7 +119,7 @@ class AgentSpec:
     name: str = ""
     foot_lock: bool = True  # keep feet on the floor from sliding; False: as the model makes them
     model: str = ""  # loaded motion model that moves it; empty: the one in use
-    outfit: str = ""  # what it wears, e.g. "suit", "0" for nothing; empty: what its seed chooses
+    outfit: str = ""  # e.g. "suit", "0" for none; empty: its seed chooses
 
     def to_wire(self) -> agent_pb2.AgentSpec:
         """As protobuf."""
@@ -148,9 +148,9 @@ class BodyFit:
     gender: str
     betas: tuple[float, ...]
     scale: float
-    """Size of the character by that of the body: 1 where a person can have such legs."""
+    """Ratio of the character's size to the body's; 1 if a person can have such legs."""
     errors_cm: Mapping[str, float]
-    """By which thigh, shin, foot … of the body × scale are longer than the character's."""
+    """How much longer thigh, shin, foot … of the scaled body are than the character's."""
 
     def spec(self, **more: Any) -> AgentSpec:
         """An agent with this body; `more`: further fields of `AgentSpec`."""
@@ -207,7 +207,7 @@ class MotionFile:
 
 
 class GoalOptions(TypedDict, total=False):
-    """How to walk to a place: the fields of `Goal` but for its position."""
+    """How to walk to a place: the fields of `Goal` without its position."""
 
     radius: float | None
     speed: float | None
@@ -221,7 +221,7 @@ class GoalOptions(TypedDict, total=False):
 class CrowdCame:
     """How many of the people that were asked for have come."""
 
-    came: int  # they are there; streams introduce them, and those to come
+    came: int  # present, or soon introduced by streams
     waiting: int  # they come when there is room
     reason: str  # why they have not yet; empty: they are on their way
 
@@ -249,20 +249,20 @@ class Agent:
     waypoints: int = 0  # goals of its path
     foot_lock: bool = True
     model: str = ""  # the motion model that moves it
-    outfit: str = ""  # what it wears
+    outfit: str = ""  # its clothes
 
 
 @dataclass(frozen=True, slots=True)
 class StreamInfo:
-    """What holds for a whole stream, clip or replay."""
+    """Properties of a whole stream, clip or replay."""
 
     server_version: str
     session_id: str
     encoding: str
     fps: int  # frames per second that are sent
     bones: tuple[str, ...]  # whose rotations are sent, in their order
-    resume_s: float  # seconds of motion that the server holds for a stream that resumes
-    resumed: bool  # it goes on without a gap where the connection before was lost
+    resume_s: float  # seconds of motion that the server keeps for a resumed stream
+    resumed: bool  # it continues without a gap after a lost connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,7 +287,7 @@ class Frames:
     goal_revision: int
     state: str
     flags: Flag
-    times: NDArray[np.float64] = field(repr=False)  # [F] when each is to be shown
+    times: NDArray[np.float64] = field(repr=False)  # [F] when to show each
     translation: Float = field(repr=False)  # [F, 3] hips
     rotations: Float = field(repr=False)  # [F, B, 4] x, y, z, w; hips: world; else: local
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
@@ -297,7 +297,7 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """What fell due together, or what has happened."""
+    """Frames that fell due together, or events."""
 
     sent_at: float
     frames: tuple[Frames, ...]

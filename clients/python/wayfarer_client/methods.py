@@ -8,22 +8,22 @@ import grpc
 from wayfarer_client.homes import slot_of
 
 NAMES: Final = ("session_id", "agent_id", "scene_id", "scene")
-"""Fields of requests that say whom a call is about."""
+"""Fields of requests that name the session, scene or agent that a call is about."""
 
 
 class Method:
-    """Of a service: a stub's method, not bound to a channel."""
+    """A stub's method of a service, not bound to a channel."""
 
     def __init__(self, kind: str, path: str, serializers: dict[str, Callable[..., Any]]) -> None:
         self._kind, self._path, self._serializers = kind, path, serializers
 
     def on(self, channel: grpc.aio.Channel) -> Any:
-        """To be called there."""
+        """The method bound to a channel."""
         return getattr(channel, self._kind)(self._path, **self._serializers)
 
 
 class Methods:
-    """What generated stubs take for a channel: it gives them `Method`s."""
+    """Stands in for the channel of generated stubs, and gives them `Method`s."""
 
     def unary_unary(self, path: str, **serializers: Any) -> Method:
         """One request, one reply."""
@@ -48,7 +48,7 @@ def _method(kind: str, path: str, serializers: dict[str, Any]) -> Method:
 
 
 def about(request: Any) -> str:
-    """The id of whom a request names; itself, if it is an id; or ""."""
+    """The id that a request names; the request itself if it is an id; or ""."""
     if isinstance(request, str):
         return request
     names = (getattr(request, name, "") for name in NAMES)
@@ -56,5 +56,5 @@ def about(request: Any) -> str:
 
 
 def made(reply: Any) -> str:
-    """The id of the session or scene that a reply tells of, or ""."""
+    """The id of the session or scene in a reply, or ""."""
     return about(getattr(reply, "session", "")) or about(getattr(reply, "scene", ""))

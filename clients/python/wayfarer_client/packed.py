@@ -1,6 +1,6 @@
-"""What meshopt or Draco has packed in a GLB. Each needs its library: `wayfarer-client[compressed]`.
+"""Data packed in a GLB by meshopt or Draco; both need `wayfarer-client[compressed]`.
 
-Without it, such data cannot be read: a character then walks on feet of usual shape.
+Without their libraries, such data cannot be read: the character then has feet of the usual shape.
 """
 
 from importlib import import_module
@@ -14,13 +14,13 @@ from .quaternions import Array
 MESHOPT: Final = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO: Final = "KHR_draco_mesh_compression"
 MOST_BYTES: Final = 128 * 2**20
-"""Of a buffer view, unpacked."""
+"""Sizes of a buffer view when it is unpacked."""
 
 Json = dict[str, Any]
 
 
 def meshopt_of(view: Json) -> Json | None:
-    """What says how a buffer view was packed; None: it was not."""
+    """The extension that describes how a buffer view was packed; None: it was not."""
     extensions = view.get("extensions", {})
     return next((extensions[name] for name in MESHOPT if name in extensions), None)
 

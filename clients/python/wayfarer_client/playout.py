@@ -1,6 +1,6 @@
 """Which moment to show, and the pose at it: clients/README.md, "Playout".
 
-tests/golden/playout.json holds the clients of all languages to it. Time is an argument, in seconds;
+tests/golden/playout.json checks the clients of all languages. Time is an argument, in seconds;
 nothing here reads a clock.
 """
 
@@ -17,22 +17,22 @@ FIRST_DELAY: Final = 0.35
 LEAST_DELAY: Final = 0.2
 MOST_DELAY: Final = 1.5
 MARGIN: Final = 0.06
-"""Over the worst lateness of the last LATENESS_WINDOW."""
+"""Seconds added to the worst lateness of the last LATENESS_WINDOW."""
 LATENESS_WINDOW: Final = 20.0
 OFFSET_WINDOW: Final = 30.0
-"""Seconds whose fastest message counts as one without delay."""
+"""Seconds; the fastest message of this window counts as one without delay."""
 STRETCH: Final = 0.05
-"""Playback runs at most this much faster or slower, to reach the delay aimed at."""
+"""Playback runs at most this much faster or slower to reach the target delay."""
 JUMP: Final = 1.0
-"""Seconds off beyond which it jumps instead (a machine that slept)."""
+"""Error in seconds beyond which it jumps instead (after a sleep of the machine)."""
 BLEND: Final = 0.2
 """Seconds to blend from a held pose to the stream again."""
 KEPT: Final = 400
-"""Frames of an agent that are kept at most."""
+"""Most frames kept of an agent."""
 
 
 class _WindowLeast:
-    """The least value of the last `seconds`; values in the queue rise from front to back."""
+    """The minimum of the last `seconds`; values in the queue rise from front to back."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -50,7 +50,7 @@ class _WindowLeast:
 
 
 class PlayoutClock:
-    """Which moment of the stream (server time) to show now, for all agents alike."""
+    """Chooses the moment of the stream (server time) to show now, for all agents alike."""
 
     def __init__(self) -> None:
         self._transit = _WindowLeast(OFFSET_WINDOW)  # local - server time of each message
@@ -62,7 +62,7 @@ class PlayoutClock:
 
     def observe(self, now: float, sent_at: float) -> None:
         """Note a message that came at local `now`, sent at server time `sent_at`."""
-        if self._offset is None:  # until experience tells, expect as much as the first delay allows
+        if self._offset is None:  # at first, expect as much as the first delay allows
             self._earliness.add(now, MARGIN - FIRST_DELAY)
         self._transit.add(now, now - sent_at)
         self._offset = self._transit.least(now)
@@ -73,9 +73,9 @@ class PlayoutClock:
             self._earliness.add(now, scheduled_at - self.server_time(now))
 
     def resumed(self, sent_at: float) -> None:
-        """Note that a connection was made again; its header was sent at server time `sent_at`.
+        """Note that a connection was restored; its header was sent at server time `sent_at`.
 
-        Chunks for earlier times were missed meanwhile: their lateness says nothing of the next.
+        Chunks for earlier times were missed meanwhile; their lateness predicts nothing.
         """
         self._caught_up_at = sent_at
 
@@ -84,20 +84,20 @@ class PlayoutClock:
         return now if self._offset is None else now - self._offset
 
     def wanted_delay(self, now: float) -> float:
-        """Delay to aim at."""
+        """The target delay, seconds."""
         earliness = self._earliness.least(now)
         if earliness is None:
             return LEAST_DELAY
         return min(MOST_DELAY, max(LEAST_DELAY, MARGIN - earliness))
 
     def delay(self, now: float) -> float:
-        """Delay in force."""
+        """The present delay, seconds."""
         if self._playhead is None:
             return self.wanted_delay(now)
         return self.server_time(now) - self._playhead
 
     def advance(self, now: float) -> float:
-        """Go on to local `now`; returns the moment to show, in server time."""
+        """Advance to local `now`; returns the moment to show, in server time."""
         if self._offset is None:
             return now  # nothing has come yet
         ideal = self.server_time(now) - self.wanted_delay(now)
@@ -155,7 +155,7 @@ class PoseTrack:
             self._frames.popleft()
 
     def __len__(self) -> int:
-        """Frames in hand."""
+        """Number of frames in the queue."""
         return len(self._frames)
 
     def buffered(self, time: float) -> float:

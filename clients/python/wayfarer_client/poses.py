@@ -20,7 +20,7 @@ MOST_BONES: Final = 52
 MIDDLE: Final = 16383
 STEP: Final = 1 / (MIDDLE * 2**0.5)
 OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-"""[component left out] → the three that are sent."""
+"""Maps the omitted component to the three that are sent."""
 
 
 class Unpacked(NamedTuple):
@@ -31,7 +31,7 @@ class Unpacked(NamedTuple):
 
 
 class PoseLayout:
-    """How the poses of a stream are packed: what its header says, or a tier of it."""
+    """Packing of a stream's poses, from its header or one of its tiers."""
 
     def __init__(self, header: motion_pb2.StreamHeader | motion_pb2.Tier) -> None:
         """Raises WayfarerError when this client cannot read the poses."""
@@ -53,7 +53,7 @@ class PoseLayout:
 
     @classmethod
     def of(cls, wanted: PoseFormat, skeleton: catalog_pb2.Skeleton) -> Self:
-        """The layout of a reply that has no header: as asked for."""
+        """The layout of a reply without a header, as requested."""
         names = [bone.name for bone in skeleton.bones]
         count = {"body": skeleton.posed_bones, "full": len(names)}.get(wanted.profile)
         chosen = range(count) if count else sorted(map(names.index, wanted.bones))

@@ -53,7 +53,7 @@ class Rig:
 
     @cached_property
     def scales(self) -> Array:
-        """[N, 3] products of scales from the top: right where each is the same along all axes."""
+        """[N, 3] products of scales from the top; right if each is equal along all axes."""
         found = np.ones((len(self.nodes), 3))
         for k, node in enumerate(self.nodes):
             found[k] = np.asarray(node.scale, float)
@@ -74,7 +74,7 @@ class Rig:
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
-        """Of each node."""
+        """The children of each node."""
         found: list[list[int]] = [[] for _ in self.nodes]
         for k, node in enumerate(self.nodes):
             if node.parent >= 0:

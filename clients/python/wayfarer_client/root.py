@@ -13,7 +13,7 @@ from .quaternions import Array
 SMOOTHING: Final = 0.3
 """Seconds: time constant of the critically damped filter."""
 JUMP: Final = 2.0
-"""Metres (or radians, or seconds between samples) beyond which it starts again in place."""
+"""Metres (or radians, or seconds between samples) beyond which it starts again, at that place."""
 
 
 class _Follower:

@@ -15,7 +15,7 @@ PIECE: Final = 256 * 1024
 """Bytes of one message of a mesh."""
 
 MAKING_S: Final = 120.0
-"""Seconds that the making of a scene may take."""
+"""Seconds that making a scene may take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Way:
 
     points: tuple[Place, ...]  # from start to goal, on the ground
     length: float  # seen from above
-    start_moved: float  # how far to the nearest free ground; 0: it was free
+    start_moved: float  # distance to the nearest free ground; 0: it was free
     goal_moved: float
     version: int  # of the scene
 
@@ -36,16 +36,16 @@ class SceneHandle(Protocol):
 
 
 class Scene:
-    """A scene of the server. It lives on until it is deleted, or its lease ends."""
+    """A scene of the server. It remains until it is deleted, or its lease ends."""
 
     def __init__(self, connection: Connection, message: scene_pb2.Scene) -> None:
         self._connection = connection
         self.scene_id = message.scene_id
         self.message = message
-        """As it was when it was asked for: area_m2, islands, version, obstacles, …"""
+        """As it was when last requested: area_m2, islands, version, obstacles and more."""
 
     async def refresh(self) -> scene_pb2.Scene:
-        """As it is now, in `message` from then on."""
+        """Refresh `message`, and return it."""
         request = scene_pb2.GetSceneRequest(scene_id=self.scene_id)
         self.message = (await self._call("GetScene", request)).scene
         return self.message
@@ -55,19 +55,19 @@ class Scene:
         await self._call("DeleteScene", scene_pb2.DeleteSceneRequest(scene_id=self.scene_id))
 
     async def put(self, name: str, obstacle: Obstacle) -> int:
-        """Let an obstacle stand there, or move there; return the scene's version since then."""
+        """Place or move an obstacle; return the scene's new version."""
         request = scene_pb2.PutObstacleRequest(
             scene_id=self.scene_id, name=name, obstacle=shape_to_wire(obstacle)
         )
         return int((await self._call("PutObstacle", request)).scene.version)
 
     async def remove(self, name: str) -> int:
-        """Take an obstacle away; return the scene's version since then."""
+        """Remove an obstacle; return the scene's new version."""
         request = scene_pb2.RemoveObstacleRequest(scene_id=self.scene_id, name=name)
         return int((await self._call("RemoveObstacle", request)).scene.version)
 
     async def path(self, start: Place, goal: Place) -> Way:
-        """The way that an agent would take. Unreachable says how far one gets."""
+        """The way that an agent would take. Raises Unreachable, with the nearest place."""
         request = scene_pb2.QueryPathRequest(
             scene_id=self.scene_id, start=vector(start), goal=vector(goal)
         )
@@ -76,7 +76,7 @@ class Scene:
         return Way(points, found.length, found.start_moved, found.goal_moved, found.version)
 
     async def outlines(self) -> scene_pb2.GetSceneOutlinesResponse:
-        """What is needed to draw it."""
+        """The outlines to draw it."""
         request = scene_pb2.GetSceneOutlinesRequest(scene_id=self.scene_id)
         return await self._call("GetSceneOutlines", request)
 
@@ -112,10 +112,10 @@ class Scenes:
     ) -> Scene:
         """Make a scene from floors and solids, from a mesh (a file, or its bytes), or from both.
 
-        `entries`: ground that cannot be reached from there is left out. `lease`: seconds that it
-        outlives its last session and call. `mesh_format`: glb, obj or ply; by the file's name when
-        empty. `mesh_basis`: the axes of its coordinates; gltf for GLB, else `basis`, when empty.
-        `mesh_unit`: metres per unit of the file; as `mesh_basis` has them when None.
+        `entries`: ground that cannot be reached from there is left out. `lease`: seconds that the
+        scene outlives its last session and call. `mesh_format`: glb, obj or ply; empty: by the
+        file's name. `mesh_basis`: axes of its coordinates; empty: gltf for GLB, `basis` for others.
+        `mesh_unit`: metres per unit of the file; None: the unit of `mesh_basis`.
         """
         request = scene_pb2.CreateSceneRequest(
             basis=enum_label(common_pb2.Basis, basis, "basis"),
@@ -150,7 +150,7 @@ class Scenes:
         return {example.name: example.summary for example in reply.examples}
 
     async def example(self, name: str, basis: str = "gltf", lease: float | None = None) -> Scene:
-        """Make one of them. Raises NotFound."""
+        """Make one of the server's scenes. Raises NotFound."""
         request = scene_pb2.CreateExampleSceneRequest(
             name=name, basis=enum_label(common_pb2.Basis, basis, "basis"), lease_s=lease
         )
@@ -159,13 +159,13 @@ class Scenes:
         return Scene(self._connection, reply.scene)
 
     async def get(self, scene_id: str) -> Scene:
-        """One that exists. Raises NotFound."""
+        """An existing scene. Raises NotFound."""
         request = scene_pb2.GetSceneRequest(scene_id=scene_id)
         reply = await self._connection.call(self._connection.scenes.GetScene, request)
         return Scene(self._connection, reply.scene)
 
     async def all(self) -> list[Scene]:
-        """Those of this caller, oldest first."""
+        """The scenes of this caller, oldest first."""
         request = scene_pb2.ListScenesRequest()
         reply = await self._connection.call(self._connection.scenes.ListScenes, request)
         return [Scene(self._connection, message) for message in reply.scenes]

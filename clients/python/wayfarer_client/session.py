@@ -41,16 +41,15 @@ STEP_TIMEOUT_S: Final = 120.0
 
 
 class Session(GoalCommands):
-    """A set of agents. As `async with`, its lease is renewed meanwhile.
+    """A set of agents. `async with` renews its lease meanwhile.
 
-    At the end of that, a session that this client has created is deleted; one that it has only
-    joined lives on.
+    At its end, a session that this client created is deleted; one that it joined remains.
     """
 
     def __init__(
         self, client: "Client", connection: Connection, message: session_pb2.Session, owned: bool
     ) -> None:
-        """`connection`: over which it is called."""
+        """`connection`: the channel for its calls."""
         self.client = client
         self.session_id = message.session_id
         self.basis: common_pb2.BasisInfo = message.basis
@@ -59,7 +58,7 @@ class Session(GoalCommands):
         self.owned = owned
         self._connection = connection
         self._renewing: asyncio.Task[None] | None = None
-        self._known: dict[int, Agent] = {}  # of lock-step, by alias
+        self._known: dict[int, Agent] = {}  # agents of lock-step, by alias
 
     async def __aenter__(self) -> Self:
         if self.lease_s > 0:
@@ -86,7 +85,7 @@ class Session(GoalCommands):
     async def _keep_alive(self) -> None:
         """Renew the lease until the session has ended, which its next call reports.
 
-        Any other failure may pass: the lease is long enough for another attempt.
+        Other failures may be temporary: the lease is long enough for another attempt.
         """
         while True:
             await asyncio.sleep(self.lease_s / RENEWALS_PER_LEASE)
@@ -97,7 +96,7 @@ class Session(GoalCommands):
             except WayfarerError:
                 continue
 
-    # life
+    # lifetime
 
     async def renew(self) -> float:
         """Restart the lease; return when it ends (Unix seconds, server's clock)."""
@@ -111,13 +110,13 @@ class Session(GoalCommands):
         await self._connection.call(self._connection.sessions.DeleteSession, request)
 
     async def export(self) -> bytes:
-        """Its state, for `Client.import_session`. It goes on living here until it is deleted."""
+        """Its state, for `Client.import_session`. The session remains until it is deleted."""
         request = snapshot_pb2.ExportSessionRequest(session_id=self.session_id)
         reply = await self._connection.call(self._connection.snapshots.ExportSession, request)
         return bytes(reply.snapshot)
 
     async def export_log(self) -> bytes:
-        """What was done in a session made with `record`, for `Client.replay`."""
+        """The commands of a session made with `record`, for `Client.replay`."""
         request = snapshot_pb2.ExportLogRequest(session_id=self.session_id)
         reply = await self._connection.call(self._connection.snapshots.ExportLog, request)
         return bytes(reply.log)
@@ -158,7 +157,7 @@ class Session(GoalCommands):
     async def update_agent(
         self, agent: Agent | str, name: str | None = None, foot_lock: bool | None = None
     ) -> Agent:
-        """Change what is given; return the agent as it is then."""
+        """Change the given fields; return the changed agent."""
         request = agent_pb2.UpdateAgentRequest(
             agent_id=id_of(agent), name=name, foot_lock=foot_lock
         )
@@ -190,9 +189,9 @@ class Session(GoalCommands):
         """Populate the session's scene with `count` walking people; return how many have come.
 
         Returns once all are there, or the reason why the rest must wait is known. They replace
-        the people of an earlier call; with 0 all leave. `speed`: of the slowest and the fastest;
-        `dwell`: least and most seconds to stand at each place; `spawn_rate`: people a second,
-        0: all at once; `stay`: mean seconds until one leaves and another comes, 0: for ever.
+        the people of an earlier call; 0 removes all. `speed`: of the slowest and the fastest;
+        `dwell`: least and most seconds to stand at each place; `spawn_rate`: people per second,
+        0: all at once; `stay`: mean seconds until a person is replaced, 0: unlimited.
         """
         slowest, fastest = speed or (None, None)
         shortest, longest = dwell or (None, None)
@@ -224,9 +223,9 @@ class Session(GoalCommands):
     ) -> MotionStream:
         """Follow the agents named, or all of the session. `deadline`: see MotionStream.
 
-        `slow_reader`: "drop_oldest"; "hold": the agents wait for this reader; "disconnect": the
-        stream is cut, and resumed by itself. `interest`: detail by distance; to move the viewpoints
-        use `control`. `max_message_bytes`: longer batches are split; 0: none.
+        `slow_reader`: "drop_oldest"; "hold": agents wait for this reader; "disconnect": the stream
+        is cut, and resumes. `interest`: detail by distance; use `control` to move the viewpoints.
+        `max_message_bytes`: longer batches are split; 0: no limit.
         """
         bound = interest, max_message_bytes
         request = self._request(agents, format, slow_reader, resume_token, *bound)
@@ -242,13 +241,13 @@ class Session(GoalCommands):
         interest: Interest | None = None,
         max_message_bytes: int = 0,
     ) -> Control:
-        """Goals and motion over one connection, as `async with`; arguments as of `stream`."""
+        """Goals and motion over one connection, as `async with`; arguments as for `stream`."""
         bound = interest, max_message_bytes
         request = self._request(agents, format, slow_reader, resume_token, *bound)
         return Control(self._connection, request, deadline)
 
     async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
-        """Let `steps` primitives of 0.2 s pass in a session made with `lock_step`."""
+        """Advance a session made with `lock_step` by `steps` primitives of 0.2 s."""
         wanted = format or PoseFormat()
         layout = PoseLayout.of(wanted, await self.client.skeleton())
         request = motion_pb2.StepAgentsRequest(

@@ -1,4 +1,4 @@
-"""What scenes are made of, in the scene's basis; see proto/wayfarer/v1/scene.proto."""
+"""Parts of scenes, in the scene's basis; see proto/wayfarer/v1/scene.proto."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -37,7 +37,7 @@ class Prism:
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """A wedge that can be walked up: it rises along the basis's forward before it is turned."""
+    """A wedge to walk up, which rises along the basis's forward before it is turned."""
 
     position: Place  # the middle of its base
     size: Place

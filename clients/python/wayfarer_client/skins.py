@@ -1,4 +1,4 @@
-"""The skins of a glTF document: which pose they were bound in, and where their vertices are."""
+"""The skins of a glTF document: their bind pose, and the places of their vertices."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,8 +14,8 @@ KINDS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4",
 WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 PLACING: Final = ("POSITION", "JOINTS_0", "WEIGHTS_0")
 POSED: Final = 0.01
-"""Share of the skeleton's size by which, and radians by which, a joint must be off the pose that
-the skin was bound in, by another joint, for the nodes to stand in another pose.
+"""The nodes stand in another pose than the skin's bind pose if a joint is off it, relative to
+another joint, by this share of the skeleton's size or this many radians.
 """
 
 Json = dict[str, Any]
@@ -31,8 +31,8 @@ class Skins:
     numbers: Sequence[int] = field(repr=False)  # of each node of the rig in the document
 
     def bound(self) -> Rig:
-        """The rig in the pose that its skins were bound in: rest, whatever frame of an animation
-        the nodes stand in. The same rig, where they stand in that pose.
+        """The rig in the bind pose of its skins, whatever frame of an animation the nodes stand in.
+        Returns the same rig if its nodes stand in that pose.
         """
         world = worlds(self.rig)
         wanted: dict[int, Array] = {}
@@ -54,9 +54,8 @@ class Skins:
         return Rig(tuple(made))
 
     def points(self) -> tuple[Array, Array]:
-        """Vertices [V, 3] in the space of the scene, of the rig as it stands, and the node [V] of
-        the rig that moves each most. None where the data lies outside of the file, or cannot be
-        unpacked.
+        """Vertices [V, 3] of the rig as it stands, in the scene's space, and for each the node [V]
+        that moves it most. None if the data lies outside of the file, or cannot be unpacked.
         """
         world = worlds(self.rig)
         at = {number: k for k, number in enumerate(self.numbers)}
@@ -97,7 +96,7 @@ class Skins:
         ]
 
     def _skins(self) -> list[tuple[Json, list[int]]]:
-        """Each skin of the scene with the nodes of the rig that show it; the largest first."""
+        """The scene's skins, the largest first, each with the rig's nodes that show it."""
         found: dict[int, list[int]] = {}
         for k, number in enumerate(self.numbers):
             node = self.document["nodes"][number]
@@ -107,7 +106,7 @@ class Skins:
         return sorted(skins, key=lambda skin: -len(skin[0]["joints"]))
 
     def _bound_joints(self, skin: Json, meshes: list[int], world: list[Array]) -> dict[int, Array]:
-        """Joint of the rig → its world matrix as the skin was bound; {} where nodes stand so."""
+        """Joint of the rig → its world matrix in the bind pose; {} if the nodes stand in it."""
         inverses = self.inverses(skin)
         at = {number: k for k, number in enumerate(self.numbers)}
         joints = [at[number] for number in skin["joints"] if number in at]
@@ -133,7 +132,7 @@ class Skins:
         return found.reshape(-1, 4, 4).swapaxes(1, 2)
 
     def _attributes(self, primitive: Json) -> dict[str, Array | None]:
-        """Those that place a vertex [V, C], None where they cannot be read."""
+        """Joints and weights of each vertex [V, C]; None if they cannot be read."""
         numbers = primitive["attributes"]
         found = {name: self.array(numbers.get(name)) for name in PLACING}
         packed = primitive.get("extensions", {}).get(DRACO)
@@ -147,8 +146,8 @@ class Skins:
         return found
 
     def array(self, number: int | None) -> Array | None:
-        """[N, C] of an accessor; None: its data lies outside of the file, or is packed by what is
-        not installed.
+        """[N, C] of an accessor; None: its data lies outside of the file, or the library that
+        unpacks it is not installed.
         """
         if number is None:
             return None
@@ -174,7 +173,7 @@ class Skins:
         return values
 
     def _bytes(self, view: Json) -> bytes | None:
-        """What a buffer view holds, from the binary chunk."""
+        """The data of a buffer view, from the binary chunk."""
         packed = meshopt_of(view)
         where = packed or view
         if where["buffer"] != 0 or "uri" in self.document["buffers"][0]:
@@ -186,7 +185,7 @@ class Skins:
 
 
 def local_matrix(node: Node) -> Array:
-    """[4, 4]: turned and scaled, then moved."""
+    """The matrix [4, 4] that turns and scales, then moves."""
     x, y, z, w = np.asarray(node.rotation, float) / np.linalg.norm(node.rotation)
     made = np.eye(4)
     made[:3, :3] = [
@@ -224,7 +223,7 @@ def _turns(matrices: Array) -> Array:
 
 
 def _alike(moves: Array, bound: Array) -> bool:
-    """Whether all joints have moved alike since the skin was bound [J, 4, 4]."""
+    """Whether all joints [J, 4, 4] have moved alike since the bind pose."""
     first = np.linalg.inv(moves[0])
     since = first @ moves
     size = float(np.ptp(bound[:, :3, 3], axis=0).max())
@@ -234,7 +233,7 @@ def _alike(moves: Array, bound: Array) -> bool:
 
 
 def _off(wanted: Array, shown: Array) -> float:
-    """How far matrices are off others, in angle and size: mean."""
+    """Difference between matrices: the median angle, and the median change of size."""
     sizes = [np.cbrt(np.abs(np.linalg.det(m[:, :3, :3]))) for m in (wanted, shown)]
     traces = np.einsum("jik,jik->j", _turns(wanted), _turns(shown))
     angles = np.arccos(np.clip((traces - 1) / 2, -1, 1))

@@ -1,4 +1,4 @@
-"""What the mesh of a character at rest tells of its soles: clients/README.md, "Retargeting", 5."""
+"""Soles of a character, from its mesh at rest: clients/README.md, "Retargeting", 5."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -12,9 +12,9 @@ from .quaternions import Array, rotate
 from .rig import BONES
 
 STEEP: Final = (0.0, 45.0, 75.0)
-"""Degrees off straight down of the directions in which the outermost points are looked for."""
+"""Outermost points are looked for in these directions: degrees off straight down."""
 ROUND: Final = 8
-"""Of these directions, how many there are round about."""
+"""Number of directions around the vertical, for each of these angles."""
 
 
 @dataclass(frozen=True)
@@ -24,16 +24,16 @@ class Soles:
     floor: float
     """Height of the lowest of them."""
     feet: tuple[tuple[Array, Array], tuple[Array, Array]] = field(repr=False)
-    """Of the left and the right foot: [N, 3] from the ankle's joint of what the ankle moves, and
-    [M, 3] from the toes' joint of what the toes move.
+    """For the left and the right foot: [N, 3] points that the ankle moves, from the ankle's joint,
+    and [M, 3] points that the toes move, from the toes' joint.
     """
 
 
 def measure_soles(
     bone_map: BoneMap, places: Array, nodes: Array, basis: Basis = BASES["gltf"]
 ) -> Soles | None:
-    """The soles of a character whose mesh has vertices at `places` [V, 3], in its own space at
-    rest, each of which the node `nodes` [V] of the rig moves most.
+    """The soles of a character. `places` [V, 3] are its mesh's vertices at rest, in its own space;
+    `nodes` [V] is the node of the rig that moves each most.
 
     None: a foot has no vertices, or they end above its ankle.
     """
@@ -70,7 +70,7 @@ def measure_soles(
 
 
 def _directions(basis: Basis) -> Array:
-    """[D, 3]: down, and obliquely down all round."""
+    """Directions [D, 3]: down, and obliquely down all around."""
     found = [-basis.up]
     for degrees in STEEP[1:]:
         steep = np.radians(degrees)

@@ -1,4 +1,4 @@
-"""A stream that comes back: one that is lost is opened again where it left off."""
+"""A stream that is opened again where it left off when its connection is lost."""
 
 import asyncio
 from collections.abc import AsyncGenerator
@@ -27,10 +27,10 @@ SILENCE_S: Final = 5.0
 class MotionStream:
     """The batches of a session, as an asynchronous iterator. End it with `aclose`, or `async with`.
 
-    A lost connection is made again, for `deadline` seconds from the last sign of life; then
-    Unavailable is raised. The stream goes on without a gap, as far as the server still holds
-    what was missed; otherwise an event of kind "gap" says so, and agents go on with Flag.GAP or
-    Flag.FIRST. The iteration ends when the session does, and raises NotFound when it is no more.
+    A lost connection is restored, for `deadline` seconds from the last sign of life; then
+    Unavailable is raised. The stream continues without a gap while the server still holds what was
+    missed; otherwise an event of kind "gap" reports it, and agents continue with Flag.GAP or
+    Flag.FIRST. The iteration ends with the session, and raises NotFound when the session is gone.
     """
 
     def __init__(
@@ -48,12 +48,12 @@ class MotionStream:
 
     @property
     def info(self) -> StreamInfo | None:
-        """What the header of the present connection says; None before the first batch."""
+        """The header of the present connection; None before the first batch."""
         return self._reader.info
 
     @property
     def resume_token(self) -> str:
-        """The resume token of the last batch: `Session.stream` goes on from it, in any program."""
+        """The resume token of the last batch: `Session.stream` resumes from it, in any program."""
         return self._request.resume_token
 
     def __aiter__(self) -> Self:
@@ -112,14 +112,14 @@ class MotionStream:
 
 
 def refuses(error: WayfarerError) -> bool:
-    """Whether that is a first stream's answer. To a later one, too many streams is none: the server
-    may not have noticed yet that the one before is lost.
+    """Whether that is a first stream's answer. "Too many streams" is no answer to a later one: the
+    server may not have noticed yet that the connection before is lost.
     """
     return isinstance(error, ResourceExhausted) and not error.retry_after
 
 
 async def heard(call: Any) -> Any:
-    """The next message of a call; None at its end. Raises WayfarerError, Unavailable in silence."""
+    """The next message of a call; None at its end. Raises WayfarerError; Unavailable on silence."""
     try:
         async with asyncio.timeout(SILENCE_S):
             message = await call.read()

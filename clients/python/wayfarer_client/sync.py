@@ -1,6 +1,6 @@
-"""The client for programs without an event loop: `Client`, run by a thread of its own.
+"""The client for programs without an event loop: `Client`, run by its own thread.
 
-Each method here is the method of the same name and signature of the class it stands for.
+Each method has the name and signature of the method that it wraps.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ Run = Callable[[Coroutine[Any, Any, Any]], Any]
 def run(
     method: Callable[Concatenate[Any, P], Coroutine[Any, Any, T]],
 ) -> Callable[Concatenate[Any, P], T]:
-    """`method` of what an object stands for, as a method that waits for its result."""
+    """The wrapped object's `method`, as a method that waits for its result."""
 
     @wraps(method)
     def call(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> T:
@@ -52,7 +52,7 @@ def run_as(
 def iterate(
     method: Callable[Concatenate[Any, P], AsyncGenerator[Batch] | MotionStream],
 ) -> Callable[Concatenate[Any, P], Iterator[Batch]]:
-    """`method` of what an object stands for, as a generator of its batches."""
+    """The wrapped object's `method`, as a generator of its batches."""
 
     @wraps(method)
     def call(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> Iterator[Batch]:
@@ -170,7 +170,7 @@ class SyncClient:
         self._thread.start()
 
         async def connected() -> Client:
-            # grpc.aio binds a channel to the event loop that it is made in
+            # grpc.aio binds a channel to the event loop in which it is made
             client = Client(address, timeout, api_key=api_key, token=token, tls=tls)
             return await client.connect()
 

@@ -22,11 +22,10 @@ class Track:
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
 
     def on(self, character: Character, title: str = "motion", scale: float = 1.0) -> bytes:
-        """The character's file with this motion in it, of a session or clip in the glTF basis.
+        """The character's file with this motion of a session or clip in the glTF basis.
 
         An agent made with `fit = await client.fit_body(character)`, `fit.spec()` has its legs.
-        `scale`:
-        `fit.scale`: lengths are multiplied by it, and times by its root.
+        `scale`: `fit.scale`; lengths are multiplied by it, and times by its square root.
         """
         times = self.times
         fps = (len(times) - 1) / float(times[-1] - times[0]) if len(times) > 1 else 40.0

@@ -12,7 +12,7 @@ from wayfarer_client.v1 import agent_pb2, common_pb2, motion_pb2
 
 
 def _words(enum: Any) -> Mapping[int, str]:
-    """{1: "walking" …} of an enum; what it does not know is "" to a reader of `get`."""
+    """{1: "walking" …} of an enum; readers give "" for unknown numbers."""
     prefix = enum.keys()[0].removesuffix("UNSPECIFIED")
     return {number: name.removeprefix(prefix).lower() for name, number in enum.items() if number}
 
@@ -29,7 +29,7 @@ COLUMNS: Final = (
 
 
 class BatchReader:
-    """Turns the messages of one stream into batches; knows the agents it has introduced."""
+    """Turns the messages of one stream into batches, and keeps the agents introduced."""
 
     def __init__(self, layout: Layout | None = None) -> None:
         self.info: StreamInfo | None = None

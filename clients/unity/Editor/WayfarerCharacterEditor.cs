@@ -4,7 +4,7 @@ using UnityEngine;
 
 namespace Wayfarer
 {
-    /// <summary>Shows which node is which bone, so that it can be corrected before Play is pressed.</summary>
+    /// <summary>Shows the map of bones, so that it can be corrected before Play is pressed.</summary>
     [CustomEditor(typeof(WayfarerCharacter))]
     internal sealed class WayfarerCharacterEditor : Editor
     {

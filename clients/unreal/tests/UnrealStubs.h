@@ -1,5 +1,5 @@
-// STUBS. Not Unreal's headers: as much of Unreal's interface as this plug-in uses, written from its public
-// documentation, so that the plug-in's code can be compiled and run where there is no Unreal. They prove nothing about
+// STUBS. Not Unreal's headers: the part of Unreal's interface that this plug-in uses, written from its public
+// documentation, so that the plug-in's code can be compiled and run without Unreal. They prove nothing about
 // the engine; only its compiler does.
 #pragma once
 
@@ -259,7 +259,7 @@ struct StubMulticast {
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE_TwoParams(name, A, a, B, b) struct name : StubMulticast<A, B> {}
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE_FourParams(name, A, a, B, b, C, c, D, d) struct name : StubMulticast<A, B, C, D> {}
 
-// ---- mathematics: FQuat is Hamilton's, A * B turns by B first; FTransform A * B goes by A first, then B
+// ---- mathematics. FQuat is Hamilton's, A * B turns by B first; FTransform A * B applies A first, then B
 
 struct FVector {
   double X = 0, Y = 0, Z = 0;
@@ -424,7 +424,7 @@ struct FJsonSerializer {
   }
 };
 
-// ---- HTTP and WebSockets: what is asked stays until the test answers
+// ---- HTTP and WebSockets: requests wait until the test answers
 
 class IHttpResponse {
  public:

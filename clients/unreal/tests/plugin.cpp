@@ -1,5 +1,5 @@
 // The plug-in against stubs (UnrealStubs.h): a session is opened, an agent walks, and a mesh's bones are read back in the
-// world; the golden traces say where they have to be. Then the connection is lost, and the session ends.
+// world; the golden traces say where they must be. Then the connection is lost, and the session ends.
 
 #include <cmath>
 #include <cstdio>
@@ -57,7 +57,7 @@ USkeletalMesh MeshOf(const golden::Case& Own) {
   return Mesh;
 }
 
-/// How far a mesh's bones are from where a trace has them, in centimetres, at most.
+/// Greatest distance of a mesh's bones from their places in a trace, centimetres.
 double Off(const FPoseContext& Output, const USkeletalMeshComponent& Component, const golden::Json& Found, std::size_t Frame) {
   const FReferenceSkeleton& Skeleton = Component.StubMesh->StubSkeleton;
   std::map<std::string, FVector> Places;
@@ -190,7 +190,7 @@ int main() {
   StubSockets[2]->Gone.Broadcast(4404, TEXT("no session s-1"), true);
   REQUIRE(Heard.back() == "ended: no session s-1");
 
-  // a wrong correction is told, and a mesh that is no humanoid
+  // a wrong correction is reported, and a mesh that is no humanoid
   Character.CorrectedBones.Add(FName(TEXT("left_knee")), FName(TEXT("nose")));
   Subsystem.Close();
   Subsystem.SetRings(1500, 0, 30000);

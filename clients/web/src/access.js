@@ -2,14 +2,14 @@
 
 const PROTOCOL = "wayfarer.v1";
 
-/** Who calls. */
+/** The caller's credentials. */
 export class Access {
   /** @type {Promise<string> | null} */
   #asking = null;
 
   /**
-   * `token`: an API key or a JWT. `ask(reason)`: a promise of another one, when the server does not take it; without
-   * it, the call that was refused fails.
+   * `token`: an API key or a JWT. `ask(reason)`: a promise of another one when the server refuses it. Without `ask`,
+   * the refused call fails.
    * @param {string} [token] @param {((reason: string) => Promise<string>) | null} [ask]
    */
   constructor(token = "", ask = null) {
@@ -18,11 +18,11 @@ export class Access {
   }
 
   /**
-   * Get a token in place of `refused`; many callers, one question. False when there is nobody to ask.
+   * Get a token in place of `refused`; many callers share one question. False when there is no `ask`.
    * @param {string} refused @param {string} reason @returns {Promise<boolean>}
    */
   async renew(refused, reason) {
-    if (this.token !== refused) return true; // somebody else has just asked
+    if (this.token !== refused) return true; // another call has just asked
     if (!this.ask) return false;
     this.#asking ??= this.ask(reason).finally(() => {
       this.#asking = null;

@@ -4,19 +4,19 @@ import { Access } from "./access.js";
 import { Homes } from "./core/homes.js";
 
 const ANSWER_SECONDS = 10;
-const BAKE_SECONDS = 60; // for what may take the server longer
-const PATIENCE_SECONDS = 15; // that a call which is refused for now is sent again
+const BAKE_SECONDS = 60; // for calls that may take the server longer
+const PATIENCE_SECONDS = 15; // for which a call that is refused temporarily is repeated
 
 /** @typedef {{ x: number, y: number, z: number }} Place */
 /**
- * A place to go to, metres. `y` says which storey is meant, in a scene; `heading`: to face there, radians.
+ * A place to go to, metres. `y` selects the storey in a scene; `heading`: to face there, radians.
  * @typedef {{ x: number, y?: number, z: number, speed?: number, heading?: number, radius?: number, stop?: boolean, dwell?: number, strafe?: boolean }} Goal
  */
 
 /** A refusal of the server, or no answer at all (status 0). */
 export class ApiError extends Error {
   /**
-   * `problem`: the whole problem document (RFC 9457), as far as there is one.
+   * `problem`: the whole problem document (RFC 9457), if there is one.
    * @param {string} message @param {number} status @param {Record<string, any>} [problem]
    */
   constructor(message, status, problem = {}) {
@@ -29,9 +29,9 @@ export class ApiError extends Error {
 
 export class Api {
   /**
-   * `base` is the server's address without a final slash; "" is the one this page came from. `access` shows who
-   * calls, and gets another token where the one it has is refused. A call that is refused for now (429) is sent again
-   * when the server has said; `pause(seconds, error)` waits until then.
+   * `base` is the server's address without a final slash; "" is the one this page came from. `access` holds the
+   * credentials, and gets another token when one is refused. A call that is refused temporarily (429) is sent again
+   * after the server's waiting time; `pause(seconds, error)` waits until then.
    * @param {string} [base]
    * @param {{ access?: Access, fetcher?: typeof fetch, pause?: (seconds: number, error: ApiError) => Promise<unknown> }} [options]
    */
@@ -43,12 +43,12 @@ export class Api {
     this.pause = pause;
   }
 
-  /** A session in a scene, or with "" on a floor without end. @param {number} leaseSeconds @param {string} [scene] */
+  /** A session in a scene, or with "" on an endless floor. @param {number} leaseSeconds @param {string} [scene] */
   createSession(leaseSeconds, scene = "") {
     return this.#call("POST", "/v1/sessions", { basis: "gltf", lease_s: leaseSeconds, ...(scene && { scene }) });
   }
 
-  /** Its `basis`, `scene`, `agent_ids` … @param {string} sessionId */
+  /** `basis`, `scene`, `agent_ids` … of a session. @param {string} sessionId */
   session(sessionId) {
     return this.#call("GET", `/v1/sessions/${encodeURIComponent(sessionId)}`);
   }
@@ -58,13 +58,13 @@ export class Api {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/renew`);
   }
 
-  /** End a session while the page goes away. @param {string} sessionId */
+  /** End a session while the page is closed. @param {string} sessionId */
   abandonSession(sessionId) {
     this.fetcher(`${this.homeOf(sessionId)}/v1/sessions/${encodeURIComponent(sessionId)}`, {
       method: "DELETE",
       headers: this.access.headers,
       keepalive: true,
-    }).catch(() => {}); // nobody is left to be told
+    }).catch(() => {}); // there is no one left to report it to
   }
 
   /** The server's version, limits, bases. */
@@ -77,8 +77,8 @@ export class Api {
   }
 
   /**
-   * The body with the proportions of a character, whose joints at rest are [{ bone, position }]: its `gender` and
-   * `betas` are for an agent. `floor`: height of the ground under its soles.
+   * The body with the proportions of a character: `gender` and `betas` for an agent. The character's joints at rest are
+   * [{ bone, position }]. `floor`: height of the ground under its soles.
    * @param {{ bone: string, position: Place }[]} joints @param {number} [floor]
    */
   fitBody(joints, floor) {
@@ -115,7 +115,7 @@ export class Api {
   }
 
   /**
-   * Let an agent walk about within `radius` metres of { x, z }.
+   * Make an agent wander within `radius` metres of { x, z }.
    * @param {string} agentId @param {{ x: number, z: number }} middle @param {number} radius @param {object} [how]
    */
   wander(agentId, { x, z }, radius, how) {
@@ -123,13 +123,13 @@ export class Api {
     return this.#call("PUT", `${agentPath(agentId)}/wander`, { area, ...how });
   }
 
-  /** Let an agent walk about all over its scene. @param {string} agentId @param {object} [how] */
+  /** Make an agent wander all over its scene. @param {string} agentId @param {object} [how] */
   roam(agentId, how) {
     return this.#call("PUT", `${agentPath(agentId)}/wander`, how);
   }
 
   /**
-   * Let an agent do something of itself: { patrol } or { follow }, { keep_away }, { queue } …
+   * Give an agent a behaviour: { patrol }, { follow }, { keep_away }, { queue } …
    * @param {string} agentId @param {object} behaviour
    */
   behave(agentId, behaviour) {
@@ -169,13 +169,13 @@ export class Api {
     return this.#call("GET", scenePath(sceneId));
   }
 
-  /** What is needed to draw it: see `outlinesOf` in scenes.js. @param {string} sceneId */
+  /** The outlines to draw it; see `outlinesOf` in scenes.js. @param {string} sceneId */
   sceneOutlines(sceneId) {
     return this.#call("GET", `${scenePath(sceneId)}/outlines`);
   }
 
   /**
-   * Let an obstacle stand there, or move there: { box } …
+   * Place or move an obstacle: { box } …
    * @param {string} sceneId @param {string} name @param {object} obstacle
    */
   putObstacle(sceneId, name, obstacle) {
@@ -195,7 +195,7 @@ export class Api {
     return this.#call("POST", `${scenePath(sceneId)}/path`, { start, goal });
   }
 
-  /** Let a number of people come and walk about in the session's scene. @param {string} sessionId @param {number} count */
+  /** Populate the session's scene with `count` walking people. @param {string} sessionId @param {number} count */
   populate(sessionId, count) {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/crowd`, { count }, BAKE_SECONDS);
   }
@@ -219,7 +219,7 @@ export class Api {
   }
 
   /**
-   * Where a session, scene or agent is called, as far as is known: `base`, or the address of its node in a cluster.
+   * The known address for calls of a session, scene or agent: `base`, or its node in a cluster.
    * @param {string} text its id, or a path with it
    */
   homeOf(text) {
@@ -227,7 +227,7 @@ export class Api {
   }
 
   /**
-   * Any call of the HTTP API, with what this class does for all: the answer's JSON.
+   * Any call of the HTTP API, with this class's retries and routing; returns the answer's JSON.
    * @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>}
    */
   call(method, path, body, seconds) {
@@ -278,9 +278,9 @@ export class Api {
       response = await this.fetcher(base + path, request);
     } catch (error) {
       const { message, cause } = /** @type {Error & { cause?: { code?: string, message: string } }} */ (error);
-      // Node repeats what is answered with 421 by itself, now and then without the body: the server took nothing
+      // Node repeats a request answered with 421 by itself, sometimes without the body; the server took nothing
       if (cause?.code === "UND_ERR_REQ_CONTENT_LENGTH_MISMATCH") return this.#ask(base, method, path, body, seconds);
-      const page = globalThis.location?.origin; // a browser does not say that the server has forbidden it
+      const page = globalThis.location?.origin; // a browser does not report that the server forbade it
       const elsewhere = page && new URL(base, page).origin !== page ? `, or its cors_origins do not list ${page}` : "";
       throw new ApiError(`the server does not answer${elsewhere} (${cause?.message ?? message})`, 0); // Node says "fetch failed" only
     }
@@ -302,12 +302,12 @@ function scenePath(sceneId) {
   return `/v1/scenes/${encodeURIComponent(sceneId)}`;
 }
 
-/** A goal as the API has it. @param {Goal} goal */
+/** A goal in the form of the API. @param {Goal} goal */
 export function onFloor({ x, y = 0, z, ...how }) {
   return { position: { x, y, z }, ...how };
 }
 
-/** What an RFC 9457 problem document says, fields named; or the bare status. @param {string} text @param {number} status */
+/** The text of an RFC 9457 problem document with its fields, or the bare status. @param {string} text @param {number} status */
 function refusal(text, status) {
   let problem;
   try {

@@ -1,4 +1,4 @@
-// Babylon.js: agents on characters of its glTF loader. Its bones follow the nodes that are written here.
+// Babylon.js: agents on characters of its glTF loader. Its bones follow the nodes that are posed here.
 
 import { Character } from "./character.js";
 import { inverse, product } from "./core/skins.js";
@@ -73,8 +73,8 @@ const BABYLON_NODES = {
 };
 
 /**
- * Meshes below some nodes, with the matrix (16 numbers, by columns) that leads from each one's own space into that around
- * the nodes. @param {TransformNode[]} tops @returns {{ mesh: any, matrix: Float64Array }[]}
+ * Meshes below some nodes, each with the matrix (16 numbers, by columns) from its own space into the space around the
+ * nodes. @param {TransformNode[]} tops @returns {{ mesh: any, matrix: Float64Array }[]}
  */
 function meshesOf(tops) {
   return tops.flatMap((top) => {
@@ -87,8 +87,8 @@ function meshesOf(tops) {
 
 /**
  * A character below the loader's `__root__` (`container.rootNodes[0]`), or below a node of yours. Stop its animation
- * groups. What is below `__root__` is in glTF's axes, and that space
- * is the agents' world: leave `__root__` where it is. In a left-handed scene, x of the world is −x of the agents.
+ * groups. Below `__root__`, axes are glTF's, and that space is the agents' world: leave `__root__` where it is. In a
+ * left-handed scene, x of the world is −x of the agents.
  * @extends {Character<TransformNode>}
  */
 export class BabylonCharacter extends Character {

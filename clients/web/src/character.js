@@ -1,4 +1,4 @@
-// A character of an engine: its nodes at rest, their map, and the poses that are written to them.
+// A character of an engine: its nodes at rest, their map, and the poses written to them.
 
 import { BASES, headingOf } from "./core/bases.js";
 import { BoneMap, mapBones } from "./core/bone_map.js";
@@ -14,24 +14,24 @@ import { measureSoles } from "./core/soles.js";
  * @template T
  * @typedef {object} Engine
  * @property {(node: T) => Node} read its name and rest transform; `parent` is not looked at
- * @property {(node: T) => T[]} children those that matter
- * @property {(node: T, rotation: Float64Array, at: number) => void} turn give it a rotation: x, y, z, w at `at`
- * @property {(node: T, place: Float64Array, at: number) => void} move give it a place: x, y, z at `at`
- * @property {(node: T, rest: Node) => void} [put] give it a whole transform
+ * @property {(node: T) => T[]} children the relevant ones
+ * @property {(node: T, rotation: Float64Array, at: number) => void} turn set its rotation, x, y, z, w at `at`
+ * @property {(node: T, place: Float64Array, at: number) => void} move set its place, x, y, z at `at`
+ * @property {(node: T, rest: Node) => void} [put] set its whole transform
  * @property {(tops: T[], nodes: T[]) => import("./core/skins.js").Skin[]} [skins] below `tops`, in the space around them
- * @property {(tops: T[], nodes: T[]) => { places: number[], nodes: number[] }} [mesh] vertices as they stand, in that
+ * @property {(tops: T[], nodes: T[]) => { places: number[], nodes: number[] }} [mesh] vertices in the present pose, in that
  *   space, and which of the nodes moves each most
  */
 /**
- * `correct`: other nodes than those found, as in `BoneMap.corrected`. `floor`: height of its soles at rest, where it is
- * not where its mesh ends.
+ * `correct`: other nodes than those found, as in `BoneMap.corrected`. `floor`: height of its soles at rest, if it
+ * differs from the lowest point of its mesh.
  * @typedef {object} CharacterOptions
  * @property {Record<string, string | null>} [correct] @property {number} [floor]
  */
 
 /**
- * The nodes below `tops` as a rig, parents first, put into the pose that their skin was bound in, whatever frame of an
- * animation they stood in; `table`: VRM's names → numbers of nodes. As for `Character`.
+ * The nodes below `tops` as a rig, parents first, in the bind pose of their skin, whatever frame of an animation they
+ * stood in; `table`: VRM's names → numbers of nodes. Arguments as for `Character`.
  * @template T @param {Engine<T>} engine @param {T[]} tops @param {Map<string, T>} [humanoid]
  */
 export function readRig(engine, tops, humanoid = new Map()) {
@@ -52,11 +52,11 @@ export function readRig(engine, tops, humanoid = new Map()) {
   return { rig: new Rig(rest), nodes, table };
 }
 
-/** A character that is posed by an agent's frames. @template T */
+/** A character posed by an agent's frames. @template T */
 export class Character {
   #engine;
   #nodes;
-  #carrier = -1; // the node above the hips that travels along, with what else hangs from it
+  #carrier = -1; // the node above the hips that travels along, with everything else that hangs from it
   #carried = new Int32Array(); // loose bones that hang from it
   #scratch = new Float64Array(21);
 
@@ -73,14 +73,14 @@ export class Character {
     /** Which node is which bone. @type {BoneMap} */
     this.map = mapBones(rig, table, BASES.gltf, correct);
     const mesh = engine.mesh?.(tops, nodes) ?? { places: [], nodes: [] };
-    /** What its mesh tells of its soles. */
+    /** Its soles, from its mesh. */
     this.soles = measureSoles(this.map, mesh.places, mesh.nodes);
     this.retarget = new Retarget(this.map, restOffsets, BASES.gltf, floor, this.soles);
     this.#findCarrier(mesh.nodes);
   }
 
   /**
-   * The highest node below the uppermost ones that carries this skeleton, where other skin or parts hang from it, too.
+   * The highest node below the uppermost ones that carries this skeleton and other skin or parts.
    * @param {number[]} movers of each vertex
    */
   #findCarrier(movers) {
@@ -93,7 +93,7 @@ export class Character {
     this.#carried = loose.filter((b) => hangs[b] < 0 && rig.ancestors(bones[b]).includes(carrier));
   }
 
-  /** Where the carrier is, and bones that hang from it relative to where it has moved them. @param {Float32Array} frame */
+  /** Place the carrier, and the bones that hang from it, relative to it. @param {Float32Array} frame */
   #carry(frame) {
     const { retarget } = this, { rig } = this.map, s = this.#scratch;
     const half = headingOf(BASES.gltf, frame, 3) / 2;
@@ -123,8 +123,8 @@ export class Character {
   }
 
   /**
-   * Stand as an agent does: `frame` is a `PlayedAgent`'s, of the profile `body` or `full`. `ground`: height of the
-   * ground there; NaN: that of the lower sole. Allocates nothing.
+   * Pose the character as an agent: `frame` is that of a `PlayedAgent`, of the profile `body` or `full`. `ground`:
+   * height of the ground there; NaN: height of the lower sole. Allocates nothing.
    * @param {Float32Array} frame @param {number} [ground]
    */
   pose(frame, ground = NaN) {

@@ -3,8 +3,8 @@
 const RENEWALS_PER_LEASE = 3;
 
 /**
- * Renew a session's lease until it is no more, which whoever uses it will be told, or what this returns is called.
- * `schedule(callback, seconds)` is a timer.
+ * Renew a session's lease until the session is gone, which its next call reports, or until the returned function is
+ * called. `schedule(callback, seconds)` is a timer.
  * @param {{ renewSession(sessionId: string): Promise<unknown> }} api @param {string} sessionId
  * @param {number} leaseSeconds @param {(callback: () => void, seconds: number) => void} [schedule]
  * @returns {() => void}
@@ -17,7 +17,7 @@ export function keepAlive(api, sessionId, leaseSeconds, schedule = idly) {
       await api.renewSession(sessionId);
     } catch (error) {
       if (/** @type {any} */ (error).status === 404) return;
-      // any other failure may pass: the lease is long enough for another attempt
+      // other failures may be temporary: the lease is long enough for another attempt
     }
     schedule(renew, leaseSeconds / RENEWALS_PER_LEASE);
   };

@@ -7,13 +7,13 @@ import { keepAlive } from "./lease.js";
 import { MotionStream, clock } from "./stream.js";
 
 /**
- * `scene`: id of a scene, "" for a floor without end. `query`: `encoding`, `fps` … of the stream (docs/wire-format.md).
+ * `scene`: id of a scene, "" for an endless floor. `query`: `encoding`, `fps` … of the stream (docs/wire-format.md).
  * `interest`: levels of detail, { rings: [{ radius, format }], viewpoints: [{ position: { x, y, z }, reach }] }.
- * `on`: what the player and the stream tell. `token`: an API key or JWT.
+ * `on`: callbacks of the player and the stream. `token`: an API key or JWT.
  * @typedef {object} SessionOptions
  * @property {string} [token]
  * @property {string} [scene]
- * @property {number} [leaseSeconds] for which the session outlives its last sign of life
+ * @property {number} [leaseSeconds] that the session outlives its last sign of life
  * @property {Record<string, string | number>} [query]
  * @property {Interest} [interest]
  * @property {import("./core/player.js").PlayerEvents & import("./stream.js").StreamEvents} [on]
@@ -23,13 +23,13 @@ import { MotionStream, clock } from "./stream.js";
 /** @typedef {{ position: { x: number, y: number, z: number }, reach?: number }} Viewpoint */
 /** @typedef {{ rings: { radius: number, format?: object }[], viewpoints: Viewpoint[] }} Interest */
 
-/** People who walk, and where they are. */
+/** People who walk, and their poses. */
 export class Session {
   /** @type {() => void} */
   #stopRenewing = () => {};
 
   /**
-   * A session of your own. It ends when you close it, or `leaseSeconds` after this program has.
+   * A session of your own. It ends when you close it, or `leaseSeconds` after this program ends.
    * @param {string | Api} server its address, as "http://localhost:8080"; "" is the one this page came from
    * @param {SessionOptions} [options] @returns {Promise<Session>} rejects with ApiError
    */
@@ -47,7 +47,7 @@ export class Session {
   }
 
   /**
-   * Somebody else's session, to watch or to give goals in.
+   * Another program's session, to watch or to give goals in.
    * @param {string | Api} server @param {string} id @param {SessionOptions} [options]
    */
   static join(server, id, options = {}) {
@@ -73,7 +73,7 @@ export class Session {
     }, stream, api.homes.route(id));
   }
 
-  /** Everybody, as shown, by alias. */
+  /** All agents as shown, by alias. */
   get agents() {
     return this.player.agents;
   }
@@ -84,8 +84,8 @@ export class Session {
   }
 
   /**
-   * See the people from these places, of a session with `interest`. Call it as often as the camera moves: ten a second
-   * are sent at most, and the last always.
+   * See the people from these places, in a session with `interest`. Call it as often as the camera moves: ten calls a
+   * second at most are sent, and always the last.
    * @param {Viewpoint[]} viewpoints
    */
   look(viewpoints) {
@@ -94,12 +94,12 @@ export class Session {
     this.stream.say(JSON.stringify({ viewpoints }));
   }
 
-  /** Once per picture: show everybody as at this moment. Their `frame`s are filled. */
+  /** Show all agents as at this moment, and fill their `frame`s. Call it once per picture. */
   update() {
     return this.player.advance(this.now());
   }
 
-  /** Leave it; one of your own ends. */
+  /** Leave the session; your own ends. */
   close() {
     this.#stopRenewing();
     this.stream.close();

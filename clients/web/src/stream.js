@@ -4,15 +4,15 @@ import { idly, later } from "./lease.js";
 
 const RETRY_FIRST = 0.5; // seconds; doubled at each failure
 const RETRY_MOST = 8;
-const PAUSE = 0.1; // seconds between texts at least
-const SILENCE = 4; // seconds without even a heartbeat (one per second) that mean a dead connection
+const PAUSE = 0.1; // least seconds between two texts
+const SILENCE = 4; // seconds without even a heartbeat (one per second) after which a connection is dead
 // close codes: 4000 + the HTTP status of the error
 const ENDED = 1000, INVALID = 4422, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT_FOUND = 4404;
 
 /** @typedef {"connecting" | "open" | "lost"} Status */
 /**
- * What a stream tells: `ended(reason)` when the session is no more; `refused(reason)` when the caller must show who
- * it is, who may then `open()` again; `failed(reason)` when there is no sense in trying again.
+ * Callbacks of a stream: `ended(reason)` when the session is gone, `refused(reason)` when the caller must authenticate
+ * and may then `open()` again, `failed(reason)` when another attempt is pointless.
  * @typedef {object} StreamEvents
  * @property {(status: Status, detail?: string) => void} [status]
  * @property {(reason: string) => void} [ended]
@@ -23,26 +23,26 @@ const ENDED = 1000, INVALID = 4422, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT
  * @typedef {object} StreamOptions
  * @property {(url: string, protocols: string[]) => WebSocket} [newSocket] of another library, in Node before 22
  * @property {(callback: () => void, seconds: number) => void} [schedule] a timer
- * @property {() => number} [now] seconds of a clock that never goes back: the one that the player is played by
+ * @property {() => number} [now] seconds of a clock that never goes back: the player's clock
  */
 
 /** Seconds of a clock that never goes back. */
 export const clock = () => performance.now() / 1000;
 
-/** Brings a session's motion to a player. A lost connection is made again and goes on where it was. */
+/** Brings a session's motion to a player. A lost connection is restored and resumes where it was. */
 export class MotionStream {
   #retry = RETRY_FIRST;
   #heard = 0; // messages so far, to notice silence
   #losses = 0; // so far
   #begun = false; // this connection's header has come
-  #text = ""; // to be sent
+  #text = ""; // waiting to be sent
   #said = "";
   #pauses = false; // one has just been sent
   /** @type {WebSocket | null} */
   #socket = null;
 
   /**
-   * `address(resumeToken)` says where to connect (`Api.streamAddress`); `route` is told what came of it.
+   * `address(resumeToken)` says where to connect (`Api.streamAddress`); `route` receives the outcome.
    * @param {(resumeToken: string) => { url: string, protocols: string[] }} address
    * @param {import("./core/player.js").MotionPlayer} player @param {StreamEvents} [on] @param {StreamOptions} [options]
    * @param {import("./core/homes.js").Route} [route]
@@ -57,7 +57,7 @@ export class MotionStream {
     this.watch = options.schedule ?? idly;
     this.now = options.now ?? clock;
     this.closed = false;
-    this.forgotten = ""; // a resume token that the server does not know
+    this.forgotten = ""; // a resume token unknown to the server
     this.open();
   }
 
@@ -68,19 +68,19 @@ export class MotionStream {
     this.#connectAgain();
   }
 
-  /** Leave it for good. */
+  /** Close the stream. */
   close() {
     this.closed = true;
     this.#socket?.close();
   }
 
-  /** Connect again, as after a loss: the network may have changed. While it is waiting to try again: at once. */
+  /** Connect again, as after a loss: the network may have changed. While a retry is pending, connect at once. */
   reconnect() {
     if (this.#socket) this.#socket.close();
     else this.#connectAgain();
   }
 
-  /** Send a text: the last of those within a tenth of a second, and none twice. @param {string} text */
+  /** Send a text. Only the last within a tenth of a second is sent, and none twice. @param {string} text */
   say(text) {
     if (text === this.#said) return;
     this.#text = this.#said = text;
@@ -109,7 +109,7 @@ export class MotionStream {
     socket.binaryType = "arraybuffer";
     socket.onmessage = ({ data }) => this.#receive(socket, data);
     socket.onclose = ({ code, reason }) => this.#lost(socket, code, reason);
-    socket.onerror = () => {}; // a close follows; the package "ws" ends the program where nobody listens
+    socket.onerror = () => {}; // a close follows; the package "ws" ends the program without a listener
     this.#socket = socket;
     this.#watch(socket, this.#heard);
   }
@@ -153,7 +153,7 @@ export class MotionStream {
     this.#begun = false;
     const token = this.player.resumeToken;
     if (code === INVALID && token !== this.forgotten) {
-      this.forgotten = token; // of another server, it may be: begin with what falls due next
+      this.forgotten = token; // perhaps of another server: begin with the frames that fall due next
       this.#connect();
     } else if (code === ENDED || code === NOT_FOUND) {
       this.closed = true;

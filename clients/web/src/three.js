@@ -30,8 +30,8 @@ export const THREE_NODES = {
 };
 
 /**
- * A character whose skeleton is below `root`. The space around `root` is the
- * agents' world: put it into the scene itself, or into a group that stands for their world.
+ * A character whose skeleton is below `root`. The space around `root` is the agents' world: put it into the scene
+ * itself, or into a group that stands for their world.
  * @extends {Character<Object3D>}
  */
 export class ThreeCharacter extends Character {
@@ -45,7 +45,7 @@ export class ThreeCharacter extends Character {
 }
 
 /**
- * Meshes below some nodes, with the matrix that leads from each one's own space into that around the nodes.
+ * Meshes below some nodes, each with the matrix from its own space into the space around the nodes.
  * @param {Object3D[]} tops @returns {{ mesh: any, matrix: import("three").Matrix4 }[]}
  */
 function meshesOf(tops) {
@@ -112,12 +112,12 @@ function meshOf(tops, nodes) {
   return { places, nodes: owners };
 }
 
-/** As in the file: GLTFLoader takes dots and colons out of names. @param {{ name: string, userData: any }} node @returns {string} */
+/** A node's name as in the file: GLTFLoader removes dots and colons. @param {{ name: string, userData: any }} node @returns {string} */
 function nameOf({ name, userData }) {
   return userData?.name ?? name;
 }
 
-/** Bones, and what they hang from: a mesh may be called "head", too. @param {Object3D} node @returns {boolean} */
+/** Whether a node is or carries bones: a mesh may be called "head", too. @param {Object3D} node @returns {boolean} */
 function holdsBones(node) {
   return /** @type {any} */ (node).isBone === true || node.children.some(holdsBones);
 }

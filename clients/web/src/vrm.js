@@ -1,4 +1,4 @@
-// three-vrm: agents on VRM 0 and VRM 1 avatars. Springs and constraints go on: call `vrm.update(seconds)` after `pose`.
+// three-vrm: agents on VRM 0 and VRM 1 avatars. For springs and constraints call `vrm.update(seconds)` after `pose`.
 
 import { Character } from "./character.js";
 import { WORDS } from "./core/bone_names.js";
@@ -28,7 +28,7 @@ export class VrmCharacter extends Character {
       if (node) bones.set(name, node);
     }
     const root = humanoid.normalizedHumanBonesRoot;
-    /** @type {Map<Object3D, Object3D>} the normalized bone of a bone that moves skin */
+    /** @type {Map<Object3D, Object3D>} the normalized bone for each bone that moves skin */
     const raw = new Map();
     for (const [name, node] of bones) {
       const bone = humanoid.getRawBoneNode(/** @type {any} */ (name));

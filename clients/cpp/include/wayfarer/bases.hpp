@@ -14,7 +14,7 @@ struct Basis {
 
   /// Angle about `up` by which a rotation turns `forward`, radians.
   double heading(const Quat& rotation) const;
-  /// What of a vector lies along the ground.
+  /// The part of a vector that lies along the ground.
   Vec3 level(const Vec3& v) const { return without(v, up); }
 };
 
@@ -27,7 +27,7 @@ inline constexpr Basis blender{{1, 0, 0}, {0, 0, 1}, {0, -1, 0}, 1};
 inline constexpr Basis ros{{0, 1, 0}, {0, 0, 1}, {1, 0, 0}, 1};
 }  // namespace bases
 
-/// By its name in the API. Throws std::invalid_argument that lists the names.
+/// The basis of an API name. Throws std::invalid_argument that lists the names.
 const Basis& basis_named(std::string_view name);
 
 }  // namespace wayfarer

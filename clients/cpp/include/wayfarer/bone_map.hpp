@@ -1,4 +1,4 @@
-// Which node of a rig is which bone: by VRM's table, else by names, else by shape. clients/README.md, "Bones of a
+// Maps nodes of a rig to bones: by VRM's table, otherwise by names, otherwise by shape. clients/README.md, "Bones of a
 // character".
 #pragma once
 
@@ -27,11 +27,11 @@ class BoneMap {
   const Nodes& nodes() const { return nodes_; }
   /// "vrm", "names", "shape"; "user" after a correction.
   const std::string& found_by() const { return found_by_; }
-  /// Bones that the rig lacks; their turns go on into their children.
+  /// Bones that the rig lacks; their children take over their rotations.
   std::vector<std::string> missing() const;
   /// Canonical name, name of the node: to show it, or keep it.
   std::vector<std::pair<std::string, std::string>> table() const;
-  /// With other nodes for some bones (by node name), or without them (nullopt). Throws std::invalid_argument.
+  /// The map with other nodes for some bones (by node name), or without them (nullopt). Throws std::invalid_argument.
   BoneMap corrected(const Changes& changes) const;
 
  private:
@@ -40,9 +40,9 @@ class BoneMap {
   std::string found_by_;
 };
 
-/// The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up; `correct`: as
-/// BoneMap::corrected, also of what would be refused without. Throws std::invalid_argument that names the hips or legs
-/// that are missing.
+/// The map of a rig. `humanoid`: VRM's names → nodes. `basis`: gives the up of the rig's space. `correct`: as for
+/// BoneMap::corrected; it also serves rigs that would be refused without it. Throws std::invalid_argument that names
+/// missing hips or legs.
 BoneMap map_bones(const Rig& rig, const std::map<std::string, int>& humanoid = {}, const Basis& basis = bases::gltf,
                   const BoneMap::Changes& correct = {});
 

@@ -16,13 +16,13 @@ class Homes {
   /// `entry`: the server's address, "http://host:port" or "host:port".
   explicit Homes(std::string entry) : entry_(std::move(entry)) {}
 
-  /// The address at which the one whose id is in `about` is called.
+  /// The address for calls about the id in `about`.
   std::string home(const std::string& about) const;
   /// A node's address, by the entry's scheme. `host`: "" is the entry's.
   std::string node(const std::string& host, int port) const;
-  /// They live there.
+  /// Note that the slot of `about` lives at `address`.
   void learn(const std::string& about, const std::string& address);
-  /// Nobody knows where they live, but the entry.
+  /// Forget where it lives; only the entry knows.
   void forget(const std::string& about);
   const std::string& entry() const { return entry_; }
 
@@ -32,26 +32,26 @@ class Homes {
   std::map<std::string, std::string> homes_;  // addresses by slot
 };
 
-/// The addresses that a call, or a stream, goes to in turn: `address` is the next one. At most four: the node that is
-/// known, the one that it names, the entry, the one that it names.
+/// The addresses to which a call or a stream goes in turn: `address` is the next one. At most four: the known node, the
+/// node it names, the entry, and the node that the entry names.
 class Route {
  public:
-  /// `about`: text with the id of whom the call concerns; "": nobody's.
+  /// `about`: text with the id that the call concerns; "": none.
   Route(Homes& homes, std::string about);
 
   const std::string& address() const { return address_; }
-  /// Start again: as for a new call.
+  /// Start again, as for a new call.
   void begin();
   /// The call has succeeded, or the stream has begun. `made`: id of what was made by it.
   void answered(const std::string& made = "");
-  /// `address` has named another node; whether the call goes on, to the new `address`. Port 0, or what is no host's
+  /// Note that `address` has named another node; returns whether the call continues there. Port 0, or an invalid host
   /// name: it has named none.
   bool misdirected(const std::string& host, int port);
-  /// `address` does not answer, or not at present; as `misdirected`.
+  /// Note that `address` does not answer at present; returns as `misdirected`.
   bool unavailable();
-  /// A call was refused, by an HTTP status (0: no answer) and the problem's `endpoint`; whether it goes on.
+  /// Note a refusal, by an HTTP status (0: no answer) and the problem's `endpoint`. Returns whether the call continues.
   bool refused(int status, const std::string& host, int port);
-  /// A stream has ended, with this code and reason; whether to connect to `address` at once.
+  /// Note the end of a stream, with code and reason; returns whether to connect to `address` at once.
   bool closed(int code, const std::string& reason);
 
  private:

@@ -12,7 +12,7 @@
 
 namespace wayfarer {
 
-/// Notes on a chunk; `Chunk::flags` is a sum of them.
+/// Flags of a chunk; `Chunk::flags` is a sum of them.
 namespace flag {
 inline constexpr std::uint32_t FIRST = 1, REPLANNED = 2, ARRIVED = 4, GAP = 8, REDUCED = 16, HELD = 32;
 }
@@ -35,26 +35,26 @@ struct Bone {
 
 /// How frames are packed in a ring around the viewpoints.
 struct Tier {
-  double radius = std::numeric_limits<double>::infinity();  // infinite where there are no rings
+  double radius = std::numeric_limits<double>::infinity();  // infinite without rings
   std::uint32_t encoding = 0, sent_fps = 0;
   std::vector<std::uint32_t> bones;
   std::uint32_t frame_bytes = 0;
 };
 
-/// What holds for a whole stream. `bones`: numbers in `skeleton` of the bones whose rotations are sent.
+/// Properties of a whole stream. `bones`: numbers in `skeleton` of the bones whose rotations are sent.
 struct Header {
   std::string server_version, session_id;
-  std::uint32_t fps = 0, sent_fps = 0;  // frames per second of the motion; those that are sent
+  std::uint32_t fps = 0, sent_fps = 0;  // frames per second of the motion; sent per second
   std::string basis = "gltf";           // its name, as in the API
   double metres_per_unit = 1;
   std::vector<Bone> skeleton;
   std::vector<std::uint32_t> bones;
   std::uint32_t encoding = 0, frame_bytes = 0;
   bool resumed = false;
-  std::vector<Tier> tiers;  // from the inside out; one where there are no rings
+  std::vector<Tier> tiers;  // from the inside out; one without rings
 };
 
-/// An agent, as the stream introduces it. `rest_offsets`: x, y, z for each bone of the skeleton.
+/// An agent as the stream introduces it. `rest_offsets`: x, y, z for each bone of the skeleton.
 struct Agent {
   std::string id;
   std::uint32_t alias = 0;
@@ -88,29 +88,29 @@ struct Event {
 
 class ProtoReader;
 
-/// Reads messages; what it holds is of the last one. A batch that introduces nobody allocates nothing once the
-/// largest has come.
+/// Reads messages, and holds the last one. A batch that introduces no agent allocates nothing once the largest has
+/// come.
 class StreamDecoder {
  public:
-  /// Read a message, whose bytes stay in place as long as its chunks are read. Throws DecodeError.
+  /// Read a message, whose bytes must stay in place while its chunks are read. Throws DecodeError.
   MessageKind decode(const std::uint8_t* message, std::size_t size);
 
   MessageKind kind() const { return kind_; }
   double sent_at() const { return sent_at_; }        // the server's clock
-  const Header& header() const { return header_; }  // of a header
-  const Event& event() const { return event_; }     // of an event
-  /// Of a batch: agents seen for the first time, and aliases of deleted ones.
+  const Header& header() const { return header_; }  // if it is a header
+  const Event& event() const { return event_; }     // if it is an event
+  /// If it is a batch: agents seen for the first time, and aliases of deleted ones.
   const std::vector<Agent>& added() const { return added_; }
   const std::vector<std::uint64_t>& removed() const { return removed_; }
-  /// Of a batch: aliases of agents that have left the last ring, and the tier of its chunks.
+  /// If it is a batch: aliases of agents that have left the last ring, and the tier of its chunks.
   const std::vector<std::uint64_t>& hidden() const { return hidden_; }
   std::size_t tier() const { return tier_; }
-  /// Of a batch: its chunks.
+  /// If it is a batch: its chunks.
   std::size_t chunks() const { return columns_[ALIAS].size(); }
   Chunk chunk(std::size_t row) const;
-  /// Of the last batch that had one: says that all up to there has come.
+  /// Resume token of the last batch that had one: everything up to it has come.
   const std::string& resume_token() const { return token_; }
-  /// That the chunks of the batch are whole frames of their tier. Throws DecodeError.
+  /// Throws DecodeError unless the chunks of the batch are whole frames of their tier.
   void check_frames(const Header& header) const;
 
  private:

@@ -1,4 +1,4 @@
-// Which moment to show, and the pose at it: clients/README.md, "Playout". Times are seconds; no clock is read.
+// The moment to show, and the pose at it: clients/README.md, "Playout". Times are seconds; no clock is read.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace wayfarer {
 
-/// The least value of the last `seconds`.
+/// The minimum of the last `seconds`.
 class WindowLeast {
  public:
   explicit WindowLeast(double seconds) : seconds_(seconds), pairs_(1024) {}
@@ -28,23 +28,23 @@ class WindowLeast {
   std::size_t first_ = 0, count_ = 0;
 };
 
-/// Which moment of the stream (server time) to show now, for all agents alike.
+/// Chooses the moment of the stream (server time) to show now, for all agents alike.
 class PlayoutClock {
  public:
   /// Note a message that came at local `now`, sent at server time `sent_at`.
   void observe(double now, double sent_at);
   /// Note a chunk that came at local `now`, whose first frame is for `scheduled_at`.
   void observe_chunk(double now, double scheduled_at);
-  /// Note that a connection was made again; its header was sent at server time `sent_at`. Chunks for earlier times were
-  /// missed meanwhile: their lateness says nothing of the next.
+  /// Note that a connection was restored; its header was sent at server time `sent_at`. Chunks for earlier times were
+  /// missed meanwhile; their lateness predicts nothing.
   void resumed(double sent_at) { caught_up_at_ = sent_at; }
   /// The server's clock at local `now`, as if the fastest message had taken no time.
   double server_time(double now) const { return known(offset_) ? now - offset_ : now; }
-  /// Delay to aim at.
+  /// The target delay, seconds.
   double wanted_delay(double now);
-  /// Delay in force.
+  /// The present delay, seconds.
   double delay(double now) { return known(playhead_) ? server_time(now) - playhead_ : wanted_delay(now); }
-  /// Go on to local `now`; returns the moment to show, in server time.
+  /// Advance to local `now`; returns the moment to show, in server time.
   double advance(double now);
 
  private:
@@ -71,11 +71,11 @@ class PoseTrack {
   double buffered(double time) const;
 
   std::size_t width() const { return width_; }
-  /// Frames in hand.
+  /// Number of frames in the queue.
   std::size_t size() const { return count_; }
   /// How often frames ran out.
   std::size_t underruns() const { return underruns_; }
-  /// Of the frame at or before the moment shown: 1 left foot, 2 right foot.
+  /// Bits of the frame at or before the moment shown: 1 left foot, 2 right foot.
   std::uint8_t contacts() const { return shown_contacts_; }
   /// Whether frames have run out, and the last one is shown.
   bool held() const { return dry_; }

@@ -7,7 +7,7 @@
 
 namespace wayfarer {
 
-/// A message of the stream cannot be read: the connection is of no more use.
+/// A message of the stream cannot be read; the connection is of no more use.
 struct DecodeError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

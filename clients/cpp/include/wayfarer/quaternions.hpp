@@ -26,7 +26,7 @@ inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/// What of `v` is across the unit vector `axis`.
+/// The part of `v` across the unit vector `axis`.
 inline Vec3 without(const Vec3& v, const Vec3& axis) { return v - dot(v, axis) * axis; }
 
 inline double length(const Quat& q) {

@@ -17,11 +17,11 @@ inline constexpr std::array<std::string_view, BONE_COUNT> BONES{
     "spine2",        "left_ankle",     "right_ankle", "spine3",     "left_foot",   "right_foot",
     "neck",          "left_collar",    "right_collar", "head",      "left_shoulder", "right_shoulder",
     "left_elbow",    "right_elbow",    "left_wrist", "right_wrist"};
-/// Of each bone; -1: none.
+/// Parent of each bone; -1: none.
 inline constexpr std::array<int, BONE_COUNT> PARENTS{-1, 0, 0, 0,  1,  2,  3,  4,  5,  6,  7,
                                                      8,  9, 9, 9, 12, 13, 14, 16, 17, 18, 19};
 
-/// Number of a bone; -1 when there is none of that name.
+/// Number of a bone; -1 for an unknown name.
 constexpr int bone_number(std::string_view name) {
   for (int b = 0; b < BONE_COUNT; ++b)
     if (BONES[static_cast<std::size_t>(b)] == name) return b;
@@ -46,12 +46,12 @@ class Rig {
   const std::vector<Node>& nodes() const { return nodes_; }
   const Node& node(int k) const { return nodes_[static_cast<std::size_t>(k)]; }
   const std::vector<int>& children(int k) const { return children_[static_cast<std::size_t>(k)]; }
-  /// In the character's space.
+  /// Places and rotations in the character's space.
   const Vec3& place(int k) const { return places_[static_cast<std::size_t>(k)]; }
   const Quat& rotation(int k) const { return rotations_[static_cast<std::size_t>(k)]; }
-  /// Product of scales from the top: right where each is the same along all axes.
+  /// Product of scales from the top; right if each is equal along all axes.
   const Vec3& scale(int k) const { return scales_[static_cast<std::size_t>(k)]; }
-  /// From its parent to the top.
+  /// Ancestors of a node, from its parent to the top.
   std::vector<int> ancestors(int k) const;
 
  private:

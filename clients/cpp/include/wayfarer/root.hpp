@@ -15,9 +15,9 @@ class SmoothRoot {
 
   /// At `time`: hips' place and rotation of a frame (its first seven numbers), height of the ground there.
   void update(double time, const float* frame, double ground);
-  /// On the ground.
+  /// Point on the ground.
   const Vec3& point() const { return point_; }
-  /// Radians; goes on beyond π. NaN before the first update.
+  /// Radians, continuous beyond π. NaN before the first update.
   double heading() const { return heading_.value; }
 
  private:

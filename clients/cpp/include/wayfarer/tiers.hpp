@@ -13,7 +13,7 @@ namespace wayfarer {
 /// Unpacks the frames of one stream. Allocates nothing once the longest chunk has come.
 class TierUnpacker {
  public:
-  /// Throws DecodeError when the header has what cannot be read.
+  /// Throws DecodeError when the header cannot be read.
   explicit TierUnpacker(const Header& header);
 
   /// Unpack `count` frames of a tier into `width` · `count` floats.
@@ -24,7 +24,7 @@ class TierUnpacker {
     std::uint32_t encoding;
     std::size_t bones;
     bool whole;              // the bones of the first tier
-    std::vector<int> slots;  // of each of them in a frame of this one; -1: not there
+    std::vector<int> slots;  // place of each of them in a frame of this tier; -1: none
   };
   void standing(std::uint32_t bone, float* out) const;
   void root(const std::uint8_t* bytes, float* out) const;

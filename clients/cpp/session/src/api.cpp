@@ -13,9 +13,9 @@ namespace {
 
 namespace http = beast::http;
 constexpr std::chrono::seconds ANSWER(10);
-constexpr double PATIENCE = 15;  // seconds that a call which is refused for now is sent again
+constexpr double PATIENCE = 15;  // seconds for which a call that is refused temporarily is repeated
 
-/// Do all that is under way, then say what came of one of it.
+/// Run all pending work, then return the result of one operation.
 template <class Result>
 Result wait(net::io_context& io, std::future<Result> result) {
   io.restart();
@@ -54,7 +54,7 @@ http::response<http::string_body> send(const Server& server, http::request<http:
   return exchange(io, stream, request);
 }
 
-/// What a problem document says, fields named; or the bare status.
+/// The text of a problem document with its fields, or the bare status.
 std::string said(const Json& problem, unsigned status) {
   if (!problem.is_object()) return "HTTP " + std::to_string(status);  // a proxy's page
   std::string fields;
@@ -65,14 +65,14 @@ std::string said(const Json& problem, unsigned status) {
   return problem.value("detail", problem.value("title", "HTTP " + std::to_string(status)));
 }
 
-/// The id of what an answer says was made, or "".
+/// The id of the session or scene that an answer has created, or "".
 std::string made(const Json& answer) {
   for (const char* key : {"session_id", "scene_id"})
     if (answer.is_object() && answer.contains(key) && answer.at(key).is_string()) return answer.at(key);
   return "";
 }
 
-/// Whether a call goes on, at another node.
+/// Whether a call continues at another node.
 bool goes_on(Route& route, const ApiError& error) {
   const auto found = error.problem.find("endpoint");
   if (found == error.problem.end() || !found->is_object()) return route.refused(error.status, "", 0);

@@ -1,4 +1,4 @@
-// What HTTP and WebSocket share: plain or TLS streams of Boost.Beast.
+// Shared by HTTP and WebSocket: plain or TLS streams of Boost.Beast.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -23,7 +23,7 @@ using Plain = beast::tcp_stream;
 
 constexpr std::size_t MOST_BYTES = 64 << 20;  // of an answer, or of a message
 
-/// One connection: what comes is waiting when it is asked for.
+/// One connection, which keeps received messages until they are asked for.
 class Connection {
  public:
   virtual ~Connection() = default;
@@ -50,7 +50,7 @@ inline net::ssl::context& trust() {
   return context;
 }
 
-/// Say whom we expect to meet.
+/// Set the host name that we expect.
 inline void expect(Secure& stream, const std::string& host) {
   SSL_set_tlsext_host_name(stream.native_handle(), host.c_str());
   stream.set_verify_callback(net::ssl::host_name_verification(host));

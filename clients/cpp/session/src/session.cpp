@@ -16,8 +16,8 @@ namespace websocket = beast::websocket;
 using boost::system::error_code;
 
 constexpr double RETRY_FIRST = 0.5, RETRY_MOST = 8;  // seconds; doubled at each failure
-constexpr double PAUSE = 0.1;  // seconds between texts at least
-constexpr double SILENCE = 4;  // seconds without even a heartbeat (one per second) that mean a dead connection
+constexpr double PAUSE = 0.1;  // least seconds between two texts
+constexpr double SILENCE = 4;  // seconds without even a heartbeat (one per second) after which a connection is dead
 constexpr std::chrono::seconds HANDSHAKE(10);
 // close codes: 4000 + the HTTP status of the error
 constexpr int ENDED = 1000, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT_FOUND = 4404, INVALID = 4422;
@@ -65,7 +65,7 @@ class Socket : public Connection, public std::enable_shared_from_this<Socket<Str
     gone_ = true;
     resolver_.cancel();
     beast::get_lowest_layer(socket_).cancel();
-    error_code ignored;  // nobody is left to be told
+    error_code ignored;  // there is no one left to report it to
     beast::get_lowest_layer(socket_).socket().close(ignored);
   }
 
@@ -85,7 +85,7 @@ class Socket : public Connection, public std::enable_shared_from_this<Socket<Str
   }
 
   void upgrade() {
-    beast::get_lowest_layer(socket_).expires_never();  // the socket has limits of its own
+    beast::get_lowest_layer(socket_).expires_never();  // the socket has its own limits
     socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::client));
     socket_.async_handshake(server_.host + ":" + server_.port, target_,
                             [self = this->shared_from_this()](error_code error) {
@@ -118,7 +118,7 @@ class Socket : public Connection, public std::enable_shared_from_this<Socket<Str
   net::ip::tcp::resolver resolver_;
   websocket::stream<Stream> socket_;
   beast::flat_buffer buffer_;
-  std::string text_;  // that is being written
+  std::string text_;  // being written
   bool gone_ = false, writes_ = false;
 };
 
@@ -142,8 +142,8 @@ struct MotionStream::Impl {
   StreamEvents on;
   net::io_context io{1};
   std::shared_ptr<Connection> connection;
-  std::string forgotten;  // a resume token that the server does not know
-  std::string text, said;  // to be sent; the last that was to be
+  std::string forgotten;  // a resume token unknown to the server
+  std::string text, said;  // waiting to be sent; the last one given
   bool begun = false;      // this connection's header has come
   bool moved = false;      // the route says where to connect
   double said_at = -PAUSE;
@@ -215,7 +215,7 @@ struct MotionStream::Impl {
     drop();
     const std::string token = player.resume_token();
     if (code == INVALID && !token.empty() && token != forgotten) {
-      forgotten = token;  // of another server, it may be: begin with what falls due next
+      forgotten = token;  // perhaps of another server: begin with the frames that fall due next
       connect_at = now;
     } else if (code == ENDED || code == NOT_FOUND || code == UNKNOWN_CALLER || code == FORBIDDEN || code == INVALID) {
       end(reason);
@@ -300,7 +300,7 @@ Session::~Session() {
   if (!own_) return;
   try {
     api_->delete_session(id_);
-  } catch (const std::exception&) {  // its lease ends it
+  } catch (const std::exception&) {  // its lease will end it
   }
 }
 

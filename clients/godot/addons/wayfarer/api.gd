@@ -3,11 +3,11 @@ extends Node
 ## The HTTP API as functions. A server's /docs is its reference. Each is awaited and gives a Reply.
 
 const ANSWER_SECONDS := 10.0
-const PATIENCE_SECONDS := 15.0  # that a call which is refused for now (429) is sent again
+const PATIENCE_SECONDS := 15.0  # for which a refused call (429) is repeated
 const PROTOCOL := "wayfarer.v1"
 
 
-## What came of a call.
+## The outcome of a call.
 class Reply:
 	var status := 0  ## of HTTP; 0: no answer
 	var error := ""  ## what was wrong; "": nothing
@@ -19,13 +19,13 @@ var server := "http://localhost:8080":
 	set(value):
 		server = value
 		homes = WayfarerHomes.new(value.trim_suffix("/"))
-## The nodes of a cluster that are known.
+## The known nodes of a cluster.
 var homes := WayfarerHomes.new("http://localhost:8080")
 ## API key or JWT, for a server that asks for one.
 var token := ""
 
 
-## A session in a scene, or with "" on a floor without end.
+## A session in a scene, or with "" on an endless floor.
 func create_session(lease_s: float, scene: String = "") -> Reply:
 	var wanted := {"basis": "gltf", "lease_s": lease_s}
 	if scene != "":
@@ -51,20 +51,20 @@ func delete_agent(agent_id: String) -> Reply:
 	return await call_server(HTTPClient.METHOD_DELETE, _path("agents", agent_id))
 
 
-## Send an agent to places in turn: `goals` as in PUT /v1/agents/…/path; see `goal`.
+## Send an agent to places in turn. `goals` are those of PUT /v1/agents/…/path; see `goal`.
 func set_path(agent_id: String, goals: Array) -> Reply:
 	var path := _path("agents", agent_id) + "/path"
 	return await call_server(HTTPClient.METHOD_PUT, path, {"goals": goals})
 
 
-## Let an agent walk about within some metres of a place. `how`: speed … of the API.
+## Make an agent wander within some metres of a place. `how`: speed … of the API.
 func wander(agent_id: String, centre: Vector3, radius: float, how: Dictionary = {}) -> Reply:
 	var wanted := how.merged({"area": {"center": place(centre), "radius": radius}})
 	var path := _path("agents", agent_id) + "/wander"
 	return await call_server(HTTPClient.METHOD_PUT, path, wanted)
 
 
-## Let an agent do something of itself: {"follow": {"agent_id": …}} … (docs/scenes.md).
+## Give an agent a behaviour: {"follow": {"agent_id": …}} … (docs/scenes.md).
 func behave(agent_id: String, behaviour: Dictionary) -> Reply:
 	var path := _path("agents", agent_id) + "/behaviour"
 	return await call_server(HTTPClient.METHOD_PUT, path, behaviour)
@@ -74,13 +74,13 @@ func clear_goal(agent_id: String) -> Reply:
 	return await call_server(HTTPClient.METHOD_DELETE, _path("agents", agent_id) + "/goal")
 
 
-## Let a number of people come and walk about in the session's scene.
+## Populate the session's scene with walking people.
 func populate(session_id: String, count: int) -> Reply:
 	var path := _path("sessions", session_id) + "/crowd"
 	return await call_server(HTTPClient.METHOD_POST, path, {"count": count}, 60.0)
 
 
-## Let an obstacle stand there, or move there: {"box": …} … (docs/scenes.md).
+## Place or move an obstacle: {"box": …} … (docs/scenes.md).
 func put_obstacle(scene_id: String, name_of: String, obstacle: Dictionary) -> Reply:
 	var path := _path("scenes", scene_id) + "/obstacles/" + name_of.uri_encode()
 	return await call_server(HTTPClient.METHOD_PUT, path, obstacle)
@@ -98,7 +98,7 @@ func fit_body(character: WayfarerCharacterJoints) -> Reply:
 	return await call_server(HTTPClient.METHOD_POST, "/v1/bodies:fit", wanted)
 
 
-## Any call; it is sent again, with patience, when the server is busy.
+## Any call; it is repeated while the server is busy.
 func call_server(
 	method: HTTPClient.Method, path: String, body: Variant = null, seconds: float = ANSWER_SECONDS
 ) -> Reply:
@@ -137,12 +137,12 @@ func stream_address(session_id: String, wish: Dictionary, resume_token: String) 
 	return {"url": url, "protocols": protocols}
 
 
-## A place as the API has it.
+## A place in the form of the API.
 static func place(at: Vector3) -> Dictionary:
 	return {"x": at.x, "y": at.y, "z": at.z}
 
 
-## A goal as the API has it. `how`: speed, heading, radius, stop, dwell, strafe.
+## A goal in the form of the API. `how`: speed, heading, radius, stop, dwell, strafe.
 static func goal(at: Vector3, how: Dictionary = {}) -> Dictionary:
 	return how.merged({"position": place(at)})
 
@@ -180,7 +180,7 @@ func _ask(
 	return reply
 
 
-## What an RFC 9457 problem document says, fields named; or the bare status.
+## The text of an RFC 9457 problem document with its fields, or the bare status.
 static func _refusal(reply: Reply) -> String:
 	var bare := "HTTP %d" % reply.status
 	if not reply.data is Dictionary:
@@ -193,7 +193,7 @@ static func _refusal(reply: Reply) -> String:
 	return reply.data.get("detail", reply.data.get("title", bare))
 
 
-## The id of what an answer says was made, or "".
+## The id of the session or scene that an answer has created, or "".
 static func _made(answer: Variant) -> String:
 	return answer.get("session_id", answer.get("scene_id", "")) if answer is Dictionary else ""
 

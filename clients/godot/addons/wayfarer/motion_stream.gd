@@ -1,28 +1,28 @@
 class_name WayfarerMotionStream
 extends RefCounted
-## Brings a session's motion to a player. A lost connection is made again and goes on where it was.
-## It reads no clock: `update` does all.
+## Brings a session's motion to a player. A lost connection is restored and resumes where it was. It
+## reads no clock; everything happens in `update`.
 
 ## "connecting", "open", "lost", and why.
 signal status_changed(status: String, detail: String)
-## The session is no more.
+## The session is gone.
 signal ended(reason: String)
-## The caller must show who it is; it may then `open` again.
+## The caller must authenticate; it may then `open` again.
 signal refused(reason: String)
-## There is no sense in trying again.
+## Another attempt is pointless.
 signal failed(reason: String)
 
 const RETRY_FIRST := 0.5  # seconds; doubled at each failure
 const RETRY_MOST := 8.0
-const PAUSE := 0.1  # seconds between texts at least
-const SILENCE := 4.0  # seconds without even a heartbeat (one per second): a dead connection
+const PAUSE := 0.1  # least seconds between two texts
+const SILENCE := 4.0  # seconds without a heartbeat (one per second) that mean a dead connection
 const GONE := 1000
 const INVALID := 4422
 const UNKNOWN_CALLER := 4401
 const FORBIDDEN := 4403
 const NOT_FOUND := 4404
 
-## It is for good: after `close`, `ended`, `refused` or `failed`.
+## Whether it has stopped: after `close`, `ended`, `refused` or `failed`.
 var closed := false
 
 var _address: Callable
@@ -33,15 +33,15 @@ var _socket: RefCounted
 var _retry := RETRY_FIRST
 var _retry_at := -INF
 var _heard_at := 0.0
-var _text := ""  # to be sent
+var _text := ""  # waiting to be sent
 var _said := ""
 var _said_at := -INF
 var _begun := false  # this connection's header has come
-var _forgotten := ""  # a resume token that the server does not know
+var _forgotten := ""  # a resume token unknown to the server
 
 
-## `address(resume_token)`: {url, protocols}; `new_socket()`: a WayfarerSocket, or one like it;
-## `route`: is told what came of an address; null: there is only one.
+## `address(resume_token)` returns {url, protocols}; `new_socket()` returns a WayfarerSocket, or one
+## like it. `route` receives the outcome of an address; null: there is only one.
 func _init(
 	address: Callable,
 	player: WayfarerMotionPlayer,
@@ -61,14 +61,14 @@ func open() -> void:
 	_retry_at = -INF
 
 
-## Send a text: the last of those within a tenth of a second, and none twice.
+## Send a text. Only the last within a tenth of a second is sent, and none twice.
 func say(text: String) -> void:
 	if text != _said:
 		_text = text
 		_said = text
 
 
-## Take what has come until `now` (seconds), and see to the connection. Never waits.
+## Take all messages until `now` (seconds), and maintain the connection. Never waits.
 func update(now: float) -> void:
 	if not closed and _socket == null and now >= _retry_at:
 		if _route != null:
@@ -91,7 +91,7 @@ func update(now: float) -> void:
 		reconnect("nothing has come for %d s" % int(SILENCE), now)
 
 
-## Leave it for good.
+## Close the stream.
 func close() -> void:
 	closed = true
 	_drop()
@@ -132,7 +132,7 @@ func _take_loss(code: int, reason: String, now: float) -> void:
 	_drop()
 	var token := _player.resume_token()
 	if code == INVALID and token != _forgotten:
-		_forgotten = token  # of another server, it may be: begin with what falls due next
+		_forgotten = token  # perhaps of another server: begin with the frames due next
 		_connect(now)
 		return
 	closed = code in [GONE, NOT_FOUND, UNKNOWN_CALLER, FORBIDDEN, INVALID]

@@ -1,7 +1,7 @@
 class_name WayfarerSocket
 extends RefCounted
-## A WebSocket of the engine. Its buffers are raised: with the engine's own 64 kB, a batch of more
-## than 64 agents would be lost.
+## A WebSocket of the engine, with larger buffers: the engine's own 64 kB would lose a batch of more
+## than 64 agents.
 
 const BUFFER := 1 << 23  # bytes: half a minute of 64 agents
 const PACKETS := 4096
@@ -10,7 +10,7 @@ var _peer := WebSocketPeer.new()
 var _failed := ""
 
 
-## Connect; that this fails is found by `closed`.
+## Connect; `closed` shows a failure.
 func open(url: String, protocols: PackedStringArray) -> void:
 	_peer.inbound_buffer_size = BUFFER
 	_peer.max_queued_packets = PACKETS
@@ -20,7 +20,7 @@ func open(url: String, protocols: PackedStringArray) -> void:
 		_failed = "%s: %s" % [url, error_string(error)]
 
 
-## Take what has come; never waits.
+## Take all messages; never waits.
 func poll() -> void:
 	_peer.poll()
 
@@ -30,7 +30,7 @@ func next() -> PackedByteArray:
 	return _peer.get_packet() if _peer.get_available_packet_count() > 0 else PackedByteArray()
 
 
-## Send a text, once it is open; one that cannot be sent is lost with the connection.
+## Send a text once it is open; an unsent text is lost with the connection.
 func say(text: String) -> void:
 	_peer.send_text(text)
 
@@ -39,7 +39,7 @@ func closed() -> bool:
 	return _failed != "" or _peer.get_ready_state() == WebSocketPeer.STATE_CLOSED
 
 
-## Of a close; -1: the connection is lost.
+## Code of the close; -1: the connection is lost.
 func close_code() -> int:
 	return -1 if _failed != "" else _peer.get_close_code()
 

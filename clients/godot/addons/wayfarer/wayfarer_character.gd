@@ -1,18 +1,18 @@
 @icon("res://addons/wayfarer/icon.svg")
 class_name WayfarerCharacter
 extends SkeletonModifier3D
-## Lets a character walk: put it below the character's Skeleton3D. Any humanoid will do; its rest
+## Makes a character walk: put it below the character's Skeleton3D. Any humanoid will do; its rest
 ## pose may have any axes. It needs no animations.
 
 const NUDGE := 0.25  # metres that the target moves before the agent is sent again
 const PATIENCE := 0.5  # seconds between two commands that follow the target
 
-## None: the session that is in the tree.
+## None: the session in the tree.
 @export var session: WayfarerSession
 ## What moves along, without the sway of the hips: the character's uppermost node. None: the scene
 ## that the skeleton is instanced from, or its parent.
 @export var character: Node3D
-## Id of an agent that there is. Empty: an agent of its own is created here, and deleted in the end.
+## Id of an existing agent. Empty: an agent is created here, and deleted at the end.
 @export var agent_id := ""
 ## Make the agent with this character's proportions, so that its steps fit the character's legs.
 @export var fit_body := true
@@ -22,10 +22,10 @@ const PATIENCE := 0.5  # seconds between two commands that follow the target
 @export_range(0.2, 4.0) var speed := 1.2
 ## Without a target: it walks about within this many metres of its first place. 0: it stands.
 @export var wander_radius := 0.0
-## Other nodes than those that are found: canonical bone → name of the skeleton's bone, or "".
+## Corrections of the found nodes: canonical bone → name of the skeleton's bone, or "".
 @export var corrections: Dictionary[String, String] = {}
 
-## Which bone of the skeleton is which; null before it is ready.
+## The map of the skeleton's bones; null before it is ready.
 var map: WayfarerBoneMap
 ## Id of its agent; "": there is none yet.
 var id := ""
@@ -37,7 +37,7 @@ var retarget: WayfarerRetarget
 var root: WayfarerSmoothRoot
 
 var _bone_of: Dictionary[int, int] = {}  # node of the rig → bone of the skeleton
-var _rest: Array[Transform3D] = []  # of each bone in the skeleton's space, as the skin was bound
+var _rest: Array[Transform3D] = []  # of each bone in the skeleton's space, in the skin's bind pose
 var _soles: WayfarerSoles
 var _size := Vector3.ONE
 var _seen := ""  # the session that the rest belongs to
@@ -46,7 +46,7 @@ var _sent_to := Vector3.INF
 var _sent_at := -INF
 
 
-## Let a loaded character walk: finds its skeleton. Null: it has none.
+## Make a loaded character walk by its skeleton. Null: it has none.
 static func attach(to: Node3D) -> WayfarerCharacter:
 	var found := to.find_children("*", "Skeleton3D", true, false)
 	if found.is_empty():
@@ -89,13 +89,13 @@ func go_to(world: Vector3, yaw: float = NAN) -> WayfarerApi.Reply:
 	return _told(await _source().api.set_path(id, goals))
 
 
-## Let it walk about within some metres of a place of the scene.
+## Make it wander within some metres of a place of the scene.
 func wander(world: Vector3, radius: float) -> WayfarerApi.Reply:
 	var centre := _source().place_of(world)
 	return _told(await _source().api.wander(id, centre, radius, {"speed": speed}))
 
 
-## Let it stop.
+## Stop it.
 func stop() -> WayfarerApi.Reply:
 	return _told(await _source().api.clear_goal(id))
 
@@ -124,7 +124,7 @@ func _source() -> WayfarerSession:
 	return session if session != null else WayfarerSession.current
 
 
-## There is another session, or none: everything begins again.
+## Begin again after the session has changed or gone.
 func _forget(next: String) -> void:
 	_seen = next
 	id = ""
@@ -205,7 +205,7 @@ func _world_of(b: int) -> Transform3D:
 	return Transform3D(Basis(retarget.rotations[b]), retarget.places[b])
 
 
-## Put a bone that hangs from what does not move, by its place in the scene.
+## Place a bone that hangs from an unmoving node, by its place in the scene.
 func _put(skeleton: Skeleton3D, bone: int, wanted: Transform3D) -> void:
 	var above := skeleton.global_transform
 	if skeleton.get_bone_parent(bone) >= 0:
@@ -233,7 +233,7 @@ func _read_rig(skeleton: Skeleton3D) -> void:
 		_measure_soles(skeleton, meshes, Transform3D(Basis.from_scale(_size)) * between)
 
 
-## Rest is what the skin was bound to, where the skeleton's own rest is a frame of an animation.
+## Rest is the skin's bind pose if the skeleton's own rest is a frame of an animation.
 func _find_rest(skeleton: Skeleton3D, meshes: Array[Node]) -> void:
 	_rest.clear()
 	for bone in skeleton.get_bone_count():

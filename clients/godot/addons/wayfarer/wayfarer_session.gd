@@ -1,12 +1,12 @@
 @icon("res://addons/wayfarer/icon.svg")
 class_name WayfarerSession
 extends Node3D
-## A connection to a server: people who walk. This node is the origin of their world. Characters
+## A connection to a server, for walking people. This node is the origin of their world. Characters
 ## find the session by themselves.
 
 ## A session has begun; after a restart of the server, another one.
 signal opened(session_id: String)
-## A goal is reached, a way is blocked …
+## An event: a goal is reached, a way is blocked, and others.
 signal happened(event: WayfarerStreamDecoder.MotionEvent)
 signal agent_added(played: WayfarerMotionPlayer.PlayedAgent)
 signal agent_removed(played: WayfarerMotionPlayer.PlayedAgent)
@@ -19,11 +19,11 @@ static var current: WayfarerSession
 
 ## Address of the server.
 @export var server := "http://localhost:8080"
-## API key or JWT, for a server that asks for one. Whoever has your build can read it.
+## API key or JWT, for a server that asks for one. Anyone with your build can read it.
 @export var token := ""
-## Id of a scene of the server. Empty: a floor without end.
+## Id of a scene of the server. Empty: an endless floor.
 @export var scene := ""
-## Id of a session that your own program has made, in the basis gltf. Empty: a session of its own.
+## Id of a session that your program has made, in the basis gltf. Empty: it makes one.
 @export var join := ""
 ## Frames per second that are sent.
 @export_enum("40", "20", "10") var fps := "20"
@@ -73,14 +73,14 @@ func _process(_delta: float) -> void:
 		return
 	if join == "" and now >= _renew_at:
 		_renew_at = now + LEASE_SECONDS / 3.0
-		api.renew_session(id)  # what fails may pass; whoever uses a lost session is told
+		api.renew_session(id)  # a failure may be temporary; the next call reports a lost session
 	player.advance(now)
 	var camera := get_viewport().get_camera_3d() if not rings.is_empty() else null
 	if camera != null:
 		look(place_of(camera.global_position))
 
 
-## Seconds of a clock that never goes back: the one that motion is played by.
+## Seconds of the clock of playback, which never goes back.
 static func seconds() -> float:
 	return Time.get_ticks_usec() / 1e6
 
@@ -90,8 +90,8 @@ func viewer_url() -> String:
 	return "%s/?session=%s" % [api.homes.home(id), id.uri_encode()]
 
 
-## See the agents from a place of their world, with `rings`, where there is no camera. Call it as
-## often as you like: ten a second are sent at most, and the last always.
+## See the agents from a place of their world, with `rings`, if there is no camera. Call it as often
+## as you like: ten calls a second at most are sent, and always the last.
 func look(from: Vector3) -> void:
 	_view = from
 	if stream != null and not rings.is_empty():
@@ -154,7 +154,7 @@ func _check_basis(header: WayfarerStreamDecoder.Header, _again: bool) -> void:
 		push_error("Wayfarer: the session has the basis %s, not gltf" % header.basis)
 
 
-## Begin another one after a while: the server was restarted, perhaps.
+## Begin another session after a while: the server may have restarted.
 func _lose(reason: String, what: String) -> void:
 	push_warning("Wayfarer: session %s %s: %s" % [id, what, reason])
 	_retry_at = seconds() + RETRY_SECONDS
@@ -169,7 +169,7 @@ func _leave() -> void:
 	player.clear()
 
 
-## End the session while this node goes away: by a client that outlives it for a moment.
+## End the session while this node is freed, by a client that briefly outlives it.
 func _abandon() -> void:
 	var parts := api.homes.home(id).split("://")
 	var host := parts[-1].get_slice(":", 0)

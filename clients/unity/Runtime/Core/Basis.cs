@@ -17,7 +17,7 @@ namespace Wayfarer
 
         public static readonly IReadOnlyList<Basis> All = new[] { Gltf, Unity, Unreal, UnrealMannequin, Blender, Ros };
 
-        /// <summary>As in the API.</summary>
+        /// <summary>Its name, as in the API.</summary>
         public readonly string Name;
 
         /// <summary>1 when the axes are right-handed, -1 when left-handed.</summary>
@@ -42,8 +42,8 @@ namespace Wayfarer
 
         public IReadOnlyList<double> Forward => ForwardAxis;
 
-        /// <summary>The basis of a name of the API.</summary>
-        /// <exception cref="ArgumentException">There is none of this name.</exception>
+        /// <summary>The basis with a name of the API.</summary>
+        /// <exception cref="ArgumentException">The name is unknown.</exception>
         public static Basis Of(string name)
         {
             foreach (Basis basis in All)
@@ -56,7 +56,7 @@ namespace Wayfarer
             throw new ArgumentException("\"" + name + "\" is no basis that this client knows");
         }
 
-        /// <summary>By which angle about <see cref="Up"/> a rotation turns <see cref="Forward"/>, radians.</summary>
+        /// <summary>The angle about <see cref="Up"/> by which a rotation turns <see cref="Forward"/>, radians.</summary>
         public double HeadingOf(double x, double y, double z, double w)
         {
             double a = ForwardAxis[0], b = ForwardAxis[1], c = ForwardAxis[2];

@@ -7,12 +7,12 @@ namespace Wayfarer
     /// <summary>Refuses animals, and sides that contradict each other: clients/README.md, "Bones of a character".</summary>
     internal static class BipedCheck
     {
-        private const double Backward = 0.2; // cosine up to which toes may point backwards
-        private const double Heels = 0.3; // of a thigh's height over the lowest node of its leg: a higher ankle is none
+        private const double Backward = 0.2; // cosine of the angle up to which toes may point backwards
+        private const double Heels = 0.3; // greatest height of an ankle over its leg's lowest node, by the thigh's height
         private const string HindLegs = "legs as animals' hind legs, whose heels are off the ground, are not found by their "
             + "shape. Say which bones these are, by a correction";
 
-        /// <exception cref="ArgumentException">It says why this is nothing that walks on two legs.</exception>
+        /// <exception cref="ArgumentException">It says why the rig is no biped.</exception>
         public static void Check(BoneMap map, Basis basis)
         {
             Rig rig = map.Rig;

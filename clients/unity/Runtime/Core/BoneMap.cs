@@ -6,7 +6,7 @@ using System.Linq;
 namespace Wayfarer
 {
     /// <summary>
-    /// Which node of a rig is which bone: clients/README.md, "Bones of a character". It can be shown and corrected.
+    /// Maps nodes of a rig to bones: clients/README.md, "Bones of a character". It can be shown and corrected.
     /// </summary>
     public sealed class BoneMap
     {
@@ -16,15 +16,15 @@ namespace Wayfarer
             "pelvis", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
         };
 
-        private const double Uneven = 1.01; // what the scales of a node's axes may be of each other at most
+        private const double Uneven = 1.01; // greatest ratio between the scales of a node's axes
 
         private static readonly string[] TrunkBones = { "pelvis", "spine1", "spine2", "spine3", "neck", "head" };
-        private static readonly string[] Branching = { "hip", "collar", "shoulder" }; // from any bone of the trunk
+        private static readonly string[] Branching = { "hip", "collar", "shoulder" }; // may hang from any bone of the trunk
 
         private readonly Dictionary<string, int> bones;
 
-        /// <summary>A map of your own: node of each bone that there is.</summary>
-        /// <exception cref="ArgumentException">It is no humanoid.</exception>
+        /// <summary>Your own map: the node of each bone that the rig has.</summary>
+        /// <exception cref="ArgumentException">The map is no humanoid.</exception>
         public BoneMap(Rig rig, IReadOnlyDictionary<string, int> bones, string foundBy = "user")
         {
             Rig = rig;
@@ -38,19 +38,20 @@ namespace Wayfarer
         /// <summary>"vrm" (a table of the file or of a Humanoid avatar), "names", "shape" or "user".</summary>
         public string FoundBy { get; }
 
-        /// <summary>Bones that the rig lacks; their turns go on into their children.</summary>
+        /// <summary>Bones that the rig lacks; their children take over their rotations.</summary>
         public IReadOnlyList<string> Missing
         {
             get { return Bones.Names.Where(bone => !bones.ContainsKey(bone)).ToList(); }
         }
 
         /// <summary>
-        /// The map of a rig. <paramref name="humanoid"/>: VRM's names (those of Unity's HumanBodyBones, with a small first
-        /// letter) → nodes, or null; <paramref name="basis"/>: of the rig's space, for its up; <paramref name="correct"/>: as
-        /// <see cref="Corrected(IReadOnlyDictionary{string, int})"/>, also of what would be refused without.
+        /// The map of a rig. <paramref name="humanoid"/>: VRM's names (those of Unity's HumanBodyBones, with a small
+        /// first letter) → nodes, or null. <paramref name="basis"/>: gives the up of the rig's space. <paramref
+        /// name="correct"/>: as for <see cref="Corrected(IReadOnlyDictionary{string, int})"/>; it also serves rigs that
+        /// would be refused without it.
         /// </summary>
         /// <exception cref="ArgumentException">
-        /// It says what is missing, or why this is nothing that walks on two legs.
+        /// It says what is missing, or why the rig is no biped.
         /// </exception>
         public static BoneMap Of(
             Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis, IReadOnlyDictionary<string, int> correct = null)
@@ -66,7 +67,7 @@ namespace Wayfarer
             return map;
         }
 
-        /// <summary>What is found, enough or not, and how.</summary>
+        /// <summary>The bones found, enough or not, and how they were found.</summary>
         private static Dictionary<string, int> Find(
             Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis, out string foundBy)
         {
@@ -103,7 +104,7 @@ namespace Wayfarer
             return Bones.Names.Where(bones.ContainsKey).ToDictionary(bone => bone, bone => Rig.Name(bones[bone]));
         }
 
-        /// <summary>With other nodes for some bones (by node name), or without them (null).</summary>
+        /// <summary>The map with other nodes for some bones (by node name), or without them (null).</summary>
         /// <exception cref="ArgumentException">There is no such bone or node, or the map is no humanoid then.</exception>
         public BoneMap Corrected(IReadOnlyDictionary<string, string> changes)
         {
@@ -118,7 +119,7 @@ namespace Wayfarer
             return Corrected(changes.ToDictionary(change => change.Key, change => names.IndexOf(change.Value)));
         }
 
-        /// <summary>With other nodes for some bones, or without them (-1).</summary>
+        /// <summary>The map with other nodes for some bones, or without them (-1).</summary>
         /// <exception cref="ArgumentException">There is no such bone, or the map is no humanoid then.</exception>
         public BoneMap Corrected(IReadOnlyDictionary<string, int> changes)
         {
@@ -139,7 +140,7 @@ namespace Wayfarer
             return changed;
         }
 
-        /// <summary>That the bones are those of a humanoid.</summary>
+        /// <summary>Checks that the bones are those of a humanoid.</summary>
         private void Check()
         {
             foreach (KeyValuePair<string, int> pair in bones)
@@ -182,7 +183,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Without bones that are not needed and cannot be where they were found.</summary>
+        /// <summary>The bones without optional ones whose place is impossible.</summary>
         private static Dictionary<string, int> Kept(Rig rig, Dictionary<string, int> found)
         {
             var kept = new Dictionary<string, int>(found);
@@ -196,7 +197,7 @@ namespace Wayfarer
             return kept;
         }
 
-        /// <summary>Another bone that a bone hangs from, or is, and should not; null: none.</summary>
+        /// <summary>The bone that this one wrongly hangs from or shares a node with; null: none.</summary>
         private static string Misplaced(Rig rig, Dictionary<string, int> bones, string bone)
         {
             int node = bones[bone];
@@ -215,7 +216,7 @@ namespace Wayfarer
             return branches && TrunkBones.Contains(above) && !Line(above).Contains(bone) ? null : above;
         }
 
-        /// <summary>The bones above one, to the pelvis.</summary>
+        /// <summary>The bones above a bone, up to the pelvis.</summary>
         private static IEnumerable<string> Line(string bone)
         {
             for (int k = Bones.Parent(Bones.IndexOf(bone)); k >= 0; k = Bones.Parent(k))

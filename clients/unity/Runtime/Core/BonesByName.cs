@@ -13,7 +13,7 @@ namespace Wayfarer
 
         private static readonly Regex Tokens = new Regex("[A-Za-z]+|[^\\u0000-\\u007f]+");
 
-        private static readonly string[][] Limbs = // role, and the role of the bone that it hangs from
+        private static readonly string[][] Limbs = // pairs of a role and the role of the bone that it hangs from
         {
             new[] { "hip", "" }, new[] { "knee", "hip" }, new[] { "ankle", "knee" }, new[] { "foot", "ankle" },
             new[] { "shoulder", "" }, new[] { "elbow", "shoulder" }, new[] { "wrist", "elbow" }, new[] { "collar", "" },
@@ -56,7 +56,7 @@ namespace Wayfarer
             return bones;
         }
 
-        /// <summary>A node of a limb whose name tells the other side than its bone; -1: none, or most tell the one found.</summary>
+        /// <summary>A node of a limb whose name gives the other side than its bone; -1: none, or most agree with it.</summary>
         public static int Contradicted(BoneMap map)
         {
             var names = new BonesByName(map.Rig);
@@ -105,7 +105,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>A token without a word for a side, with which words begin in scripts without spaces.</summary>
+        /// <summary>A token without the side at its start, where words begin with it in scripts without spaces.</summary>
         private string Unsided(string token, IEnumerable<string> marks, string which, int node)
         {
             foreach (string mark in marks)
@@ -120,8 +120,9 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// The uppermost node of a role's first word that any has; below <paramref name="inside"/>, if any is there. Otherwise
-        /// anywhere: feet of IK rigs hang from the root. A word that stands for two roles, as foot, is not looked for there.
+        /// The uppermost node with the first of the role's words that any node has. Nodes below <paramref
+        /// name="inside"/> come first. Otherwise it may be anywhere: feet of IK rigs hang from the root. A word of two
+        /// roles, such as foot, is not looked for there.
         /// </summary>
         private void Take(string bone, string role, string which, int inside)
         {
@@ -150,7 +151,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>What the trunk leads to: the neck, or the head, or both arms.</summary>
+        /// <summary>The nodes at the end of the trunk: the neck, or the head, or both arms.</summary>
         private int[] Top()
         {
             int one = Node("neck") >= 0 ? Node("neck") : Node("head");
@@ -168,7 +169,7 @@ namespace Wayfarer
             return BoneMap.Sides.Select(which => Node(which + "_hip")).Where(node => node >= 0).ToArray();
         }
 
-        /// <summary>It carries both legs and the trunk: else it is the lowest node that does.</summary>
+        /// <summary>Moves the pelvis to the lowest node that carries both legs and the trunk.</summary>
         private void FindPelvis()
         {
             int[] legs = Thighs();
@@ -191,15 +192,15 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>The nodes from which all of these hang, from below.</summary>
+        /// <summary>The common ancestors of these nodes, from below.</summary>
         private List<int> Shared(int[] nodes)
         {
             return above[nodes[0]].Where(k => nodes.All(n => above[n].Contains(k))).ToList();
         }
 
         /// <summary>
-        /// The trunk's bones, from which no thigh hangs; those of rigs that only number them, as Rigify, with neck and head: by
-        /// where arms branch off.
+        /// The trunk's bones, from which no thigh hangs. Where rigs only number them, with neck and head, as Rigify
+        /// does, where arms branch off tells them apart.
         /// </summary>
         private void FindSpine()
         {
@@ -238,7 +239,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Nodes with a name below this one, from the lowest: none that a thigh hangs from.</summary>
+        /// <summary>Named nodes below this one, from the lowest, except ancestors of thighs.</summary>
         private List<int> Trunk(int top)
         {
             int[] legs = Thighs();

@@ -7,10 +7,10 @@ namespace Wayfarer
     /// <summary>Bones of a rig by its shape: legs end lowest, the spine goes up between them, arms branch to both sides.</summary>
     internal sealed class BonesByShape
     {
-        private const double Low = 0.1; // of the rig's height: a branch that ends so low reaches the ground
-        private const double Apart = 0.05; // of that height: the ends of two legs stand apart at least so far
-        private const double Toes = 0.02; // of that height: toes lie at least so far before the ankle
-        private const double Far = 0.25; // of that height: a second pair of legs hangs so far from the first
+        private const double Low = 0.1; // of the rig's height: a branch that ends below this reaches the ground
+        private const double Apart = 0.05; // of that height: least distance between the ends of two legs
+        private const double Toes = 0.02; // of that height: least distance of toes before the ankle
+        private const double Far = 0.25; // of that height: least distance between two pairs of legs
         private static readonly string[] LegBones = { "hip", "knee", "ankle", "foot" };
         private static readonly string[] ArmBones = { "collar", "shoulder", "elbow", "wrist" };
 
@@ -49,11 +49,11 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>What the shape tells, enough for a humanoid or not.</summary>
+        /// <summary>The bones that the shape reveals, enough for a humanoid or not.</summary>
         public Dictionary<string, int> Find()
         {
             Pair pair = pairs.LastOrDefault(each => each.Chains.All(chain => Vectors.Length(ToesOf(chain)) >= Toes * tall));
-            if (pair != null) // parents come first: the deepest. Without toes nothing tells a leg from a skirt
+            if (pair != null) // parents come first: the deepest. Without toes a skirt looks like legs
             {
                 FindAll(pair.Above, pair.Chains.ToArray());
             }
@@ -81,7 +81,7 @@ namespace Wayfarer
             return null;
         }
 
-        /// <summary>Of a path, those at least so far from the one before.</summary>
+        /// <summary>The nodes of a path, without those too near to the one kept before.</summary>
         public static List<int> Joints(Rig rig, IEnumerable<int> line, double least)
         {
             var found = new List<int>();
@@ -186,7 +186,7 @@ namespace Wayfarer
             return Level(Gap(chain[2], chain[Math.Min(3, chain.Count - 1)]));
         }
 
-        /// <summary>From a node down to one below it.</summary>
+        /// <summary>The nodes from a node down to a descendant.</summary>
         private List<int> Path(int top, int bottom)
         {
             var line = new List<int> { bottom };

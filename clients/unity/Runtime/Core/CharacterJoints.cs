@@ -5,18 +5,18 @@ using System.Linq;
 namespace Wayfarer
 {
     /// <summary>
-    /// Joints of a character at rest, upright in the basis: what the server wants to know to make an agent with its
-    /// proportions (<c>POST /v1/bodies:fit</c>).
+    /// Joints of a character at rest, upright in the basis: the server's input to make an agent with its proportions
+    /// (<c>POST /v1/bodies:fit</c>).
     /// </summary>
     public sealed class CharacterJoints
     {
-        private static readonly double Snap = Math.Cos(25 * Math.PI / 180); // an axis so near to one of the file's is it
+        private static readonly double Snap = Math.Cos(25 * Math.PI / 180); // an axis this near to one of the file's is that axis
 
         private readonly double[][] places = new double[Bones.Count][];
 
-        /// <param name="map">Of the character.</param>
-        /// <param name="basis">Of its space.</param>
-        /// <param name="soles">What its mesh tells of its soles, or null.</param>
+        /// <param name="map">The character's map.</param>
+        /// <param name="basis">The basis of its space.</param>
+        /// <param name="soles">Its soles, from its mesh, or null.</param>
         public CharacterJoints(BoneMap map, Basis basis, Soles soles = null)
         {
             Turn = Alignment(map, basis);
@@ -38,7 +38,7 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// Height of its floor: where its mesh ends, or 0 where its feet are near over the origin's level; else NaN.
+        /// Height of its floor: the lowest point of its mesh, or 0 if its feet are close above the origin's level, or NaN.
         /// </summary>
         public double Floor { get; }
 
@@ -54,7 +54,7 @@ namespace Wayfarer
             return places[bone];
         }
 
-        /// <summary>By where its legs are.</summary>
+        /// <summary>Derives the rotation from its legs.</summary>
         private static double[] Alignment(BoneMap map, Basis basis)
         {
             Func<int, double[]> at = bone => map.Rig.Place(map.Node(Bones.Names[bone]));

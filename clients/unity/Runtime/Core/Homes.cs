@@ -6,8 +6,8 @@ using System.Text.RegularExpressions;
 namespace Wayfarer
 {
     /// <summary>
-    /// The nodes at which sessions, scenes and agents live, as far as is known: where a call goes when a server is many
-    /// nodes (clients/README.md, "Many nodes"). Any thread may call.
+    /// The nodes at which sessions, scenes and agents live, as far as is known: the routes of calls when a server is
+    /// many nodes (clients/README.md, "Many nodes"). Any thread may call.
     /// </summary>
     public sealed class Homes
     {
@@ -24,7 +24,7 @@ namespace Wayfarer
 
         public string Entry { get; }
 
-        /// <summary>The address at which the one whose id is in a text is called.</summary>
+        /// <summary>The address for calls about the id in a text.</summary>
         public string Home(string about)
         {
             lock (homes)
@@ -42,7 +42,7 @@ namespace Wayfarer
             return own.Groups[1].Value + (name == "" ? own.Groups[2].Value : name) + ":" + port.ToString(CultureInfo.InvariantCulture);
         }
 
-        /// <summary>They live there.</summary>
+        /// <summary>Note that the slot of a text lives at an address.</summary>
         public void Learn(string about, string address)
         {
             string slot = SlotOf(about);
@@ -55,7 +55,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Nobody knows where they live, but the entry.</summary>
+        /// <summary>Forget where it lives; only the entry knows.</summary>
         public void Forget(string about)
         {
             lock (homes)
@@ -72,8 +72,8 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// The addresses that a call, or a stream, goes to in turn. At most four: the node that is known, the one that it
-    /// names, the entry, the one that it names.
+    /// The addresses to which a call or a stream goes in turn. At most four: the known node, the node it names, the
+    /// entry, and the node that the entry names.
     /// </summary>
     public sealed class Route
     {
@@ -87,8 +87,8 @@ namespace Wayfarer
         private bool asked; // the entry
         private bool followed;
 
-        /// <param name="homes">What is known.</param>
-        /// <param name="about">Text with the id of whom the call concerns; "": nobody's.</param>
+        /// <param name="homes">The known nodes.</param>
+        /// <param name="about">Text with the id that the call concerns; "": none.</param>
         public Route(Homes homes, string about)
         {
             this.homes = homes;
@@ -99,7 +99,7 @@ namespace Wayfarer
         /// <summary>Where it goes next.</summary>
         public string Address { get; private set; }
 
-        /// <summary>Start again: as for a new call.</summary>
+        /// <summary>Start again, as for a new call.</summary>
         public void Begin()
         {
             Address = homes.Home(about);
@@ -118,8 +118,8 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// <see cref="Address"/> has named another node; whether the call goes on, to the new one. Port 0, or what is no host's
-        /// name: it has named none.
+        /// Note that <see cref="Address"/> has named another node; returns whether the call continues there. Port 0, or
+        /// an invalid host name: it has named none.
         /// </summary>
         public bool Misdirected(string host, int port)
         {
@@ -133,19 +133,19 @@ namespace Wayfarer
             return true;
         }
 
-        /// <summary><see cref="Address"/> does not answer, or not at present; as <see cref="Misdirected"/>.</summary>
+        /// <summary>Note that <see cref="Address"/> does not answer at present; as <see cref="Misdirected"/>.</summary>
         public bool Unavailable()
         {
             return Ask();
         }
 
-        /// <summary>A call was refused, by an HTTP status (0: no answer) and the problem's endpoint; whether it goes on.</summary>
+        /// <summary>Note a refusal, by an HTTP status (0: no answer) and endpoint. Returns whether the call continues.</summary>
         public bool Refused(int status, string host, int port)
         {
             return status == Elsewhere ? Misdirected(host, port) : (status == NoAnswer || status == NotNow) && Unavailable();
         }
 
-        /// <summary>A stream has ended; whether to connect to <see cref="Address"/> at once.</summary>
+        /// <summary>Note a stream's end; returns whether to connect to <see cref="Address"/> at once.</summary>
         public bool Closed(int code, string reason)
         {
             if (code == StreamElsewhere)
@@ -154,7 +154,7 @@ namespace Wayfarer
                 string host = PlaceOf(reason, out port);
                 return Misdirected(host, port);
             }
-            Unavailable(); // in a cluster its node is gone, perhaps; in any case not at once
+            Unavailable(); // its node may have left the cluster; in any case not at once
             return false;
         }
 

@@ -3,7 +3,7 @@ using System.Linq;
 
 namespace Wayfarer
 {
-    /// <summary>Readers of the messages that come seldom: they allocate what they give.</summary>
+    /// <summary>Readers of rare messages: they allocate their results.</summary>
     internal static class MessageReaders
     {
         private static readonly string[] BasisNames =

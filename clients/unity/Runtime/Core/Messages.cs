@@ -3,7 +3,7 @@ using System.Collections.Generic;
 
 namespace Wayfarer
 {
-    /// <summary>What a message of the stream is about.</summary>
+    /// <summary>The kind of a message of the stream.</summary>
     public enum MessageKind
     {
         None,
@@ -23,7 +23,7 @@ namespace Wayfarer
         Turning,
     }
 
-    /// <summary>Notes on a chunk.</summary>
+    /// <summary>Flags of a chunk.</summary>
     [Flags]
     public enum ChunkFlags
     {
@@ -36,7 +36,7 @@ namespace Wayfarer
         Held = 32,
     }
 
-    /// <summary>What happened (docs/wire-format.md, "Events").</summary>
+    /// <summary>The kind of an event (docs/wire-format.md, "Events").</summary>
     public enum EventKind
     {
         Unknown,
@@ -64,7 +64,7 @@ namespace Wayfarer
     /// <summary>How frames are packed in a ring around the viewpoints.</summary>
     public sealed class Tier
     {
-        /// <summary>In units of the basis; infinite where there are no rings.</summary>
+        /// <summary>Radius in units of the basis; infinite without rings.</summary>
         public double Radius { get; set; } = double.PositiveInfinity;
 
         public PoseEncoding Encoding { get; set; }
@@ -76,7 +76,7 @@ namespace Wayfarer
         public int FrameBytes { get; set; }
     }
 
-    /// <summary>What holds for a whole stream.</summary>
+    /// <summary>Properties of a whole stream.</summary>
     public sealed class Header
     {
         public string ServerVersion { get; internal set; } = "";
@@ -105,7 +105,7 @@ namespace Wayfarer
 
         public bool Resumed { get; internal set; }
 
-        /// <summary>Of each ring, from the inside out; one where there are no rings.</summary>
+        /// <summary>Tier of each ring, from the inside out; one without rings.</summary>
         public IReadOnlyList<Tier> Tiers => Tiers_;
 
         internal readonly List<Tier> Tiers_ = new List<Tier>();
@@ -113,7 +113,7 @@ namespace Wayfarer
         internal readonly List<SkeletonBone> Bones_ = new List<SkeletonBone>();
     }
 
-    /// <summary>An agent, as the stream introduces it.</summary>
+    /// <summary>An agent as the stream introduces it.</summary>
     public sealed class Agent
     {
         public string Id { get; internal set; } = "";
@@ -152,7 +152,7 @@ namespace Wayfarer
         public int Waypoint;
         public int Candidates;
 
-        /// <summary>How many frames.</summary>
+        /// <summary>Number of frames.</summary>
         public int Frames;
 
         /// <summary>Where its poses begin in the message's bytes.</summary>

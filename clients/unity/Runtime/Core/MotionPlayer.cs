@@ -4,7 +4,7 @@ using System.IO;
 
 namespace Wayfarer
 {
-    /// <summary>An agent, as it is shown.</summary>
+    /// <summary>An agent as it is shown.</summary>
     public sealed class PlayedAgent
     {
         internal PlayedAgent(Agent agent, int width)
@@ -21,20 +21,20 @@ namespace Wayfarer
 
         public PoseTrack Track { get; }
 
-        /// <summary>Whether there is a pose in <see cref="Frame"/>.</summary>
+        /// <summary>Whether <see cref="Frame"/> holds a pose.</summary>
         public bool Shown { get; internal set; }
 
-        /// <summary>Taken away since it has left the last ring; it may come again.</summary>
+        /// <summary>Removed for having left the last ring; it may come again.</summary>
         public bool Hidden { get; internal set; }
 
-        /// <summary>Number of the ring that it is in: of the last chunk.</summary>
+        /// <summary>Number of its ring, from the last chunk.</summary>
         public int Tier { get; internal set; }
 
-        /// <summary>Of the last chunk.</summary>
+        /// <summary>Its state, from the last chunk.</summary>
         public AgentState State { get; internal set; } = AgentState.Standing;
     }
 
-    /// <summary>Counted since the start; gaps, reduced, held: chunks with that flag.</summary>
+    /// <summary>Counts since the start; gaps, reduced and held count chunks with that flag.</summary>
     public struct PlayerStats
     {
         public long Messages;
@@ -48,7 +48,7 @@ namespace Wayfarer
 
     /// <summary>
     /// The agents of a stream, played smoothly: messages and times go in, poses come out. Times are seconds of any clock
-    /// of this machine. Allocates nothing but for agents that are new.
+    /// of this machine. Allocates only for new agents.
     /// </summary>
     public sealed class MotionPlayer
     {
@@ -66,7 +66,7 @@ namespace Wayfarer
 
         public event Action<PlayedAgent> AgentAdded;
 
-        /// <summary>Also of one that has left the last ring and is hidden.</summary>
+        /// <summary>Raised also for an agent that has left the last ring and is hidden.</summary>
         public event Action<PlayedAgent> AgentRemoved;
 
         public event Action<PlayedAgent, Chunk> ChunkReceived;
@@ -75,7 +75,7 @@ namespace Wayfarer
 
         public PlayoutClock Clock { get; private set; } = new PlayoutClock();
 
-        /// <summary>Everybody; a loop by index allocates nothing.</summary>
+        /// <summary>All agents; a loop by index allocates nothing.</summary>
         public IReadOnlyList<PlayedAgent> Agents => agents;
 
         public Header Header { get; private set; }
@@ -85,7 +85,7 @@ namespace Wayfarer
 
         public PlayerStats Stats => stats;
 
-        /// <summary>What to ask the next stream to go on from; "" at first.</summary>
+        /// <summary>The token from which the next stream resumes; "" at first.</summary>
         public string ResumeToken => decoder.ResumeToken;
 
         /// <summary>How often an agent's frames ran out.</summary>
@@ -102,7 +102,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Seconds of motion in hand, of the agent that has the least; infinity when there is none.</summary>
+        /// <summary>Seconds of motion in the queue of the agent that has the least; infinity without agents.</summary>
         public double Buffered
         {
             get
@@ -130,11 +130,11 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// A message of the stream (StreamMotionResponse, the first <paramref name="length"/> bytes) has come at local
-        /// <paramref name="now"/>.
+        /// Take a message of the stream (StreamMotionResponse, the first <paramref name="length"/> bytes) that came at
+        /// local <paramref name="now"/>.
         /// </summary>
         /// <exception cref="InvalidDataException">
-        /// It cannot be read: the connection is of no more use then.
+        /// It cannot be read; the connection is then of no more use.
         /// </exception>
         public MessageKind Receive(byte[] message, int length, double now)
         {
@@ -157,7 +157,7 @@ namespace Wayfarer
             return kind;
         }
 
-        /// <summary>Show everybody as at local <paramref name="now"/>. The moment shown, in server time.</summary>
+        /// <summary>Show all agents as at local <paramref name="now"/>. Returns the moment shown, in server time.</summary>
         public double Advance(double now)
         {
             Moment = Clock.Advance(now);
@@ -168,7 +168,7 @@ namespace Wayfarer
             return Moment;
         }
 
-        /// <summary>Forget everybody, as if they were removed, and the clock.</summary>
+        /// <summary>Forget all agents, as if they were removed, and the clock.</summary>
         public void Clear()
         {
             while (agents.Count > 0)
@@ -237,7 +237,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>A new agent, or one that is known already, when a stream begins again.</summary>
+        /// <summary>A new agent, or a known one when a stream begins again.</summary>
         private void Add(Agent agent, int width)
         {
             PlayedAgent known = Find(agent.Alias);

@@ -3,7 +3,7 @@ using System;
 namespace Wayfarer
 {
     /// <summary>
-    /// Which moment of the stream (server time) to show now, for all agents alike: clients/README.md, "Playout". Times
+    /// Chooses the moment of the stream (server time) to show now, for all agents alike: clients/README.md, "Playout". Times
     /// are seconds; no clock is read. Nothing is allocated after warm-up.
     /// </summary>
     public sealed class PlayoutClock
@@ -13,9 +13,9 @@ namespace Wayfarer
         private const double MostDelay = 1.5;
         private const double Margin = 0.06; // over the worst lateness of the window
         private const double LatenessWindow = 20;
-        private const double OffsetWindow = 30; // the fastest message of so long a time is taken to have come without delay
+        private const double OffsetWindow = 30; // seconds; its fastest message counts as one without delay
         private const double Stretch = 0.05; // playback runs at most this much faster or slower
-        private const double Jump = 1.0; // seconds off beyond which it jumps instead (a program that slept)
+        private const double Jump = 1.0; // error in seconds beyond which it jumps instead (after a sleep)
 
         private readonly WindowLeast transit = new WindowLeast(OffsetWindow); // local - server time of each message
         private readonly WindowLeast earliness = new WindowLeast(LatenessWindow); // of each chunk, negative when late
@@ -29,7 +29,7 @@ namespace Wayfarer
         {
             if (double.IsNaN(offset))
             {
-                earliness.Add(now, Margin - FirstDelay); // until experience tells, expect as much as the first delay allows
+                earliness.Add(now, Margin - FirstDelay); // at first, expect as much as the first delay allows
             }
             transit.Add(now, now - sentAt);
             offset = transit.Least(now);
@@ -45,8 +45,8 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// Note that a connection was made again; its header was sent at server time <paramref name="sentAt"/>. Chunks for
-        /// earlier times were missed meanwhile: their lateness says nothing of the next.
+        /// Note that a connection was restored; its header was sent at server time <paramref name="sentAt"/>. Chunks
+        /// for earlier times were missed meanwhile; their lateness predicts nothing.
         /// </summary>
         public void Resumed(double sentAt)
         {
@@ -59,20 +59,20 @@ namespace Wayfarer
             return double.IsNaN(offset) ? now : now - offset;
         }
 
-        /// <summary>Delay to aim at.</summary>
+        /// <summary>The target delay, seconds.</summary>
         public double WantedDelay(double now)
         {
             double least = earliness.Least(now);
             return double.IsNaN(least) ? LeastDelay : Math.Min(MostDelay, Math.Max(LeastDelay, Margin - least));
         }
 
-        /// <summary>Delay in force.</summary>
+        /// <summary>The present delay, seconds.</summary>
         public double Delay(double now)
         {
             return double.IsNaN(playhead) ? WantedDelay(now) : ServerTime(now) - playhead;
         }
 
-        /// <summary>Go on to local <paramref name="now"/>; the moment to show, in server time.</summary>
+        /// <summary>Advance to local <paramref name="now"/>; returns the moment to show, in server time.</summary>
         public double Advance(double now)
         {
             if (double.IsNaN(offset))
@@ -94,7 +94,7 @@ namespace Wayfarer
             return playhead;
         }
 
-        /// <summary>The least value of the last seconds, by a ring of values that rise from oldest to newest.</summary>
+        /// <summary>The minimum of the last seconds, from a ring of values that rise from oldest to newest.</summary>
         private sealed class WindowLeast
         {
             private readonly double seconds;

@@ -9,7 +9,7 @@ namespace Wayfarer
     public sealed class PoseTrack
     {
         private const double Blend = 0.2; // seconds to blend from a held pose to the stream again
-        private const int Kept = 400; // frames at most: a program in the background receives, but does not play
+        private const int Kept = 400; // most frames: a program in the background receives, but does not play
 
         private readonly float[] heldPose; // to blend from
         private readonly float[] shown;
@@ -35,13 +35,13 @@ namespace Wayfarer
         /// <summary>How often frames ran out.</summary>
         public int Underruns { get; private set; }
 
-        /// <summary>Of the frame at or before the moment shown: 1 left foot, 2 right foot.</summary>
+        /// <summary>Bits of the frame at or before the moment shown: 1 left foot, 2 right foot.</summary>
         public int Contacts { get; private set; }
 
         /// <summary>Whether frames have run out, and the last one is shown.</summary>
         public bool Held { get; private set; }
 
-        /// <summary>Frames in hand.</summary>
+        /// <summary>Number of frames in the queue.</summary>
         public int Length => count;
 
         /// <summary>

@@ -5,7 +5,7 @@ using System.Text;
 
 namespace Wayfarer
 {
-    /// <summary>Numbers of a repeated field; it keeps its room when it is emptied.</summary>
+    /// <summary>Numbers of a repeated field; it keeps its memory when it is emptied.</summary>
     internal sealed class Column
     {
         public long[] Values = new long[16];
@@ -33,8 +33,8 @@ namespace Wayfarer
 
     /// <summary>
     /// A reader for protobuf messages, as much as the motion stream needs
-    /// (https://protobuf.dev/programming-guides/encoding/). What it gives are places in <see cref="Bytes"/>, which are
-    /// the caller's.
+    /// (https://protobuf.dev/programming-guides/encoding/). It returns places in <see cref="Bytes"/>, which belong to
+    /// the caller.
     /// </summary>
     internal sealed class ProtoReader
     {
@@ -115,7 +115,7 @@ namespace Wayfarer
             return BitConverter.ToDouble(Bytes, Fixed(8));
         }
 
-        /// <summary>Pass over a field of bytes; how many. They end where the reader is.</summary>
+        /// <summary>Skip a field of bytes; returns their number. They end where the reader is.</summary>
         public int Block()
         {
             Expect(2);
@@ -134,7 +134,7 @@ namespace Wayfarer
             return Encoding.UTF8.GetString(Bytes, At - length, length);
         }
 
-        /// <summary>A repeated field of floats (size 4) or doubles (8): packed, or one at a time.</summary>
+        /// <summary>Read a repeated field of floats (size 4) or doubles (8), packed or one at a time.</summary>
         public void Floats(int size, List<double> into)
         {
             if (wireType != 2)
@@ -154,7 +154,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>A repeated varint field: packed, or one at a time; appended.</summary>
+        /// <summary>Append a repeated varint field, packed or one at a time.</summary>
         public void Varints(Column into)
         {
             if (wireType != 2)
@@ -170,7 +170,7 @@ namespace Wayfarer
             Leave(outer);
         }
 
-        /// <summary>Pass over the value of a field that is not wanted.</summary>
+        /// <summary>Skip the value of a field that is not needed.</summary>
         public void Skip()
         {
             switch (wireType)
@@ -215,7 +215,7 @@ namespace Wayfarer
             throw new InvalidDataException("malformed message: a number has more than 10 bytes");
         }
 
-        /// <summary>Move past a number of bytes; where they begin.</summary>
+        /// <summary>Move past a number of bytes; returns where they begin.</summary>
         private int Fixed(int size)
         {
             int start = At;

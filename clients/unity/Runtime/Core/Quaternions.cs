@@ -4,7 +4,7 @@ namespace Wayfarer
 {
     /// <summary>
     /// Rotations as unit quaternions x, y, z, w in flat arrays: (array, index of x). Left-handed bases have the same
-    /// algebra. The output may be one of the inputs. Nothing is allocated, but by <see cref="Between"/>.
+    /// algebra. The output may be one of the inputs. Only <see cref="Between"/> allocates.
     /// </summary>
     public static class Quaternions
     {

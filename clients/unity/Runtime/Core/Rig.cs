@@ -3,7 +3,7 @@ using System.Collections.Generic;
 
 namespace Wayfarer
 {
-    /// <summary>A node of a character: its name, its parent's number (-1: none), its rest transform relative to it.</summary>
+    /// <summary>A node of a character: its name, its parent's number (-1: none), its rest transform relative to the parent.</summary>
     public struct RigNode
     {
         public string Name;
@@ -32,7 +32,7 @@ namespace Wayfarer
         private readonly double[] rotations;
         private readonly double[] places;
         private readonly double[] own; // scales of the nodes by themselves
-        private readonly double[] scales; // products from the top: right where each is the same along all axes
+        private readonly double[] scales; // products from the top; right if each is equal along all axes
 
         /// <exception cref="ArgumentException">A parent does not stand before its child.</exception>
         public Rig(IReadOnlyList<RigNode> nodes)
@@ -51,7 +51,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>How many nodes.</summary>
+        /// <summary>Number of nodes.</summary>
         public int Count { get; }
 
         public string Name(int node)
@@ -70,19 +70,19 @@ namespace Wayfarer
             return children[node];
         }
 
-        /// <summary>Place of a node, x, y, z; of -1 the origin.</summary>
+        /// <summary>Place of a node, x, y, z; the origin for -1.</summary>
         public double[] Place(int node)
         {
             return node < 0 ? new double[3] : Cut(places, 3 * node, 3);
         }
 
-        /// <summary>Rotation of a node in the character's space; of -1 none.</summary>
+        /// <summary>Rotation of a node in the character's space; the identity for -1.</summary>
         public double[] Rotation(int node)
         {
             return node < 0 ? (double[])NoTurn.Clone() : Cut(rotations, 4 * node, 4);
         }
 
-        /// <summary>Scale of a node in the character's space; of -1 one.</summary>
+        /// <summary>Scale of a node in the character's space; one for -1.</summary>
         public double[] Scale(int node)
         {
             return node < 0 ? (double[])NoScale.Clone() : Cut(scales, 3 * node, 3);
@@ -105,7 +105,7 @@ namespace Wayfarer
             return found;
         }
 
-        /// <summary>From its parent to the top.</summary>
+        /// <summary>Ancestors of a node, from its parent to the top.</summary>
         public List<int> Ancestors(int node)
         {
             var found = new List<int>();

@@ -19,16 +19,16 @@ namespace Wayfarer
         /// <summary>x, y, z of each vertex, in the space of the mesh.</summary>
         public double[] Vertices = new double[0];
 
-        /// <summary>Of each vertex, which of the joints moves it most.</summary>
+        /// <summary>The joint that moves each vertex most.</summary>
         public int[] Movers = new int[0];
     }
 
-    /// <summary>Rest is the pose that the skin was bound in, not the frame of an animation that nodes stand in.</summary>
+    /// <summary>Rest is the bind pose of the skin, whatever frame of an animation the nodes stand in.</summary>
     public static class Skins
     {
-        private const double Posed = 0.01; // of the skeleton's size, and of an axis: joints off so far by another stand in a pose
+        private const double Posed = 0.01; // of the skeleton's size, and of an axis: joints this far off are not in the bind pose
 
-        /// <summary>The nodes in the pose that the skins were bound in; the same ones, where they stand in it.</summary>
+        /// <summary>The nodes in the bind pose of the skins; the same ones if they stand in it.</summary>
         public static RigNode[] Bound(IReadOnlyList<RigNode> nodes, IEnumerable<Skin> skins)
         {
             double[][] world = Worlds(nodes);
@@ -119,7 +119,7 @@ namespace Wayfarer
             return product;
         }
 
-        /// <summary>Of each joint, its world matrix as the skin was bound; null: the nodes stand so.</summary>
+        /// <summary>World matrix of each joint in the bind pose; null: the nodes stand in it.</summary>
         private static double[][] BoundJoints(IReadOnlyList<RigNode> nodes, double[][] world, Skin skin)
         {
             if (skin.Joints.Length < 2 || skin.Joints.Any(joint => joint < 0))
@@ -152,7 +152,7 @@ namespace Wayfarer
             return bound.Select(matrix => Product(space, matrix)).ToArray();
         }
 
-        /// <summary>How far the bound joints, in a space, are off those that are shown: the median of angle and size.</summary>
+        /// <summary>Difference between bound joints, in a space, and shown ones: the median of angle and size.</summary>
         private static double Off(double[][] bound, double[][] shown, double[] space)
         {
             var off = new List<double>();
@@ -225,7 +225,7 @@ namespace Wayfarer
                 + m[8] * (m[1] * m[6] - m[2] * m[5]);
         }
 
-        /// <summary>Of a matrix whose last row is 0 0 0 1; NaN where there is none.</summary>
+        /// <summary>The inverse of a matrix whose last row is 0 0 0 1; NaN if there is none.</summary>
         private static double[] Inverse(double[] m)
         {
             double size = Determinant(m), d = Math.Abs(size) < 1e-12 ? double.NaN : 1 / size;

@@ -10,7 +10,7 @@ namespace Wayfarer
     public sealed class SmoothRoot
     {
         private const double Smoothing = 0.3; // seconds: time constant of the critically damped filter
-        private const double Jump = 2; // metres, or seconds between samples, beyond which it begins again in place
+        private const double Jump = 2; // metres, or seconds between samples, beyond which it begins again at that place
 
         private readonly Basis basis;
         private readonly double jump;
@@ -25,10 +25,10 @@ namespace Wayfarer
             jump = Jump / metresPerUnit;
         }
 
-        /// <summary>On the ground.</summary>
+        /// <summary>Point on the ground.</summary>
         public IReadOnlyList<double> Point => point;
 
-        /// <summary>Radians; goes on beyond π. NaN before the first update.</summary>
+        /// <summary>Radians, continuous beyond π. NaN before the first update.</summary>
         public double Heading => values[3];
 
         /// <summary>

@@ -4,11 +4,11 @@ using System.Linq;
 
 namespace Wayfarer
 {
-    /// <summary>What the mesh of a character at rest tells of its soles: clients/README.md, "Retargeting", 5.</summary>
+    /// <summary>Soles of a character, from its mesh at rest: clients/README.md, "Retargeting", 5.</summary>
     public sealed class Soles
     {
-        private const int Round = 8; // how many directions there are round about
-        private static readonly double[] Steep = { 45, 75 }; // degrees off straight down of directions to outermost points
+        private const int Round = 8; // number of directions around the vertical, for each
+        private static readonly double[] Steep = { 45, 75 }; // directions to outermost points, degrees off straight down
 
         private Soles(double floor, double[][] fixedPoints, double[][] toes)
         {
@@ -20,17 +20,17 @@ namespace Wayfarer
         /// <summary>Height of the lowest point of the mesh that may touch the ground, in the basis.</summary>
         public double Floor { get; }
 
-        /// <summary>Of each foot, x, y, z from the ankle's joint of the points that the ankle moves.</summary>
+        /// <summary>For each foot, x, y, z of the points that the ankle moves, from the ankle's joint.</summary>
         internal double[][] Fixed { get; }
 
-        /// <summary>Of each foot, x, y, z from the toes' joint of the points that the toes move.</summary>
+        /// <summary>For each foot, x, y, z of the points that the toes move, from the toes' joint.</summary>
         internal double[][] Toes { get; }
 
-        /// <summary>Null: a foot has no vertices, or they end above its ankle.</summary>
-        /// <param name="map">Of the character.</param>
+        /// <summary>Measures the soles. Null: a foot has no vertices, or they end above its ankle.</summary>
+        /// <param name="map">The character's map.</param>
         /// <param name="places">Vertices of its mesh, x, y, z each, in its own space at rest.</param>
-        /// <param name="nodes">Of each vertex, the node of the rig that moves it most.</param>
-        /// <param name="basis">Of the character's space.</param>
+        /// <param name="nodes">The node of the rig that moves each vertex most.</param>
+        /// <param name="basis">The basis of the character's space.</param>
         public static Soles Measure(BoneMap map, IReadOnlyList<double> places, IReadOnlyList<int> nodes, Basis basis)
         {
             Rig rig = map.Rig;
@@ -86,7 +86,7 @@ namespace Wayfarer
             return new Soles(floor, parts[0], parts[1]);
         }
 
-        /// <summary>Down, and obliquely down all round.</summary>
+        /// <summary>Directions down, and obliquely down all around.</summary>
         private static double[][] Directions(Basis basis)
         {
             var found = new List<double[]> { Vectors.Times(-1, basis.UpAxis) };

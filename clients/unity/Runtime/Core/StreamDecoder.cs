@@ -6,8 +6,8 @@ using System.Text;
 namespace Wayfarer
 {
     /// <summary>
-    /// Reads StreamMotionResponse (proto/wayfarer/v1/motion.proto) from bytes; what it holds is of the last message. A
-    /// batch that introduces nobody allocates nothing.
+    /// Reads StreamMotionResponse (proto/wayfarer/v1/motion.proto) from bytes, and holds the last message. A batch that
+    /// introduces no agent allocates nothing.
     /// </summary>
     public sealed class StreamDecoder
     {
@@ -21,7 +21,7 @@ namespace Wayfarer
         private readonly Column flags = new Column();
         private readonly Column waypoint = new Column();
         private readonly Column candidates = new Column();
-        private readonly Column[] columns; // of MotionChunks, those with a number for each chunk
+        private readonly Column[] columns; // columns of MotionChunks with a number for each chunk
         private readonly Column removed = new Column();
         private readonly Column hidden = new Column();
         private readonly List<Agent> added = new List<Agent>();
@@ -52,13 +52,13 @@ namespace Wayfarer
         /// <summary>Agents seen for the first time.</summary>
         public IReadOnlyList<Agent> Added => added;
 
-        /// <summary>How many chunks the batch has.</summary>
+        /// <summary>Number of chunks of the batch.</summary>
         public int Chunks => alias.Length;
 
-        /// <summary>How many agents were deleted.</summary>
+        /// <summary>Number of deleted agents.</summary>
         public int Removed => removed.Length;
 
-        /// <summary>How many agents have left the last ring.</summary>
+        /// <summary>Number of agents that have left the last ring.</summary>
         public int Hidden => hidden.Length;
 
         /// <summary>Tier of the chunks: index into the header's.</summary>
@@ -67,7 +67,7 @@ namespace Wayfarer
         /// <summary>The message's bytes, in which poses and contacts of a chunk are places.</summary>
         public byte[] Bytes => reader.Bytes;
 
-        /// <summary>Of the last batch that had one: says that all up to there has come.</summary>
+        /// <summary>Resume token of the last batch that had one: everything up to it has come.</summary>
         public string ResumeToken => Encoding.UTF8.GetString(token, 0, tokenLength);
 
         /// <summary>Read a message: the first bytes of the array, which may not change while its chunks are read.</summary>
@@ -154,7 +154,7 @@ namespace Wayfarer
             return (int)hidden.Values[row];
         }
 
-        /// <summary>That the chunks of the batch are whole frames of their tier.</summary>
+        /// <summary>Checks that the chunks of the batch are whole frames of their tier.</summary>
         /// <exception cref="InvalidDataException">They are not, or the encoding is not known.</exception>
         public void CheckFrames(Header header)
         {

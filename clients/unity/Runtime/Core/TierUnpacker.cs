@@ -23,7 +23,7 @@ namespace Wayfarer
         private readonly double[] mixed = new double[4];
         private float[] scratch = new float[0];
 
-        /// <exception cref="InvalidDataException">The header has what cannot be read.</exception>
+        /// <exception cref="InvalidDataException">The header cannot be read.</exception>
         public TierUnpacker(string basisName, IReadOnlyList<int> bones, IReadOnlyList<Tier> tiers)
         {
             Basis basis = Known(basisName);
@@ -129,7 +129,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Turn the mixed rotation about up, after itself.</summary>
+        /// <summary>Turn the mixed rotation about up in the world.</summary>
         private void Turn(double half)
         {
             double sine = Math.Sin(half), aw = Math.Cos(half);
@@ -141,7 +141,7 @@ namespace Wayfarer
             mixed[3] = aw * bw - ax * bx - ay * by - az * bz;
         }
 
-        /// <summary>Between two rotations, linearly along the shorter arc, normalised.</summary>
+        /// <summary>Interpolates two rotations linearly along the shorter arc, normalised.</summary>
         private static void Mix(double[] p, int i, double[] q, int j, double share, double[] into)
         {
             double cosine = p[i] * q[j] + p[i + 1] * q[j + 1] + p[i + 2] * q[j + 2] + p[i + 3] * q[j + 3];
@@ -192,7 +192,7 @@ namespace Wayfarer
 
             public Packing(Tier tier, int[] bones)
             {
-                Poses.FrameBytes(tier.Encoding, tier.Bones.Count); // an unknown encoding is told at once
+                Poses.FrameBytes(tier.Encoding, tier.Bones.Count); // an unknown encoding throws at once
                 if (tier.Bones.Count > MostBones)
                 {
                     throw new InvalidDataException(tier.Bones.Count + " bones are too many");

@@ -2,7 +2,7 @@ using System;
 
 namespace Wayfarer
 {
-    /// <summary>Vectors of three numbers, for what runs once per character: each result is a new array.</summary>
+    /// <summary>Vectors of three numbers, for code that runs once per character: each result is a new array.</summary>
     internal static class Vectors
     {
         public static double Dot(double[] a, double[] b)
@@ -35,7 +35,7 @@ namespace Wayfarer
             return Math.Sqrt(Dot(a, a));
         }
 
-        /// <summary>Without its part along a unit vector.</summary>
+        /// <summary>A vector without its part along a unit vector.</summary>
         public static double[] Without(double[] a, double[] unit)
         {
             return Minus(a, Times(Dot(a, unit), unit));

@@ -14,7 +14,7 @@ namespace Wayfarer
             Token = token ?? "";
         }
 
-        /// <summary>May be changed, when it has expired: the next call and the next connection show the new one.</summary>
+        /// <summary>The token. Replace it when it has expired: the next call and the next connection use the new one.</summary>
         public string Token { get; set; }
 
         /// <summary>Value of the header <c>authorization</c>, or null.</summary>

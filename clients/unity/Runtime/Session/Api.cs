@@ -18,19 +18,19 @@ namespace Wayfarer
 
     /// <summary>
     /// The HTTP API as functions. A server's /docs is its reference; results are its JSON. Calls may be made from any
-    /// thread. A call that is refused for now (429) is sent again when the server has said.
+    /// thread. A call that is refused temporarily (429) is sent again after the server's waiting time.
     /// </summary>
     public sealed class Api
     {
         private const double AnswerSeconds = 10;
-        private const double BakeSeconds = 60; // for what may take the server longer
-        private const double PatienceSeconds = 15; // that a call which is refused for now is sent again
+        private const double BakeSeconds = 60; // for calls that may take the server longer
+        private const double PatienceSeconds = 15; // for which a call that is refused temporarily is repeated
 
         private readonly IHttp http;
         private readonly Func<double, Task> pause;
 
         /// <param name="server">Its address, as "http://localhost:8080".</param>
-        /// <param name="access">Who calls; null: a server that asks for no key.</param>
+        /// <param name="access">The credentials; null: the server asks for no key.</param>
         /// <param name="http">Sends the calls; null: HttpClient.</param>
         /// <param name="pause">Waits a number of seconds; null: Task.Delay.</param>
         /// <exception cref="ArgumentException">That is no address of a server.</exception>
@@ -50,12 +50,12 @@ namespace Wayfarer
 
         public string Server { get; }
 
-        /// <summary>The nodes of a cluster that are known.</summary>
+        /// <summary>The known nodes of a cluster.</summary>
         public Homes Homes { get; }
 
         public Access Access { get; }
 
-        /// <summary>A session in a scene, or with "" on a floor without end. Its <c>session_id</c>, <c>endpoint</c> …</summary>
+        /// <summary>A session in a scene, or with "" on an endless floor. Gives <c>session_id</c>, <c>endpoint</c> and more.</summary>
         public async Task<JObject> CreateSession(double leaseSeconds, string scene = "", string basis = "unity")
         {
             var wanted = new JObject { ["basis"] = basis, ["lease_s"] = leaseSeconds };
@@ -63,7 +63,7 @@ namespace Wayfarer
             return (JObject)await Call("POST", "/v1/sessions", wanted).ConfigureAwait(false);
         }
 
-        /// <summary>Its <c>basis</c>, <c>scene</c>, <c>agent_ids</c> …</summary>
+        /// <summary>A session's <c>basis</c>, <c>scene</c>, <c>agent_ids</c> and more.</summary>
         public async Task<JObject> Session(string sessionId)
         {
             return (JObject)await Call("GET", Path("sessions", sessionId)).ConfigureAwait(false);
@@ -112,7 +112,7 @@ namespace Wayfarer
             return (JObject)await Call("POST", "/v1/bodies:fit", wanted).ConfigureAwait(false);
         }
 
-        /// <summary>Create agents, all or none; each one's <c>agent_id</c>, <c>alias</c>, <c>rest_offsets</c> …</summary>
+        /// <summary>Create agents, all or none; gives <c>agent_id</c>, <c>alias</c>, <c>rest_offsets</c> and more of each.</summary>
         public async Task<JArray> CreateAgents(string sessionId, params AgentSpec[] agents)
         {
             var wanted = new JObject { ["agents"] = new JArray(agents.Select(agent => agent.Json())) };
@@ -142,7 +142,7 @@ namespace Wayfarer
             return Call("POST", Path("agents", agentId) + "/goals", Goals(goals));
         }
 
-        /// <summary>Let an agent walk about within some metres of a place. <paramref name="how"/>: speed … of the API.</summary>
+        /// <summary>Make an agent wander within some metres of a place. <paramref name="how"/>: speed … of the API.</summary>
         public Task Wander(string agentId, Place centre, double radius, JObject how = null)
         {
             var area = new JObject { ["center"] = centre.Json(), ["radius"] = radius };
@@ -150,13 +150,13 @@ namespace Wayfarer
             return Call("PUT", Path("agents", agentId) + "/wander", wanted);
         }
 
-        /// <summary>Let an agent walk about all over its scene.</summary>
+        /// <summary>Make an agent wander all over its scene.</summary>
         public Task Roam(string agentId, JObject how = null)
         {
             return Call("PUT", Path("agents", agentId) + "/wander", how ?? new JObject());
         }
 
-        /// <summary>Let an agent do something of itself: <c>{"follow": {"agent_id": …}}</c> … (docs/scenes.md).</summary>
+        /// <summary>Give an agent a behaviour: <c>{"follow": {"agent_id": …}}</c> … (docs/scenes.md).</summary>
         public Task Behave(string agentId, JObject behaviour)
         {
             return Call("PUT", Path("agents", agentId) + "/behaviour", behaviour);
@@ -173,7 +173,7 @@ namespace Wayfarer
             return (JArray)(await Call("GET", "/v1/scenes/examples").ConfigureAwait(false))["examples"];
         }
 
-        /// <summary>Its <c>scene_id</c> …</summary>
+        /// <summary>Make one of the server's scenes; gives <c>scene_id</c> and more.</summary>
         public async Task<JObject> CreateExampleScene(string name)
         {
             string path = Path("scenes/examples", name);
@@ -185,7 +185,7 @@ namespace Wayfarer
             return (JArray)(await Call("GET", "/v1/scenes").ConfigureAwait(false))["scenes"];
         }
 
-        /// <summary>Let an obstacle stand there, or move there: <c>{"box": …}</c> … (docs/scenes.md).</summary>
+        /// <summary>Place or move an obstacle: <c>{"box": …}</c> … (docs/scenes.md).</summary>
         public Task PutObstacle(string sceneId, string name, JObject obstacle)
         {
             return Call("PUT", Path("scenes", sceneId) + "/obstacles/" + Uri.EscapeDataString(name), obstacle);
@@ -196,21 +196,21 @@ namespace Wayfarer
             return Call("DELETE", Path("scenes", sceneId) + "/obstacles/" + Uri.EscapeDataString(name));
         }
 
-        /// <summary>Let a number of people come and walk about in the session's scene.</summary>
+        /// <summary>Populate the session's scene with walking people.</summary>
         public async Task<JObject> Populate(string sessionId, int count)
         {
             string path = Path("sessions", sessionId) + "/crowd";
             return (JObject)await Call("POST", path, new JObject { ["count"] = count }, BakeSeconds).ConfigureAwait(false);
         }
 
-        /// <summary>Figures of the server.</summary>
+        /// <summary>Statistics of the server.</summary>
         public async Task<JObject> Stats()
         {
             return (JObject)await Call("GET", "/v1/stats").ConfigureAwait(false);
         }
 
         /// <summary>
-        /// Any call of the API. <paramref name="path"/> begins with /v1/; what comes back is null where the answer is empty.
+        /// Any call of the API. <paramref name="path"/> begins with /v1/; returns null for an empty answer.
         /// </summary>
         /// <exception cref="ApiException">The server refuses, or does not answer.</exception>
         public async Task<JToken> Call(string method, string path, JObject body = null, double seconds = AnswerSeconds)
@@ -263,7 +263,7 @@ namespace Wayfarer
             return new StreamAddress { Url = url, Protocols = Access.Protocols };
         }
 
-        /// <summary>The id of what an answer says was made, or "".</summary>
+        /// <summary>The id of the session or scene that an answer has created, or "".</summary>
         private static string Made(JObject answer)
         {
             return answer == null ? "" : (string)answer["session_id"] ?? (string)answer["scene_id"] ?? "";
@@ -306,7 +306,7 @@ namespace Wayfarer
             return new JObject { ["goals"] = new JArray(goals.Select(goal => goal.Json())) };
         }
 
-        /// <summary>What an RFC 9457 problem document says, fields named; or the bare status.</summary>
+        /// <summary>The text of an RFC 9457 problem document with its fields, or the bare status.</summary>
         private static ApiException Refusal(HttpReply reply)
         {
             string bare = "HTTP " + reply.Status;

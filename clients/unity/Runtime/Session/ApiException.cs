@@ -16,7 +16,7 @@ namespace Wayfarer
         /// <summary>The HTTP status, or 0.</summary>
         public int Status { get; }
 
-        /// <summary>The whole problem document (RFC 9457), as far as there is one.</summary>
+        /// <summary>The whole problem document (RFC 9457), if there is one.</summary>
         public JObject Problem { get; }
     }
 }

@@ -8,8 +8,8 @@ using System.Threading.Tasks;
 namespace Wayfarer
 {
     /// <summary>
-    /// A WebSocket of System.Net.WebSockets: everywhere but in WebGL. A task of the thread pool receives; messages wait in
-    /// buffers that are used again, at most 8 MB of them: beyond that nothing is read, and the server sees a slow reader.
+    /// A WebSocket of System.Net.WebSockets: everywhere except in WebGL. A task of the thread pool receives. Messages
+    /// wait in reused buffers of 8 MB at most; beyond that nothing is read, and the server sees a slow reader.
     /// </summary>
     public sealed class ClientSocket : ISocket
     {
@@ -76,7 +76,7 @@ namespace Wayfarer
             }
             catch (Exception error) when (error is WebSocketException || error is ObjectDisposedException || error is InvalidOperationException || error is OperationCanceledException)
             {
-                // the connection was lost in this moment, which the receiver tells
+                // the connection was lost in this moment, which the receiver reports
             }
         }
 
@@ -92,7 +92,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>So that the server need not find out; but wait for nobody.</summary>
+        /// <summary>Tell the server that the socket closes, without waiting.</summary>
         private async Task SayGoodbye()
         {
             try
@@ -116,7 +116,7 @@ namespace Wayfarer
                 close.Code = await Receive().ConfigureAwait(false);
                 close.Reason = close.Code == TooBig ? "a message has more than 16 MB" : socket.CloseStatusDescription;
             }
-            catch (Exception error) // of many kinds: whatever it is, the connection is no more
+            catch (Exception error) // of many kinds: the connection is lost in any case
             {
                 close.Reason = Innermost(error).Message;
             }
@@ -128,7 +128,7 @@ namespace Wayfarer
             Add(close);
         }
 
-        /// <summary>Until it is closed; the close code.</summary>
+        /// <summary>Receive until the socket is closed; returns the close code.</summary>
         private async Task<int> Receive()
         {
             byte[] buffer = Spare();

@@ -2,7 +2,7 @@ using System.Diagnostics;
 
 namespace Wayfarer
 {
-    /// <summary>Seconds of a clock that never goes back: the one that a session is played by.</summary>
+    /// <summary>Seconds of the clock of playback, which never goes back.</summary>
     public static class Clock
     {
         private static readonly double PerTick = 1.0 / Stopwatch.Frequency;

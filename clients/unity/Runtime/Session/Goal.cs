@@ -24,8 +24,8 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// A place to go to, and how (docs/api.md, "Goals"): metres and radians of the session's basis. What is null is left to
-    /// the server.
+    /// A place to go to, and how (docs/api.md, "Goals"): metres and radians of the session's basis. The server chooses
+    /// for null fields.
     /// </summary>
     public sealed class Goal
     {
@@ -67,7 +67,7 @@ namespace Wayfarer
         }
     }
 
-    /// <summary>An agent to create (docs/api.md, "Agents"). What is null is left to the server.</summary>
+    /// <summary>An agent to create (docs/api.md, "Agents"). The server chooses for null fields.</summary>
     public sealed class AgentSpec
     {
         public string Name { get; set; }
@@ -86,7 +86,7 @@ namespace Wayfarer
         /// <summary>Ten shape coefficients.</summary>
         public double[] Betas { get; set; }
 
-        /// <summary>What it wears, e.g. "suit", "0" for nothing; null: what its seed chooses.</summary>
+        /// <summary>Its clothes, e.g. "suit", "0" for none; null: its seed chooses.</summary>
         public string Outfit { get; set; }
 
         /// <summary>Determines its motion.</summary>
@@ -94,7 +94,7 @@ namespace Wayfarer
 
         public bool? FootLock { get; set; }
 
-        /// <summary>Have the body that <see cref="Api.FitBody"/> has found.</summary>
+        /// <summary>Take the body that <see cref="Api.FitBody"/> has found.</summary>
         public AgentSpec TakeBody(JObject fit)
         {
             Gender = (string)fit["gender"];
@@ -121,7 +121,7 @@ namespace Wayfarer
 
     internal static class Fields
     {
-        /// <summary>Leave out what is null.</summary>
+        /// <summary>Leave out null fields.</summary>
         public static void Put(JObject into, string name, JToken value)
         {
             var plain = value as JValue;

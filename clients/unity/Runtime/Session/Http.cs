@@ -22,7 +22,7 @@ namespace Wayfarer
         public double Seconds { get; set; }
     }
 
-    /// <summary>What the server answered.</summary>
+    /// <summary>The server's answer.</summary>
     public sealed class HttpReply
     {
         public int Status { get; set; }
@@ -31,7 +31,7 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// Sends calls. <see cref="Http"/> does, by HttpClient; WebGL, where that does not work, needs another (by
+    /// Sends calls. <see cref="Http"/> uses HttpClient, which WebGL lacks; it needs another (by
     /// UnityWebRequest).
     /// </summary>
     public interface IHttp
@@ -40,7 +40,7 @@ namespace Wayfarer
         Task<HttpReply> Send(HttpCall call);
     }
 
-    /// <summary>Sends calls by System.Net.Http.</summary>
+    /// <summary>Sends calls with System.Net.Http.</summary>
     public sealed class Http : IHttp
     {
         private static readonly HttpClient Client = new HttpClient { Timeout = Timeout.InfiniteTimeSpan };

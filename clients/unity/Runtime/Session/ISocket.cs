@@ -2,10 +2,10 @@ using System.Collections.Generic;
 
 namespace Wayfarer
 {
-    /// <summary>Something that came over a socket: a binary message, or, last of all, its end.</summary>
+    /// <summary>An item from a socket: a binary message, or finally its end.</summary>
     public struct SocketNews
     {
-        /// <summary>The message is the first <see cref="Length"/> of these; they are right until the next poll.</summary>
+        /// <summary>The message is the first <see cref="Length"/> of these; they are valid until the next poll.</summary>
         public byte[] Bytes;
 
         public int Length;
@@ -15,25 +15,25 @@ namespace Wayfarer
 
         public bool Closed;
 
-        /// <summary>Of a close: its code; 1006: there was none, the connection is lost.</summary>
+        /// <summary>Code of a close; 1006: there was none, the connection is lost.</summary>
         public int Code;
 
         public string Reason;
     }
 
     /// <summary>
-    /// A WebSocket. <see cref="ClientSocket"/> is one; WebGL, where .NET has none, needs one of a plug-in
+    /// A WebSocket. <see cref="ClientSocket"/> is one; WebGL needs one of a plug-in, since .NET has none there
     /// (its <c>binaryType</c> must be <c>"arraybuffer"</c>).
     /// </summary>
     public interface ISocket
     {
-        /// <summary>Connect; that this fails is told as a close.</summary>
+        /// <summary>Connect; a failure is reported as a close.</summary>
         void Open(string url, IReadOnlyList<string> protocols);
 
-        /// <summary>What came next; false: nothing more at present. Never waits.</summary>
+        /// <summary>The next item; false: nothing more at present. Never waits.</summary>
         bool Poll(out SocketNews news);
 
-        /// <summary>Send a text, once it is open; one that cannot be sent is lost with the connection. Never waits.</summary>
+        /// <summary>Send a text once it is open; an unsent text is lost with the connection. Never waits.</summary>
         void Send(string text);
 
         /// <summary>Close it; nothing more is polled.</summary>

@@ -3,7 +3,7 @@ using System.IO;
 
 namespace Wayfarer
 {
-    /// <summary>How a stream's connection is.</summary>
+    /// <summary>State of a stream's connection.</summary>
     public enum StreamStatus
     {
         Connecting,
@@ -12,15 +12,15 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// Brings a session's motion to a player. A lost connection is made again and goes on where it was. It starts no
-    /// thread and reads no clock: <see cref="Update"/> does all.
+    /// Brings a session's motion to a player. A lost connection is restored and resumes where it was. It starts no
+    /// thread and reads no clock; everything happens in <see cref="Update"/>.
     /// </summary>
     public sealed class MotionStream
     {
         private const double RetryFirst = 0.5; // seconds; doubled at each failure
         private const double RetryMost = 8;
-        private const double Pause = 0.1; // seconds between texts at least
-        private const double Silence = 4; // seconds without even a heartbeat (one per second): a dead connection
+        private const double Pause = 0.1; // least seconds between two texts
+        private const double Silence = 4; // seconds without a heartbeat (one per second) that mean a dead connection
         private const int Gone = 1000, Invalid = 4422, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, NoCode = 1006;
 
         private readonly Func<string, StreamAddress> address;
@@ -31,16 +31,16 @@ namespace Wayfarer
         private double retry = RetryFirst;
         private double retryAt;
         private double heardAt;
-        private string text = ""; // to be sent
+        private string text = ""; // waiting to be sent
         private string said = "";
         private double saidAt = double.NegativeInfinity;
         private bool begun; // this connection's header has come
-        private string forgotten = ""; // a resume token that the server does not know
+        private string forgotten = ""; // a resume token unknown to the server
 
         /// <param name="address">Where to connect, by resume token (<see cref="Api.StreamAddress"/>).</param>
-        /// <param name="player">What takes the motion.</param>
+        /// <param name="player">The receiver of the motion.</param>
         /// <param name="newSocket">Makes a socket; null: <see cref="ClientSocket"/>.</param>
-        /// <param name="route">Is told what came of an address; null: there is only one.</param>
+        /// <param name="route">Receives the outcome of an address; null: there is only one.</param>
         public MotionStream(
             Func<string, StreamAddress> address, MotionPlayer player, Func<ISocket> newSocket = null, Route route = null)
         {
@@ -53,16 +53,16 @@ namespace Wayfarer
         /// <summary>The connection's state, and why it was lost.</summary>
         public event Action<StreamStatus, string> StatusChanged;
 
-        /// <summary>The session is no more.</summary>
+        /// <summary>The session is gone.</summary>
         public event Action<string> Ended;
 
-        /// <summary>The caller must show who it is; it may then <see cref="Open"/> again.</summary>
+        /// <summary>The caller must authenticate; it may then <see cref="Open"/> again.</summary>
         public event Action<string> Refused;
 
-        /// <summary>There is no sense in trying again.</summary>
+        /// <summary>Another attempt is pointless.</summary>
         public event Action<string> Failed;
 
-        /// <summary>It is for good: after Close, Ended, Refused or Failed.</summary>
+        /// <summary>Whether it has stopped: after Close, Ended, Refused or Failed.</summary>
         public bool Closed { get; private set; }
 
         /// <summary>Connect at the next update, after the stream was refused.</summary>
@@ -73,7 +73,7 @@ namespace Wayfarer
             retryAt = double.NegativeInfinity;
         }
 
-        /// <summary>Send a text: the last of those within a tenth of a second, and none twice.</summary>
+        /// <summary>Send a text. Only the last within a tenth of a second is sent, and none twice.</summary>
         public void Say(string text)
         {
             if (text != said)
@@ -82,7 +82,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Take what has come until <paramref name="now"/>, and see to the connection. Never waits.</summary>
+        /// <summary>Take all messages until <paramref name="now"/>, and maintain the connection. Never waits.</summary>
         public void Update(double now)
         {
             if (!Closed && socket == null && now >= retryAt)
@@ -114,7 +114,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Leave it for good.</summary>
+        /// <summary>Close the stream.</summary>
         public void Close()
         {
             Closed = true;
@@ -171,7 +171,7 @@ namespace Wayfarer
             string token = player.ResumeToken;
             if (code == Invalid && token != forgotten)
             {
-                forgotten = token; // of another server, it may be: begin with what falls due next
+                forgotten = token; // perhaps of another server: begin with the frames due next
                 Connect(now);
                 return;
             }

@@ -6,21 +6,21 @@ using Newtonsoft.Json.Linq;
 
 namespace Wayfarer
 {
-    /// <summary>What a session is made with; what is not set has a good default.</summary>
+    /// <summary>Options of a session; all have useful defaults.</summary>
     public sealed class SessionOptions
     {
         /// <summary>An API key or a JWT, for a server that asks for one.</summary>
         public string Token { get; set; } = "";
 
-        /// <summary>Id of a scene; "": a floor without end.</summary>
+        /// <summary>Id of a scene; "": an endless floor.</summary>
         public string Scene { get; set; } = "";
 
         public string Basis { get; set; } = "unity";
 
-        /// <summary>For which the session outlives its last sign of life.</summary>
+        /// <summary>Time that the session outlives its last sign of life.</summary>
         public double LeaseSeconds { get; set; } = 60;
 
-        /// <summary>Encoding, fps … of the stream (docs/wire-format.md, "Asking for a stream").</summary>
+        /// <summary>Encoding, fps and others of the stream (docs/wire-format.md, "Asking for a stream").</summary>
         public IReadOnlyDictionary<string, string> Query { get; set; } =
             new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = "20" };
 
@@ -30,7 +30,7 @@ namespace Wayfarer
         /// </summary>
         public JObject Interest { get; set; }
 
-        /// <summary>Another way to call (WebGL), or null.</summary>
+        /// <summary>Another HTTP client (WebGL), or null.</summary>
         public IHttp Http { get; set; }
 
         /// <summary>Another socket (WebGL), or null.</summary>
@@ -41,8 +41,8 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// A session of a server: made, kept alive, streamed and played. People who walk, and where they are. Of one thread,
-    /// but for the calls that are awaited.
+    /// A session of a server: made, kept alive, streamed and played. Use it from one thread, except for the awaited
+    /// calls.
     /// </summary>
     public sealed class Session
     {
@@ -71,7 +71,7 @@ namespace Wayfarer
 
         public string Id { get; }
 
-        /// <summary>Everybody, what is told of them, and figures.</summary>
+        /// <summary>All agents, their events, and statistics.</summary>
         public MotionPlayer Player { get; } = new MotionPlayer();
 
         /// <summary>The connection.</summary>
@@ -81,7 +81,7 @@ namespace Wayfarer
         public string ViewerUrl => Api.Homes.Home(Id) + "/?session=" + Uri.EscapeDataString(Id);
 
         /// <summary>
-        /// A session of your own. It ends when you close it, or when its lease has run out after your program has ended.
+        /// A session of your own. It ends when you close it, or with its lease after your program.
         /// </summary>
         /// <exception cref="ApiException">The server refuses, or does not answer.</exception>
         public static async Task<Session> Open(string server, SessionOptions options = null)
@@ -92,21 +92,22 @@ namespace Wayfarer
             return new Session(api, (string)made["session_id"], options, true);
         }
 
-        /// <summary>Somebody else's session, to watch or to give goals in: it must have the basis of your space.</summary>
+        /// <summary>Another program's session, to watch or to give goals in. It must have the basis of your space.</summary>
         public static Session Join(string server, string id, SessionOptions options = null)
         {
             options = options ?? new SessionOptions();
             return new Session(ApiOf(server, options), id, options, false);
         }
 
-        /// <summary>Create agents; their ids. They are shown when the stream brings them.</summary>
+        /// <summary>Create agents; returns their ids. They are shown when the stream introduces them.</summary>
         public async Task<string[]> CreateAgents(params AgentSpec[] agents)
         {
             JArray made = await Api.CreateAgents(Id, agents).ConfigureAwait(false);
             return made.Select(agent => (string)agent["agent_id"]).ToArray();
         }
 
-        /// <summary>Once per picture: take what has come, and show everybody as at this moment. The moment shown.</summary>
+        /// <summary>Take all messages, and show all agents as at this moment, which is returned. Call it once per
+        /// picture.</summary>
         public double Update()
         {
             double now = options.Now();
@@ -116,9 +117,9 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// See the agents from a place, of a session with <see cref="SessionOptions.Interest"/>. Call it as often as the camera
-        /// moves: ten a second are sent at most, and the last always. <paramref name="reach"/>: the rings are that many times as
-        /// wide.
+        /// See the agents from a place, in a session with <see cref="SessionOptions.Interest"/>. Call it as often as
+        /// the camera moves: ten calls a second at most are sent, and always the last. <paramref name="reach"/>: the
+        /// rings are this many times as wide.
         /// </summary>
         /// <exception cref="InvalidOperationException">It has none.</exception>
         public void Look(double x, double y, double z, double reach = 1)
@@ -144,7 +145,7 @@ namespace Wayfarer
             return query;
         }
 
-        /// <summary>Leave it; one of your own ends.</summary>
+        /// <summary>Leave the session; your own ends.</summary>
         public async Task Close()
         {
             renewing = false;
@@ -160,17 +161,17 @@ namespace Wayfarer
             }
             catch (ApiException)
             {
-                // it ends with its lease
+                // its lease will end it
             }
         }
 
-        /// <summary>Renew the lease three times in its length, until the session is no more.</summary>
+        /// <summary>Renew the lease three times in its length, until the session is gone.</summary>
         private void KeepAlive(double now)
         {
             if (renewal != null && renewal.IsCompleted)
             {
                 ApiException error = renewal.Exception == null ? null : renewal.Exception.GetBaseException() as ApiException;
-                renewing &= error == null || error.Status != 404; // any other failure may pass
+                renewing &= error == null || error.Status != 404; // other failures may be temporary
                 renewal = null;
             }
             if (renewing && renewal == null && now >= renewAt)

@@ -40,9 +40,9 @@ namespace Wayfarer
         private readonly List<RigNode> rest = new List<RigNode>();
         private readonly HashSet<Transform> skin;
 
-        /// <param name="root">The character's object. Its bones are put into the pose that their skin was bound in.</param>
-        /// <param name="animator">Its Animator, or null; one with a Humanoid avatar tells its bones.</param>
-        /// <param name="choices">Corrections of the map that is found.</param>
+        /// <param name="root">The character's object. Its bones are put into the bind pose of their skin.</param>
+        /// <param name="animator">Its Animator, or null; a Humanoid avatar gives its bones.</param>
+        /// <param name="choices">Corrections of the found map.</param>
         /// <exception cref="ArgumentException">It is no humanoid; the message says what is missing.</exception>
         public CharacterRig(Transform root, Animator animator, IEnumerable<BoneChoice> choices)
         {
@@ -72,7 +72,7 @@ namespace Wayfarer
             RigNode[] bound = Skins.Bound(rest, skins);
             for (int k = 0; k < bound.Length; k++)
             {
-                if (bound[k].Position != rest[k].Position) // another array: it stands elsewhere
+                if (bound[k].Position != rest[k].Position) // another array: the node stands in another place
                 {
                     Put(nodes[k], rest[k] = bound[k]);
                 }
@@ -86,7 +86,7 @@ namespace Wayfarer
 
         public BoneMap Map { get; }
 
-        /// <summary>What its meshes tell of its soles; null: they have no feet, or cannot be read.</summary>
+        /// <summary>Its soles, from its meshes; null: they have no feet, or cannot be read.</summary>
         public Soles Soles { get; }
 
         /// <summary>Node of the map's number.</summary>
@@ -185,7 +185,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Bones, and what they hang from: a mesh may be called "Head", too.</summary>
+        /// <summary>Bones and their ancestors: a mesh may be called "Head", too.</summary>
         private bool HoldsBones(Transform node)
         {
             if (skin.Count == 0 || skin.Contains(node))

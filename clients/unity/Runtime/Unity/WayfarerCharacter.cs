@@ -7,8 +7,8 @@ using UnityEngine;
 namespace Wayfarer
 {
     /// <summary>
-    /// Lets a character walk: Humanoid, or any rig with legs. It moves
-    /// the transforms of the bones, and its own object along with them; it needs no animation clips.
+    /// Makes a character walk: Humanoid, or any rig with legs. It moves the transforms of the bones, and its own object
+    /// along with them; it needs no animation clips.
     /// </summary>
     [AddComponentMenu("Wayfarer/Wayfarer Character")]
     [DefaultExecutionOrder(100)]
@@ -21,7 +21,7 @@ namespace Wayfarer
         [Tooltip("None: the session that is enabled.")]
         public WayfarerSession session;
 
-        [Tooltip("Id of an agent that there is. Empty: an agent of its own is created here, and deleted in the end.")]
+        [Tooltip("Id of an existing agent. Empty: an agent is created here, and deleted at the end.")]
         public string agentId = "";
 
         [Tooltip("Make the agent with this character's proportions, so that its steps fit the character's legs.")]
@@ -42,10 +42,10 @@ namespace Wayfarer
         [Tooltip("Leave the Animator on: for fingers and face. It must not move other bones.")]
         public bool keepAnimator;
 
-        [Tooltip("Height of the soles in the character's file, where they are not where its mesh ends.")]
+        [Tooltip("Height of the soles in the character's file, if it differs from the lowest point of its mesh.")]
         public float soleHeight;
 
-        [Tooltip("Other nodes than those that are found.")]
+        [Tooltip("Corrections of the found nodes.")]
         public List<BoneChoice> corrections = new List<BoneChoice>();
 
         private CharacterRig rig;
@@ -56,7 +56,7 @@ namespace Wayfarer
         private Vector3 sentTo;
         private float sentAt = float.NegativeInfinity;
 
-        /// <summary>Which node is which bone; null: it is no humanoid.</summary>
+        /// <summary>The map of its bones; null: it is no humanoid.</summary>
         public BoneMap Map => rig == null ? null : rig.Map;
 
         /// <summary>Id of its agent; "": there is none yet.</summary>
@@ -86,14 +86,14 @@ namespace Wayfarer
             return Agents().SetPath(id, new Goal(place.X, place.Y, place.Z) { Speed = speed, Heading = heading });
         }
 
-        /// <summary>Let it walk about within some metres of a place of the scene.</summary>
+        /// <summary>Make it wander within some metres of a place of the scene.</summary>
         /// <exception cref="InvalidOperationException">It has no agent yet: <see cref="Id"/> is empty.</exception>
         public Task Wander(Vector3 world, float radius)
         {
             return Agents().Wander(id, Source.PlaceOf(world), radius, new JObject { ["speed"] = speed });
         }
 
-        /// <summary>Let it stop.</summary>
+        /// <summary>Stop it.</summary>
         /// <exception cref="InvalidOperationException">It has no agent yet: <see cref="Id"/> is empty.</exception>
         public Task Stop()
         {
@@ -162,7 +162,7 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>There is another session, or none: everything begins again.</summary>
+        /// <summary>Begin again after the session has changed or gone.</summary>
         private void Forget(Session next)
         {
             seen = next;
@@ -289,7 +289,7 @@ namespace Wayfarer
             return seen.Api;
         }
 
-        /// <summary>Say what went wrong with a call; with "" that does not matter.</summary>
+        /// <summary>Log what went wrong with a call; "": ignore it.</summary>
         private void Watch(Task call, string what)
         {
             call.ContinueWith(

@@ -7,8 +7,8 @@ using UnityEngine;
 namespace Wayfarer
 {
     /// <summary>
-    /// A connection to a server: people who walk. This object's transform is the origin of their world (its scale must be
-    /// 1). Characters find the session by themselves.
+    /// A connection to a server, for walking people. This object's transform is the origin of their world (its scale
+    /// must be 1). Characters find the session by themselves.
     /// </summary>
     [AddComponentMenu("Wayfarer/Wayfarer Session")]
     [DefaultExecutionOrder(-100)]
@@ -17,7 +17,7 @@ namespace Wayfarer
     {
         private const double RetrySeconds = 3;
 
-        private static readonly string[] Seen = // of somebody in the middle ring
+        private static readonly string[] Seen = // bones of a person in the middle ring
         {
             "pelvis", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "spine1", "spine2",
             "spine3", "neck", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
@@ -26,13 +26,13 @@ namespace Wayfarer
         [Tooltip("Address of the server.")]
         public string server = "http://localhost:8080";
 
-        [Tooltip("API key or JWT, for a server that asks for one. Whoever has your build can read it.")]
+        [Tooltip("API key or JWT, for a server that asks for one. Anyone with your build can read it.")]
         public string token = "";
 
-        [Tooltip("Id of a scene of the server. Empty: a floor without end.")]
+        [Tooltip("Id of a scene of the server. Empty: an endless floor.")]
         public string scene = "";
 
-        [Tooltip("Id of a session that your own program has made, in Unity's basis. Empty: a session of its own.")]
+        [Tooltip("Id of a session that your program has made, in Unity's basis. Empty: it makes one.")]
         public string join = "";
 
         [Tooltip("Frames per second that are sent: 40, 20 or 10.")]
@@ -44,10 +44,10 @@ namespace Wayfarer
         [Tooltip("Fewer frames and bones within this many metres. 0: no such ring.")]
         public float middle;
 
-        [Tooltip("Only place, heading and gait within this many metres, and nobody beyond. 0: no such ring.")]
+        [Tooltip("Only place, heading and gait within this many metres, and no agents beyond. 0: no such ring.")]
         public float far;
 
-        [Tooltip("What the agents are seen from. Empty: the main camera.")]
+        [Tooltip("The viewpoint of the agents. Empty: the main camera.")]
         public Transform viewpoint;
 
         private Task<Session> opening;
@@ -61,19 +61,19 @@ namespace Wayfarer
 
         public event Action<PlayedAgent> AgentRemoved;
 
-        /// <summary>A goal is reached, a way is blocked …</summary>
+        /// <summary>An event: a goal is reached, a way is blocked, and others.</summary>
         public event Action<MotionEvent> Happened;
 
-        /// <summary>The session that was enabled last, or null: the one of characters without another.</summary>
+        /// <summary>The session that was enabled last, or null; characters without a session use it.</summary>
         public static WayfarerSession Current { get; private set; }
 
         /// <summary>The client behind it; null while there is none.</summary>
         public Session Session { get; private set; }
 
-        /// <summary>Another socket, where .NET has none (WebGL). Set it before the component is enabled.</summary>
+        /// <summary>Another socket, if .NET has none (WebGL). Set it before the component is enabled.</summary>
         public Func<ISocket> NewSocket { get; set; }
 
-        /// <summary>Another way to call, where HttpClient does not work (WebGL).</summary>
+        /// <summary>Another HTTP client, if HttpClient does not work (WebGL).</summary>
         public IHttp Http { get; set; }
 
         /// <summary>A place of the scene in the agents' world.</summary>
@@ -192,7 +192,7 @@ namespace Wayfarer
             Opened?.Invoke(session);
         }
 
-        /// <summary>Begin another one after a while: the server was restarted, perhaps.</summary>
+        /// <summary>Begin another session after a while: the server may have restarted.</summary>
         private void Lose(string what)
         {
             Debug.LogWarning("Wayfarer: session " + Session.Id + " " + what, this);

@@ -19,10 +19,10 @@ namespace Wayfarer
         [Tooltip("Characters, taken in turn.")]
         public GameObject[] prefabs = new GameObject[0];
 
-        [Tooltip("Agents to create; they walk about around this object. 0: those that come from elsewhere.")]
+        [Tooltip("Agents to create; they walk about around this object. 0: use agents of other programs.")]
         public int count;
 
-        [Tooltip("Metres around this object that they walk about in.")]
+        [Tooltip("Radius around this object in which they walk about, metres.")]
         public float radius = 8;
 
         private readonly Dictionary<string, GameObject> shown = new Dictionary<string, GameObject>();
@@ -57,7 +57,7 @@ namespace Wayfarer
             seen = null;
         }
 
-        /// <summary>Let there be a character for each agent, and for no other.</summary>
+        /// <summary>Keep one character for each agent.</summary>
         private void Match(WayfarerSession source)
         {
             IReadOnlyList<PlayedAgent> agents = seen.Player.Agents;
@@ -123,7 +123,7 @@ namespace Wayfarer
 
         private async Task CreateAll(Session into, AgentSpec[] specs, Place middle)
         {
-            double reach = radius; // fields of components are of the main thread
+            double reach = radius; // fields of components belong to the main thread
             foreach (string id in await into.CreateAgents(specs).ConfigureAwait(false))
             {
                 await into.Api.Wander(id, middle, reach, new JObject()).ConfigureAwait(false);

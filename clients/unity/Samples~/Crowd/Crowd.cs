@@ -3,8 +3,8 @@ using UnityEngine;
 namespace Wayfarer.Samples
 {
     /// <summary>
-    /// People who walk about, in an empty scene: put this onto an empty object, start the server, press Play. Without
-    /// characters of yours they are stick figures.
+    /// People that walk about in an empty scene: put this onto an empty object, start the server, press Play. Without
+    /// your characters they are stick figures.
     /// </summary>
     public sealed class Crowd : MonoBehaviour
     {
@@ -16,7 +16,7 @@ namespace Wayfarer.Samples
         [Tooltip("Metres around this object.")]
         public float radius = 8;
 
-        [Tooltip("Characters of yours, or none.")]
+        [Tooltip("Your characters, or none.")]
         public GameObject[] characters = new GameObject[0];
 
         private void Start()

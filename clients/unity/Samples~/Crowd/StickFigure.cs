@@ -31,7 +31,7 @@ namespace Wayfarer.Samples
             0.217f, 0.0f, 0.0f,
         };
 
-        /// <summary>A new one, which stands at the origin.</summary>
+        /// <summary>A new figure, which stands at the origin.</summary>
         public static GameObject Make(string name, Color colour)
         {
             var figure = new GameObject(name);

@@ -25,7 +25,7 @@ namespace Wayfarer.Tests
             return Join(Number(1, Start + 200000L * seq), Block(2, fields));
         }
 
-        /// <summary>Batch <paramref name="seq"/> of so many agents: 8 frames of each. The first introduces them.</summary>
+        /// <summary>Batch <paramref name="seq"/> of `count` agents: 8 frames of each. The first introduces them.</summary>
         public static byte[] Batch(int count, int seq)
         {
             long at = Start + 200000L * seq;

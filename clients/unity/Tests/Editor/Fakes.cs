@@ -66,7 +66,7 @@ namespace Wayfarer.Tests
         /// <summary>Thrown in place of an answer, or null.</summary>
         public Exception Failure { get; set; }
 
-        /// <summary>Answer so; the last one for ever.</summary>
+        /// <summary>Give these answers, and repeat the last.</summary>
         public FakeHttp Answer(int status, string body = "")
         {
             answers.Enqueue(new HttpReply { Status = status, Body = body });

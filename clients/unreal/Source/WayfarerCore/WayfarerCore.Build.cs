@@ -1,7 +1,7 @@
 using System.IO;
 using UnrealBuildTool;
 
-// The C++ core (clients/cpp), which knows no engine: its sources are compiled here, its C ABI is what others see.
+// The C++ core (clients/cpp), which knows no engine: its sources are compiled here, and others see its C ABI.
 public class WayfarerCore : ModuleRules
 {
     public WayfarerCore(ReadOnlyTargetRules Target) : base(Target)

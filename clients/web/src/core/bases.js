@@ -36,7 +36,7 @@ export function cross(a, b) {
 const FOUND = new Float64Array(1);
 
 /**
- * By which angle about `up` a rotation (x, y, z, w at `at`) turns `forward`, radians.
+ * The angle about `up` by which a rotation (x, y, z, w at `at`) turns `forward`, radians.
  * @param {Basis} basis @param {ArrayLike<number>} q @param {number} [at]
  */
 export function headingOf(basis, q, at = 0) {

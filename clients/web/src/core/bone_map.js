@@ -1,4 +1,4 @@
-// Which node of a rig is which bone: by VRM's table, else by names, else by shape. clients/README.md, "Bones of a
+// Maps nodes of a rig to bones: by VRM's table, otherwise by names, otherwise by shape. clients/README.md, "Bones of a
 // character", has the rules and the refusals.
 
 import { BASES, cross, dot } from "./bases.js";
@@ -9,10 +9,10 @@ import { BONES, PARENTS } from "./rig.js";
 
 const REQUIRED = ["pelvis", ...SIDES.flatMap((side) => ["hip", "knee", "ankle"].map((bone) => `${side}_${bone}`))];
 const TRUNK = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"];
-const BRANCHING = ["hip", "collar", "shoulder"]; // they may hang from any bone of the trunk: they move with their own
-const UNEVEN = 1.01; // what the scales of a node's axes may be of each other at most
-const BACKWARD = 0.2; // cosine up to which toes may point backwards
-const HEELS = 0.3; // of a thigh's height over the lowest node of its leg: an ankle that is higher is none
+const BRANCHING = ["hip", "collar", "shoulder"]; // they may hang from any bone of the trunk: they move with that bone
+const UNEVEN = 1.01; // greatest ratio between the scales of a node's axes
+const BACKWARD = 0.2; // cosine of the angle up to which toes may point backwards
+const HEELS = 0.3; // greatest height of an ankle over the lowest node of its leg, as a share of the thigh's height
 const HINDLEGS = "legs as animals' hind legs, whose heels are off the ground, are not found by their shape. Say which bones these are, by a correction";
 
 /** @typedef {import("./rig.js").Rig} Rig */
@@ -38,7 +38,7 @@ export class BoneMap {
     this.foundBy = foundBy;
   }
 
-  /** Bones that the rig lacks; their turns go on into their children. */
+  /** Bones that the rig lacks; their children take over their rotations. */
   get missing() {
     return BONES.filter((bone) => !this.bones.has(bone));
   }
@@ -49,7 +49,7 @@ export class BoneMap {
   }
 
   /**
-   * With other nodes for some bones (by node name), or without them (null). Throws when that is no humanoid.
+   * The map with other nodes for some bones (by node name), or without them (null). Throws when that is no humanoid.
    * @param {Record<string, string | null>} changes
    */
   corrected(changes) {
@@ -72,9 +72,9 @@ function changed(rig, found, changes) {
 }
 
 /**
- * The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up; `correct`: as in
- * `corrected`, also where too little is found. Throws BoneMapError that says what is missing, or why this is nothing that
- * walks on two legs.
+ * The map of a rig. `humanoid`: VRM's names → nodes. `basis`: gives the up of the rig's space. `correct`: as for
+ * `corrected`; it also serves rigs that lack bones. Throws BoneMapError that says what is missing, or why the rig is no
+ * biped.
  * @param {Rig} rig @param {Record<string, number> | null} [humanoid] @param {Basis} [basis]
  * @param {Record<string, string | null>} [correct]
  */
@@ -99,7 +99,7 @@ function find(rig, humanoid, basis) {
   return [named, "names"];
 }
 
-/** Without bones that are not needed and cannot be where they were found. @param {Rig} rig @param {Map<string, number>} bones */
+/** The bones without optional ones whose place is impossible. @param {Rig} rig @param {Map<string, number>} bones */
 function kept(rig, bones) {
   const left = new Map(BONES.flatMap((bone) => (bones.has(bone) ? [/** @type {[string, number]} */ ([bone, bones.get(bone)])] : [])));
   for (const bone of BONES) {
@@ -109,7 +109,7 @@ function kept(rig, bones) {
 }
 
 /**
- * Another bone that a bone hangs from, or is, and should not; "": none.
+ * The bone that this one wrongly hangs from or shares a node with; "": none.
  * @param {Rig} rig @param {Map<string, number>} bones @param {string} bone
  */
 function misplaced(rig, bones, bone) {
@@ -123,7 +123,7 @@ function misplaced(rig, bones, bone) {
   return branches && TRUNK.includes(above) && !lineOf(above).includes(bone) ? "" : above;
 }
 
-/** The bones above one, to the pelvis. @param {string} bone */
+/** The bones above a bone, up to the pelvis. @param {string} bone */
 function lineOf(bone) {
   const found = [];
   for (let k = PARENTS[BONES.indexOf(bone)]; k >= 0; k = PARENTS[k]) found.push(BONES[k]);

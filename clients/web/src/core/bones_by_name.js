@@ -8,7 +8,7 @@ const SPINE = ["spine1", "spine2", "spine3"];
 const BREAKS = /(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Za-z])(?=[0-9])|(?<=[0-9])(?=[A-Za-z])/g;
 const TOKENS = /[A-Za-z]+|[^\u0000-\u007f]+/g;
 const MARKS = { left: WORDS.left, right: WORDS.right };
-/** Role, and the role of the bone that it hangs from. @type {[keyof typeof WORDS.roles, string][]} */
+/** Pairs of a role and the role of the bone that it hangs from. @type {[keyof typeof WORDS.roles, string][]} */
 const LIMBS = [
   ["hip", ""], ["knee", "hip"], ["ankle", "knee"], ["foot", "ankle"],
   ["shoulder", ""], ["elbow", "shoulder"], ["wrist", "elbow"], ["collar", ""],
@@ -16,7 +16,7 @@ const LIMBS = [
 
 /** @typedef {import("./rig.js").Rig} Rig */
 
-/** Side ("left", "right", "") and the rest of a name; helpers give nothing. @param {string} name */
+/** Side ("left", "right", "") and the rest of a name; both "" for helpers. @param {string} name */
 export function words(name) {
   const last = /** @type {string} */ (name.split(/[:|]/).at(-1));
   const tokens = (last.replace(BREAKS, " ").match(TOKENS) ?? []).map((token) => token.toLowerCase());
@@ -33,7 +33,7 @@ export function words(name) {
   return { side, rest: rest.join("") };
 }
 
-/** Words in scripts without spaces begin with their side. @param {string} token @param {string} mark */
+/** Whether a word in a script without spaces begins with its side. @param {string} token @param {string} mark */
 function begins(token, mark) {
   return mark > "\u007f" && token.startsWith(mark);
 }
@@ -60,7 +60,7 @@ export function byVrm(humanoid) {
   return new Map([...bones, ...spreadSpine(chain)]);
 }
 
-/** What the names tell, enough for a humanoid or not. @param {Rig} rig @returns {Map<string, number>} */
+/** The bones that names reveal, enough for a humanoid or not. @param {Rig} rig @returns {Map<string, number>} */
 export function byNames(rig) {
   return new Names(rig).bones;
 }
@@ -85,8 +85,9 @@ class Names {
   }
 
   /**
-   * The uppermost node of the role's first word that any has; below `inside`, if any is there. Otherwise anywhere: feet
-   * of IK rigs hang from the root. A word that stands for two roles, as `foot`, is not looked for there again.
+   * The uppermost node with the first of the role's words that any node has. Nodes below `inside` come first. Otherwise
+   * it may be anywhere: feet of IK rigs hang from the root. A word of two roles, such as `foot`, is not looked for
+   * there again.
    * @param {string} bone @param {keyof typeof WORDS.roles} role @param {string} [side] @param {number} [inside]
    */
   find(bone, role, side = "", inside = undefined) {
@@ -105,7 +106,7 @@ class Names {
     }
   }
 
-  /** What the trunk leads to: the neck, or the head, or both arms. @returns {number[]} */
+  /** The nodes at the end of the trunk: the neck, or the head, or both arms. @returns {number[]} */
   get top() {
     const one = this.bones.get("neck") ?? this.bones.get("head");
     if (one !== undefined) return [one];
@@ -118,7 +119,7 @@ class Names {
     return SIDES.flatMap((side) => this.bones.get(`${side}_hip`) ?? []);
   }
 
-  /** It carries both legs and the trunk: else it is the lowest node that does. */
+  /** Moves the pelvis to the lowest node that carries both legs and the trunk. */
   findPelvis() {
     const { legs } = this;
     if (legs.length < 2) return;
@@ -132,14 +133,14 @@ class Names {
     }
   }
 
-  /** The nodes from which all of these hang, from below. @param {number[]} nodes */
+  /** The common ancestors of these nodes, from below. @param {number[]} nodes */
   shared(nodes) {
     return this.above[nodes[0]].filter((k) => nodes.every((n) => this.above[n].includes(k)));
   }
 
   /**
-   * The trunk's bones, from which no thigh hangs; those of rigs that only number them, as Rigify, with neck and head: by
-   * where arms branch off.
+   * The trunk's bones, from which no thigh hangs. Where rigs only number them, with neck and head, as Rigify does,
+   * where arms branch off tells them apart.
    */
   findSpine() {
     const { top, rig, words: named } = this;
@@ -161,7 +162,7 @@ class Names {
     if (rest.length) this.bones.set("head", /** @type {number} */ (rest.at(-1)));
   }
 
-  /** Nodes with a name below this one, from the lowest: none that a thigh hangs from. @param {number} top */
+  /** Named nodes below this one, from the lowest, except ancestors of thighs. @param {number} top */
   trunk(top) {
     const found = [];
     for (const k of this.above[top]) {
@@ -177,7 +178,8 @@ class Names {
   }
 }
 
-/** Of a path, those at least so far from the one before. @param {Rig} rig @param {number[]} line @param {number} least */
+/** The nodes of a path, without those nearer than `least` to the one kept before. @param {Rig} rig @param {number[]}
+line @param {number} least */
 export function joints(rig, line, least) {
   /** @type {number[]} */
   const found = [];

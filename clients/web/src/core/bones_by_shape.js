@@ -3,15 +3,15 @@
 import { cross, dot } from "./bases.js";
 import { SIDES, joints, spreadSpine, words } from "./bones_by_name.js";
 
-const LOW = 0.1; // of the rig's height: a branch that ends so low reaches the ground
-const APART = 0.05; // of that height: the ends of two legs stand apart at least so far
-const TOES = 0.02; // of that height: toes lie at least so far before the ankle
-const FAR = 0.25; // of that height: a second pair of legs hangs so far from the first
+const LOW = 0.1; // of the rig's height: a branch that ends below this reaches the ground
+const APART = 0.05; // of that height: least distance between the ends of two legs
+const TOES = 0.02; // of that height: least distance of toes before the ankle
+const FAR = 0.25; // of that height: least distance between two pairs of legs
 
 /** @typedef {import("./rig.js").Rig} Rig */
 /** @typedef {import("./bases.js").Basis} Basis */
 
-/** Branches of a rig that reach the ground, and what follows from them. */
+/** Branches of a rig that reach the ground, and the bones that follow from them. */
 export class Shape {
   /** @param {Rig} rig @param {Basis} basis */
   constructor(rig, basis) {
@@ -20,15 +20,15 @@ export class Shape {
     this.height = rig.nodes.map((_, k) => dot(rig.place(k), basis.up));
     this.floor = Math.min(...this.height);
     this.tall = rig.nodes.length ? Math.max(...this.height) - this.floor : 0;
-    /** Of each node, itself and all that hang from it. */
+    /** Each node with all its descendants. */
     this.below = rig.nodes.map((_, k) => subtree(rig, k));
-    /** Of each node, the lowest of these. */
+    /** The lowest of these, for each node. */
     this.lowest = this.below.map((nodes) => nodes.reduce((low, k) => (this.height[k] < this.height[low] ? k : low)));
     this.pairs = this.tall > 0 ? this.#pairs() : [];
   }
 
   /**
-   * Node, and the joints of two branches of at least three that hang from it and reach the ground apart from each other.
+   * Nodes with two branches that reach the ground apart from each other; with the joints of both, three or more each.
    * @returns {{ above: number, chains: number[][] }[]}
    */
   #pairs() {
@@ -72,7 +72,7 @@ export class Shape {
     return null;
   }
 
-  /** What the shape tells, enough for a humanoid or not. @returns {Map<string, number>} */
+  /** The bones that the shape reveals, enough for a humanoid or not. @returns {Map<string, number>} */
   bones() {
     const { rig, basis, tall } = this;
     const walking = this.pairs.filter(({ chains }) => chains.every((chain) => Math.hypot(...this.#toes(chain)) >= TOES * tall));
@@ -94,7 +94,7 @@ export class Shape {
   }
 
   /**
-   * The trunk, by where arms branch to both sides of it.
+   * The trunk's bones, by where arms branch off on both sides.
    * @param {number[]} spine @param {Float64Array} left @returns {[string, number][]}
    */
   #upper(spine, left) {
@@ -125,8 +125,8 @@ export class Shape {
 }
 
 /**
- * A node of a limb whose name tells the other side than its bone; "": none does, or more names tell the side that was
- * found. @param {Rig} rig @param {Map<string, number>} bones
+ * A node of a limb whose name gives the other side than its bone. "": none, or as many names agree with the side that
+ * was found. @param {Rig} rig @param {Map<string, number>} bones
  */
 export function contradicted(rig, bones) {
   let against = "", told = 0;
@@ -150,7 +150,7 @@ function minus(a, b) {
   return a.map((value, n) => value - b[n]);
 }
 
-/** A node and all that hang from it. @param {Rig} rig @param {number} node */
+/** A node and all its descendants. @param {Rig} rig @param {number} node */
 export function subtree(rig, node) {
   const found = [node];
   for (const k of found) found.push(...rig.children[k]);

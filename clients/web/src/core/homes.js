@@ -12,13 +12,13 @@ export class Homes {
     this.others = [];
   }
 
-  /** From now on another one is asked in place of the entry. */
+  /** Ask another address in place of the entry from now on. */
   turn() {
     this.others.push(this.entry);
     this.entry = /** @type {string} */ (this.others.shift());
   }
 
-  /** The address at which the one whose id is in `about` is called. @param {string} about */
+  /** The address for calls about the id in `about`. @param {string} about */
   home(about) {
     return this.#homes.get(slotOf(about)) ?? this.entry;
   }
@@ -30,26 +30,26 @@ export class Homes {
     return `${scheme}${name || own}:${port}`;
   }
 
-  /** They live there. @param {string} about @param {string} address */
+  /** Note that the slot of `about` lives at `address`. @param {string} about @param {string} address */
   learn(about, address) {
     const slot = slotOf(about);
     if (slot) this.#homes.set(slot, address);
   }
 
-  /** Nobody knows where they live, but the entry. @param {string} about */
+  /** Forget where it lives; only the entry knows. @param {string} about */
   forget(about) {
     this.#homes.delete(slotOf(about));
   }
 
-  /** Where a call goes. `about`: text with the id of whom it concerns; "": nobody's. @param {string} about */
+  /** The route of a call. `about`: text with the id that it concerns; "": none. @param {string} about */
   route(about) {
     return new Route(this, about);
   }
 }
 
 /**
- * The addresses that a call, or a stream, goes to in turn: `address` is the next one. At most four: the node that is
- * known, the one that it names, the entry, the one that it names; and two more for each of `Homes.others`.
+ * The addresses to which a call or a stream goes in turn: `address` is the next one. At most four: the known node, the
+ * node it names, the entry, and the node that the entry names; and two more for each of `Homes.others`.
  */
 export class Route {
   #homes;
@@ -66,7 +66,7 @@ export class Route {
     this.begin();
   }
 
-  /** Start again: as for a new call. */
+  /** Start again, as for a new call. */
   begin() {
     this.address = this.#homes.home(this.#about);
     this.#asked = this.address === this.#homes.entry;
@@ -81,8 +81,8 @@ export class Route {
   }
 
   /**
-   * `address` has named another node; whether the call goes on, to the new `address`.
-   * @param {string} host @param {number} port 0, or what is no host's name: it has named none
+   * Note that `address` has named another node; returns whether the call continues there.
+   * @param {string} host @param {number} port 0, or an invalid host name: it has named none
    */
   misdirected(host, port) {
     if (this.#followed || !(port > 0 && port < 1 << 16) || !/^[\w.:[\]-]*$/.test(host)) return this.#ask();
@@ -92,13 +92,13 @@ export class Route {
     return true;
   }
 
-  /** `address` does not answer, or not at present; as `misdirected`. */
+  /** Note that `address` does not answer at present; returns as `misdirected`. */
   unavailable() {
     return this.#ask();
   }
 
   /**
-   * A call was refused, by an HTTP status (0: no answer); whether it goes on.
+   * Note that a call was refused with an HTTP status (0: no answer). Returns whether it continues.
    * @param {number} status @param {{ host?: string, http_port?: number }} [endpoint] of the problem
    */
   refused(status, { host = "", http_port = 0 } = {}) {
@@ -106,11 +106,11 @@ export class Route {
     return (status === 0 || status === 503) && this.unavailable();
   }
 
-  /** A stream has ended; whether to connect to `address` at once. @param {number} code @param {string} reason */
+  /** Note that a stream has ended; returns whether to connect to `address` at once. @param {number} code @param {string} reason */
   closed(code, reason) {
     const { host, port } = placeOf(reason);
     if (code === 4421) return this.misdirected(host, port);
-    this.unavailable(); // in a cluster its node is gone, perhaps; in any case not at once
+    this.unavailable(); // its node may have left the cluster; in any case do not connect at once
     return false;
   }
 

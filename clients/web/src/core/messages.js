@@ -12,18 +12,18 @@ const EVENTS = [
   "behaviour_ended", "agent_left", "fault",
 ];
 
-/** Notes on a chunk; `flags` is a sum of them. */
+/** Flags of a chunk; `flags` is a sum of them. */
 export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, REDUCED: 16, HELD: 32 });
 
 /**
- * What holds for a whole stream. `bones`: numbers in `skeleton` of the bones whose rotations are sent.
+ * Properties of a whole stream. `bones`: numbers in `skeleton` of the bones whose rotations are sent.
  * @typedef {object} Header
  * @property {string} serverVersion @property {string} sessionId
- * @property {number} fps frames per second of the motion @property {number} sentFps those that are sent
+ * @property {number} fps frames per second of the motion @property {number} sentFps frames sent per second
  * @property {string} basis its name, as in the API @property {number} metresPerUnit
  * @property {{ name: string, parent: number }[]} skeleton @property {number[]} bones
  * @property {number} encoding @property {number} frameBytes @property {boolean} resumed
- * @property {Tier[]} tiers how frames are packed in each ring, from the inside out; one where there are no rings
+ * @property {Tier[]} tiers how frames are packed in each ring, from the inside out; one if there are no rings
  */
 /**
  * @typedef {object} Tier
@@ -35,7 +35,7 @@ export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, 
  * @typedef {object} Agent
  * @property {string} id @property {number} alias @property {string} name @property {string} body
  * @property {"female" | "male"} gender @property {number[]} betas @property {number} seed
- * @property {number[]} restOffsets @property {string} outfit what it wears
+ * @property {number[]} restOffsets @property {string} outfit its clothes
  */
 /**
  * The new frames of an agent.
@@ -52,7 +52,7 @@ export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, 
  */
 /** @typedef {"" | "header" | "batch" | "heartbeat" | "event"} Kind */
 
-/** A chunk, whose time is in an array: a property would be boxed each time. @implements {Chunk} */
+/** A chunk. Its time is in an array, since a property would be boxed each time. @implements {Chunk} */
 class ChunkRow {
   alias = 0; seq = 0; firstFrame = 0; scheduledAt = 0; goalRevision = 0; state = ""; flags = 0; waypoint = 0;
   candidates = 0; frames = 0; poses = 0; contacts = 0;
@@ -65,10 +65,10 @@ class ChunkRow {
   }
 }
 
-/** Reads messages; what it holds is of the last one. A batch that introduces nobody allocates nothing. */
+/** Reads messages, and holds the last one. A batch that introduces no agent allocates nothing. */
 export class StreamDecoder {
   #reader = new ProtoReader();
-  #columns = { // of MotionChunks, those with a number for each chunk, by field
+  #columns = { // columns of MotionChunks with a number for each chunk, by field
     alias: new Column(), seq: new Column(), firstFrame: new Column(), scheduledAt: new Column(true),
     goalRevision: new Column(), state: new Column(), flags: new Column(), waypoint: new Column(),
     candidates: new Column(),
@@ -115,7 +115,7 @@ export class StreamDecoder {
     return this.#reader.view;
   }
 
-  /** Of the last batch that had one: says that all up to there has come. */
+  /** Resume token of the last batch that had one: everything up to it has come. */
   get resumeToken() {
     return new TextDecoder().decode(this.#token.subarray(0, this.#tokenLength));
   }
@@ -175,7 +175,7 @@ export class StreamDecoder {
     return this.#hidden.values[row];
   }
 
-  /** That the chunks of the batch are whole frames of their tier. Throws. @param {Header} header */
+  /** Throws unless the chunks of the batch are whole frames of their tier. @param {Header} header */
   checkFrames({ tiers }) {
     if (this.tier >= tiers.length) throw new Error(`the header tells of ${tiers.length} tiers, not of ${this.tier}`);
     const { encoding, bones } = tiers[this.tier];

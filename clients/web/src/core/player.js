@@ -9,7 +9,7 @@ import { TierUnpacker } from "./tiers.js";
 /** @typedef {import("./messages.js").Chunk} Chunk */
 /** @typedef {import("./messages.js").Header} Header */
 
-/** An agent, as it is shown. */
+/** An agent as it is shown. */
 export class PlayedAgent {
   /** @param {Agent} agent @param {number} width numbers per frame */
   constructor(agent, width) {
@@ -17,21 +17,21 @@ export class PlayedAgent {
     /** Hips x, y, z, then x, y, z, w for each of the header's bones. */
     this.frame = new Float32Array(width);
     this.track = new PoseTrack(width);
-    /** Whether there is a pose in `frame`. */
+    /** Whether `frame` holds a pose. */
     this.shown = false;
-    /** Whether it was taken away since it has left the last ring, and may come again. */
+    /** Whether it was removed for having left the last ring, and may come again. */
     this.hidden = false;
-    /** Number of the ring that it is in: of the last chunk. */
+    /** Number of its ring, from the last chunk. */
     this.tier = 0;
-    /** "standing", "walking", "stopping", "turning": of the last chunk. */
+    /** "standing", "walking", "stopping" or "turning", from the last chunk. */
     this.state = "standing";
   }
 }
 
 /**
- * What a player tells, all as it comes: `header(header, again)`; `added(played)`, `removed(played)`, also of who has
- * left the last ring and is `hidden`;
- * `chunk(played, chunk)`, of which `chunk` is one object, overwritten each time; `event(event)`.
+ * Callbacks of a player, called as messages come: `header(header, again)`, `added(played)`, `removed(played)`, also for
+ * agents that have left the last ring and are `hidden`, `chunk(played, chunk)`, whose `chunk` is one object that is
+ * overwritten each time, and `event(event)`.
  * @typedef {object} PlayerEvents
  * @property {(header: Header, again: boolean) => void} [header]
  * @property {(played: PlayedAgent) => void} [added]
@@ -40,7 +40,7 @@ export class PlayedAgent {
  * @property {(event: import("./messages.js").MotionEvent) => void} [event]
  */
 
-/** Plays a stream. Times are seconds of any clock of this machine. Allocates nothing but for agents that are new. */
+/** Plays a stream. Times are seconds of any clock of this machine. Allocates only for new agents. */
 export class MotionPlayer {
   #decoder = new StreamDecoder();
   #unpacked = new Float32Array(0);
@@ -61,11 +61,11 @@ export class MotionPlayer {
     this.header = null;
     /** The moment shown: server time, seconds since 1970. */
     this.moment = NaN;
-    /** Counted since the start; `gaps`, `reduced`, `held`: chunks with that flag. */
+    /** Counts since the start; `gaps`, `reduced` and `held` count chunks with that flag. */
     this.stats = { messages: 0, bytes: 0, chunks: 0, frames: 0, gaps: 0, reduced: 0, held: 0 };
   }
 
-  /** What to ask the next stream to go on from; "" at first. */
+  /** The token from which the next stream resumes; "" at first. */
   get resumeToken() {
     return this.#decoder.resumeToken;
   }
@@ -77,7 +77,7 @@ export class MotionPlayer {
     return sum;
   }
 
-  /** Seconds of motion in hand, of the agent that has the least; Infinity when there is none. */
+  /** Seconds of motion in the queue of the agent that has the least; Infinity without agents. */
   get buffered() {
     let least = Infinity;
     for (const played of this.agents.values()) least = Math.min(least, played.track.buffered(this.moment));
@@ -90,8 +90,8 @@ export class MotionPlayer {
   }
 
   /**
-   * A message of the stream (StreamMotionResponse) has come at local `now`. Returns its kind. Throws when it cannot
-   * be read: the connection is of no more use then.
+   * Take a message of the stream (StreamMotionResponse) that came at local `now`. Returns its kind. Throws when it
+   * cannot be read; the connection is then of no more use.
    * @param {Uint8Array} message @param {number} now
    */
   receive(message, now) {
@@ -107,14 +107,14 @@ export class MotionPlayer {
     return kind;
   }
 
-  /** Show everybody as at local `now`. Returns the moment shown, in server time. @param {number} now */
+  /** Show all agents as at local `now`. Returns the moment shown, in server time. @param {number} now */
   advance(now) {
     this.moment = this.#moment[0] = this.clock.advance(now);
     this.agents.forEach(this.#show);
     return this.moment;
   }
 
-  /** Forget everybody, as if they were removed, and the clock. */
+  /** Forget all agents, as if they were removed, and the clock. */
   clear() {
     for (const alias of [...this.agents.keys()]) this.remove(alias);
     this.clock = new PlayoutClock();
@@ -138,7 +138,7 @@ export class MotionPlayer {
     const again = this.header !== null;
     this.#begun = true;
     this.header = header;
-    header.tiers.forEach(({ encoding, bones }) => frameBytes(encoding, bones.length)); // an unknown one is told at once
+    header.tiers.forEach(({ encoding, bones }) => frameBytes(encoding, bones.length)); // an unknown one throws at once
     this.#tiers = new TierUnpacker(header);
     if (again) this.clock.resumed(this.#decoder.sentAt);
     this.on.header?.(header, again);
@@ -161,7 +161,7 @@ export class MotionPlayer {
     this.remove(alias);
   }
 
-  /** A new agent, or one that is known already, when a stream begins again. @param {Agent} agent @param {number} width */
+  /** A new agent, or a known one when a stream begins again. @param {Agent} agent @param {number} width */
   #add(agent, width) {
     const known = this.agents.get(agent.alias);
     if (known?.agent.id === agent.id && known.track.width === width) return;

@@ -1,4 +1,4 @@
-// Which moment to show, and the pose at it: clients/README.md, "Playout". Times are seconds; no clock is read.
+// The moment to show, and the pose at it: clients/README.md, "Playout". Times are seconds; no clock is read.
 // After warm-up nothing is allocated.
 
 const FIRST_DELAY = 0.35;
@@ -6,16 +6,16 @@ const LEAST_DELAY = 0.2;
 const MOST_DELAY = 1.5;
 const MARGIN = 0.06; // over the worst lateness of the window
 const LATENESS_WINDOW = 20;
-const OFFSET_WINDOW = 30; // the fastest message of so long a time is taken to have come without delay
+const OFFSET_WINDOW = 30; // seconds; the fastest message of this window counts as one without delay
 const STRETCH = 0.05; // playback runs at most this much faster or slower
-const JUMP = 1.0; // seconds off beyond which it jumps instead (a tab that slept)
+const JUMP = 1.0; // error in seconds beyond which it jumps instead (after a sleep of the tab)
 const BLEND = 0.2; // seconds to blend from a held pose to the stream again
-const KEPT = 400; // frames at most: a hidden tab receives, but does not play
+const KEPT = 400; // most frames kept: a hidden tab receives, but does not play
 
-// Numbers that are not small integers are boxed, that is allocated, where they are passed to a function that is not
-// inlined. So small functions put them into arrays, where larger ones find them.
+// A number that is not a small integer is boxed, which allocates, when it is passed to a function that is not inlined.
+// So small functions put such numbers into arrays, where larger functions find them.
 
-/** The least value of the last `seconds`, by a ring of values that rise from oldest to newest. */
+/** The minimum of the last `seconds`, from a ring of values that rise from oldest to newest. */
 class WindowLeast {
   /** @param {number} seconds */
   constructor(seconds) {
@@ -70,7 +70,7 @@ class WindowLeast {
 
 const NOW = 0, OFFSET = 1, PLAYHEAD = 2, LAST = 3, WANTED = 4, AT = 5, CAUGHT_UP = 6;
 
-/** Which moment of the stream (server time) to show now, for all agents alike. */
+/** Chooses the moment of the stream (server time) to show now, for all agents alike. */
 export class PlayoutClock {
   #transit = new WindowLeast(OFFSET_WINDOW); // local - server time of each message
   #earliness = new WindowLeast(LATENESS_WINDOW); // of each chunk, negative when late
@@ -104,8 +104,8 @@ export class PlayoutClock {
   }
 
   /**
-   * Note that a connection was made again; its header was sent at server time `sentAt`. Chunks for earlier times were
-   * missed meanwhile: their lateness says nothing of the next.
+   * Note that a connection was restored; its header was sent at server time `sentAt`. Chunks for earlier times were
+   * missed meanwhile; their lateness predicts nothing.
    * @param {number} sentAt
    */
   resumed(sentAt) {
@@ -118,20 +118,20 @@ export class PlayoutClock {
     return offset === offset ? now - offset : now;
   }
 
-  /** Delay to aim at. @param {number} now */
+  /** The target delay, seconds. @param {number} now */
   wantedDelay(now) {
     this.#numbers[NOW] = now;
     this.#want();
     return this.#numbers[WANTED];
   }
 
-  /** Delay in force. @param {number} now */
+  /** The present delay, seconds. @param {number} now */
   delay(now) {
     const playhead = this.#numbers[PLAYHEAD];
     return playhead === playhead ? this.serverTime(now) - playhead : this.wantedDelay(now);
   }
 
-  /** Go on to local `now`; returns the moment to show, in server time. @param {number} now */
+  /** Advance to local `now`; returns the moment to show, in server time. @param {number} now */
   advance(now) {
     const numbers = this.#numbers;
     if (numbers[OFFSET] !== numbers[OFFSET]) return now; // nothing has come yet
@@ -151,7 +151,7 @@ export class PlayoutClock {
 
   #observe() {
     const numbers = this.#numbers;
-    // until experience tells, expect as much as the first delay allows
+    // at first, expect as much as the first delay allows
     if (numbers[OFFSET] !== numbers[OFFSET]) this.#earliness.add(numbers[NOW], MARGIN - FIRST_DELAY);
     const transit = this.#transit;
     transit.given[0] = numbers[NOW];
@@ -204,7 +204,7 @@ export class PoseTrack {
     this.width = width;
     /** How often frames ran out. */
     this.underruns = 0;
-    /** Of the frame at or before the moment shown: 1 left foot, 2 right foot. */
+    /** Bits of the frame at or before the moment shown: 1 left foot, 2 right foot. */
     this.contacts = 0;
     /** Whether frames have run out, and the last one is shown. */
     this.held = false;
@@ -213,7 +213,7 @@ export class PoseTrack {
     this.#shown = new Float32Array(width);
   }
 
-  /** Frames in hand. */
+  /** Number of frames in the queue. */
   get length() {
     return this.#count;
   }

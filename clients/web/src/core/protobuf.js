@@ -2,7 +2,7 @@
 
 const TEXT = new TextDecoder();
 
-/** Numbers of a repeated field; keeps its room when it is emptied. Whole ones up to 2^31, or with `wide` up to 2^53. */
+/** Numbers of a repeated field; keeps its memory when it is emptied. Integers up to 2^31, or with `wide` up to 2^53. */
 export class Column {
   /** @param {boolean} [wide] */
   constructor(wide = false) {
@@ -11,7 +11,7 @@ export class Column {
     this.length = 0;
   }
 
-  /** Append the number in `from`: a number of its own would be boxed. @param {Float64Array} from */
+  /** Append the number in `from`; as an argument it would be boxed. @param {Float64Array} from */
   push(from) {
     if (from[0] > this.most) throw new Error("malformed message: a number above 2^31");
     if (this.length === this.values.length) this.#grow();
@@ -26,7 +26,7 @@ export class Column {
   }
 }
 
-/** Reads one message after the other, each from a copy in its own buffer: what it gives are places in `bytes`. */
+/** Reads messages in turn, each from a copy in its own buffer `bytes`, and returns places in it. */
 export class ProtoReader {
   constructor() {
     this.bytes = new Uint8Array(4096);
@@ -34,7 +34,7 @@ export class ProtoReader {
     this.at = 0;
     this.end = 0;
     this.wireType = 0;
-    /** The last varint: what a function returns is boxed where it is large. */
+    /** The last varint; a large return value would be boxed. */
     this.number = new Float64Array(1);
   }
 
@@ -75,7 +75,7 @@ export class ProtoReader {
     this.end = outer;
   }
 
-  /** Unsigned integer up to 2^53; a greater one is an error, for JavaScript would round it. */
+  /** Unsigned integer up to 2^53; a greater one is an error, since JavaScript would round it. */
   varint() {
     this.#expect(0);
     this.#raw();
@@ -100,7 +100,7 @@ export class ProtoReader {
     return this.view.getFloat64(this.#fixed(8), true);
   }
 
-  /** Pass over a field of bytes; returns how many. They end where the reader is. */
+  /** Skip a field of bytes; returns their number. They end where the reader is. */
   block() {
     return this.#length();
   }
@@ -123,7 +123,7 @@ export class ProtoReader {
     }
   }
 
-  /** A repeated varint field: packed, or one at a time; appended to `into`. @param {Column} into */
+  /** Append a repeated varint field to `into`, packed or one at a time. @param {Column} into */
   varints(into) {
     if (this.wireType === 2) {
       const outer = this.enter();
@@ -139,7 +139,7 @@ export class ProtoReader {
     }
   }
 
-  /** Pass over the value of a field that is not wanted. */
+  /** Skip the value of a field that is not needed. */
   skip() {
     if (this.wireType === 0) this.int32();
     else if (this.wireType === 1) this.#fixed(8);
@@ -173,7 +173,7 @@ export class ProtoReader {
     throw new Error("malformed message: a number has more than 10 bytes");
   }
 
-  /** Length of a block, and past it. */
+  /** Read the length of a block. */
   #length() {
     this.#expect(2);
     this.#raw();

@@ -8,7 +8,7 @@ export const BONES = Object.freeze([
   "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder",
   "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
 ]);
-/** Of each bone; -1: none. */
+/** Parent of each bone; -1: none. */
 export const PARENTS = Object.freeze([-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19]);
 
 /**
@@ -28,7 +28,7 @@ export class Rig {
     this.nodes = nodes;
     this.rotations = new Float64Array(4 * nodes.length);
     this.places = new Float64Array(3 * nodes.length);
-    /** Products of scales from the top: right where each is the same along all axes. */
+    /** Products of scales from the top; right if each is equal along all axes. */
     this.scales = new Float64Array(3 * nodes.length);
     /** @type {number[][]} */
     this.children = nodes.map(() => []);
@@ -62,12 +62,12 @@ export class Rig {
     return this.places.slice(3 * node, 3 * node + 3);
   }
 
-  /** Rotation of a node in the character's space; of -1 none. @param {number} node */
+  /** Rotation of a node in the character's space; the identity for -1. @param {number} node */
   rotation(node) {
     return node < 0 ? Float64Array.of(0, 0, 0, 1) : this.rotations.slice(4 * node, 4 * node + 4);
   }
 
-  /** From its parent to the top. @param {number} node @returns {number[]} */
+  /** Ancestors of a node, from its parent to the top. @param {number} node @returns {number[]} */
   ancestors(node) {
     const found = [];
     for (let k = this.nodes[node].parent; k >= 0; k = this.nodes[k].parent) found.push(k);

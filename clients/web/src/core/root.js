@@ -3,8 +3,8 @@
 import { putHeading } from "./bases.js";
 
 const SMOOTHING = 0.3; // seconds: time constant of the critically damped filter
-const STEP = 5; // of the targets: seconds since the last
-const JUMP = 2; // metres, or seconds between samples, beyond which it begins again in place
+const STEP = 5; // index in the targets: seconds since the last update
+const JUMP = 2; // metres, or seconds between samples, beyond which it begins again at that place
 
 /** Ground point and heading of an agent, from its sampled poses. Allocates nothing. */
 export class SmoothRoot {
@@ -16,11 +16,11 @@ export class SmoothRoot {
   constructor(basis, metresPerUnit = 1) {
     this.basis = basis;
     this.jump = JUMP / metresPerUnit;
-    /** On the ground. */
+    /** Point on the ground. */
     this.point = new Float64Array(3);
   }
 
-  /** Radians; goes on beyond π. NaN before the first update. */
+  /** Radians, continuous beyond π. NaN before the first update. */
   get heading() {
     return this.#values[3];
   }

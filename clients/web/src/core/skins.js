@@ -1,18 +1,18 @@
-// Rest is the pose that the skin was bound in, not the frame of an animation that nodes stand in.
+// Rest is the bind pose of the skin, whatever frame of an animation the nodes stand in.
 
 import { between } from "./quaternions.js";
 
-const POSED = 0.01; // of the skeleton's size, and of an axis: joints that are off so far by another joint stand in a pose
+const POSED = 0.01; // of the skeleton's size, and of an axis: a joint this far off another one is not in the bind pose
 
 /**
  * A skin of a character: the numbers of its joints among the nodes, the inverse bind matrix of each (16 numbers, by
- * columns), and spaces in which it may have been bound, besides those of the joints' ancestors: of its meshes, say.
+ * columns), and other spaces than those of the joints' ancestors in which it may have been bound, such as its meshes'.
  * @typedef {{ joints: number[], inverses: ArrayLike<number>[], spaces: ArrayLike<number>[] }} Skin
  * @typedef {import("./rig.js").Node} Node
  */
 
 /**
- * The nodes in the pose that the skins were bound in; the same list, where they stand in it.
+ * The nodes in the bind pose of the skins; the same list if they stand in it.
  * @param {Node[]} nodes parents first @param {Skin[]} skins @returns {Node[]}
  */
 export function boundNodes(nodes, skins) {
@@ -34,7 +34,7 @@ export function boundNodes(nodes, skins) {
 }
 
 /**
- * Joints → their world matrices as the skin was bound; none where they stand so.
+ * Joints → their world matrices in the bind pose; none if they stand in it.
  * @param {Node[]} nodes @param {Float64Array[]} world @param {Skin} skin @returns {[number, Float64Array][]}
  */
 function boundJoints(nodes, world, { joints, inverses, spaces }) {
@@ -62,7 +62,7 @@ function alike(a, b, most) {
   return p.every((value, n) => Math.abs(value - q[n]) <= POSED);
 }
 
-/** How far two matrices are off each other, in angle and size. @param {Float64Array} a @param {Float64Array} b */
+/** Difference between two matrices, in angle and size. @param {Float64Array} a @param {Float64Array} b */
 function apart(a, b) {
   const [p, q] = [axes(a), axes(b)];
   const trace = p.reduce((sum, value, n) => sum + value * q[n], 0);
@@ -70,7 +70,7 @@ function apart(a, b) {
   return Math.acos(Math.min(1, Math.max(-1, (trace - 1) / 2))) + 10 * Math.abs(Math.log(sizes[0] / sizes[1]));
 }
 
-/** Numbers of the nodes above one, to the top. @param {Node[]} nodes @param {number} node */
+/** Numbers of a node's ancestors, to the top. @param {Node[]} nodes @param {number} node */
 function ancestors(nodes, node) {
   const found = [];
   for (let k = nodes[node].parent; k >= 0; k = nodes[k].parent) found.push(k);
@@ -140,7 +140,7 @@ function determinant(m) {
   return m[0] * (m[5] * m[10] - m[6] * m[9]) - m[4] * (m[1] * m[10] - m[2] * m[9]) + m[8] * (m[1] * m[6] - m[2] * m[5]);
 }
 
-/** Of a matrix whose last row is 0 0 0 1; NaN where there is none. @param {ArrayLike<number>} m */
+/** The inverse of a matrix whose last row is 0 0 0 1; NaN if there is none. @param {ArrayLike<number>} m */
 export function inverse(m) {
   const size = determinant(m);
   const d = Math.abs(size) < 1e-12 ? NaN : 1 / size;

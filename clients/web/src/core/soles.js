@@ -1,23 +1,23 @@
-// What the mesh of a character at rest tells of its soles: clients/README.md, "Retargeting", 5.
+// Soles of a character, from its mesh at rest: clients/README.md, "Retargeting", 5.
 
 import { BASES, dot } from "./bases.js";
 import { rotate } from "./quaternions.js";
 import { LEGS, alignment } from "./retarget_rest.js";
 import { BONES } from "./rig.js";
 
-const STEEP = [45, 75]; // degrees off straight down of the directions in which the outermost points are looked for
-const ROUND = 8; // how many of these directions there are round about
+const STEEP = [45, 75]; // outermost points are looked for in these directions: degrees off straight down
+const ROUND = 8; // number of directions around the vertical, for each of these angles
 
 /**
- * Points of a mesh that may touch the ground, in the basis, at rest: `floor` is the height of the lowest; `feet`: of the
- * left and the right foot, x, y, z from the ankle's joint of those that the ankle moves, and from the toes' joint of
- * those that the toes move.
+ * Points of a mesh at rest that may touch the ground, in the basis. `floor` is the height of the lowest. `feet`: left
+ * and right, x, y, z of the points that the ankle moves, from the ankle's joint, and of the points that the toes move,
+ * from the toes' joint.
  * @typedef {{ floor: number, feet: { fixed: Float64Array, toes: Float64Array }[] }} Soles
  */
 
 /**
- * The soles of a character whose mesh has vertices at `places` (x, y, z each, in its own space at rest), each of which
- * the node `nodes` of the rig moves most. Null: a foot has no vertices, or they end above its ankle.
+ * The soles of a character. `places` are its mesh's vertices (x, y, z each) at rest, in its own space; `nodes` are the
+ * nodes of the rig that move each most. Null: a foot has no vertices, or they end above its ankle.
  * @param {import("./bone_map.js").BoneMap} map @param {ArrayLike<number>} places @param {ArrayLike<number>} nodes
  * @param {import("./bases.js").Basis} [basis] @returns {Soles | null}
  */
@@ -66,7 +66,7 @@ export function measureSoles({ rig, bones }, places, nodes, basis = BASES.gltf) 
   return { floor, feet };
 }
 
-/** Down, and obliquely down all round. @param {import("./bases.js").Basis} basis */
+/** Directions down, and obliquely down all around. @param {import("./bases.js").Basis} basis */
 function directionsOf({ left, up, forward }) {
   const found = [up.map((value) => -value)];
   for (const degrees of STEEP) {

@@ -15,12 +15,12 @@ export class TierUnpacker {
   #cycle = Float64Array.from(CYCLE);
   #scratch = new Float32Array(0);
 
-  /** Throws when a header has what cannot be read. @param {Header} header */
+  /** Throws when a header cannot be read. @param {Header} header */
   constructor(header) {
     const basis = BASES[/** @type {keyof typeof BASES} */ (header.basis)] ?? BASES.gltf;
     this.up = basis.up;
     this.bones = Int32Array.from(header.bones);
-    /** How many numbers a frame has. */
+    /** Numbers per frame. */
     this.width = 3 + 4 * header.bones.length;
     if (header.tiers.some(({ bones }) => bones.length > MOST_BONES)) throw new Error("a tier has too many bones");
     this.tiers = header.tiers.map(({ encoding, bones, sentFps }) => ({
@@ -93,7 +93,7 @@ export class TierUnpacker {
 const MIXED = new Float64Array(4);
 
 /**
- * out = between two rotations, linearly along the shorter arc, normalised.
+ * out = the interpolation of two rotations, linearly along the shorter arc, normalised.
  * @param {Float64Array} p @param {number} i @param {Float64Array} q @param {number} j @param {number} share @param {Float64Array} out
  */
 function mix(p, i, q, j, share, out) {
@@ -108,7 +108,7 @@ function mix(p, i, q, j, share, out) {
   out[3] = w / length;
 }
 
-/** q turned about `up`, after itself. @param {Float64Array} up @param {number} half @param {Float64Array} q */
+/** Turn q about `up` in the world. @param {Float64Array} up @param {number} half @param {Float64Array} q */
 function turn(up, half, q) {
   const sine = Math.sin(half), aw = Math.cos(half);
   const ax = sine * up[0], ay = sine * up[1], az = sine * up[2];

@@ -1,4 +1,4 @@
-// A way on a small grid around what stands there. The server's world/scenes/around.py, where the rules are explained.
+// A way on a small grid around obstacles. It mirrors the server's world/scenes/around.py, which explains the rules.
 // A grid is rows × columns, row by row.
 
 const ROUNDS = 16, DIAGONAL = Math.sqrt(2);
@@ -7,7 +7,7 @@ const STEPS = [[0, 1], [1, 0], [0, -1], [-1, 0], [1, 1], [1, -1], [-1, -1], [-1,
 /** @typedef {[number, number]} Cell row and column */
 /** @typedef {{ room: Float64Array, rows: number, columns: number }} Grid `room`: metres more than a body needs */
 
-/** Carry the costs of cells on to those beside them, in four orders; whether any has changed. @param {Grid} grid @param {number} least @param {Float64Array} cost */
+/** Spread the costs of cells to their neighbours, in four orders; whether any has changed. @param {Grid} grid @param {number} least @param {Float64Array} cost */
 function sweep({ room, rows, columns }, least, cost) {
   let changed = false;
   for (let order = 0; order < 4; order += 1) {
@@ -31,7 +31,10 @@ function sweep({ room, rows, columns }, least, cost) {
   return changed;
 }
 
-/** Whether a straight line between two cells keeps the room, taken between cells. @param {Grid} grid @param {number} least @param {Cell} from @param {Cell} to */
+/**
+ * Whether a straight line between two cells keeps the room, interpolated between cells.
+ * @param {Grid} grid @param {number} least @param {Cell} from @param {Cell} to
+ */
 function sees({ room, rows, columns }, least, [r0, c0], [r1, c1]) {
   const steps = Math.ceil(2 * Math.sqrt((r1 - r0) ** 2 + (c1 - c0) ** 2));
   for (let k = 0; k <= steps; k += 1) {
@@ -46,7 +49,7 @@ function sees({ room, rows, columns }, least, [r0, c0], [r1, c1]) {
   return true;
 }
 
-/** The corners of a short way from a cell to another, both among them; none where there is no way. @param {Grid} grid @param {Cell} start @param {Cell} end @returns {Cell[]} */
+/** The corners of a short way between two cells, both included; none without a way. @param {Grid} grid @param {Cell} start @param {Cell} end @returns {Cell[]} */
 export function wayAround(grid, start, end) {
   const { room, rows, columns } = grid, cell = (/** @type {Cell} */ [r, c]) => columns * r + c;
   const least = Math.min(room[cell(start)], 0), cost = new Float64Array(rows * columns).fill(Infinity);

@@ -23,7 +23,7 @@ export class LocalBody {
     /** Numbers of the sole markers, four of each foot, left first. @type {number[][]} */
     this.soles = about.sole_markers;
     this.markers = about.markers.length;
-    /** How far each marker goes along when the spine bends. */
+    /** Share of the spine's bend that each marker follows. */
     this.shares = sharesOf(about.markers);
     this.poses = this.#part("start_rotations").length / (4 * JOINTS);
   }
@@ -41,7 +41,7 @@ export class LocalBody {
   }
 
   /**
-   * The seed of a person who stands in a start pose, soles on the floor, hips over x, y.
+   * The seed of a person standing in a start pose, soles on the floor, hips over x, y.
    * @param {number} pose @param {ArrayLike<number>} betas @param {number} x @param {number} y @param {number} heading
    * @returns {import("./person.js").Seed}
    */

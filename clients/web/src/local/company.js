@@ -1,5 +1,5 @@
-// What others mean for a person's goal and way: where it stops, and who stands in its way. The server's world/scenes
-// (company, detours), where the rules are explained. World: metres.
+// The effect of others on a person's goal and way: where it stops, and whether its way is blocked. It mirrors the
+// server's world/scenes (company, detours), which explain the rules. World: metres.
 
 import { wayAround } from "./around.js";
 import { turn } from "./passages.js";
@@ -11,19 +11,19 @@ const REACH = 1, TOLD = 3.9, BESIDE = 0.7, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS 
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.45, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const RETRY = 5, SLOW = 0.15;
-const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as there
+const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./person.js").Person} Person */
 /** @typedef {import("./steering.js").GoalRow} GoalRow */
 /**
- * Where somebody goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it was given,
- * `spot`: where it will stand; `barred`: seconds for which people who stand have closed its way.
+ * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it was
+ * given; `spot`: where it will stand; `barred`: seconds for which standing people have blocked its way.
  * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number }} Aims
  */
-/** What is remembered of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
-/** Somebody as others see it at a moment. @typedef {import("./avoidance.js").Other & { person: Person, aims: Aims, stands: boolean }} Seen */
-/** Somebody who is about to be stepped; `goal` and `ahead` are replaced. @typedef {{ person: Person, hips: Point, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
+/** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
+/** A person as others see it at a moment. @typedef {import("./avoidance.js").Other & { person: Person, aims: Aims, stands: boolean }} Seen */
+/** A person about to be stepped; `goal` and `ahead` are replaced. @typedef {{ person: Person, hips: Point, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
 
 export class Company {
   /** @param {import("./scene.js").LocalScene | null} scene @param {import("./guide.js").Tell} tell */
@@ -33,7 +33,7 @@ export class Company {
     this.clear = scene && ((/** @type {number} */ x, /** @type {number} */ y) => scene.distance(x, y));
   }
 
-  /** Put goals at the spots where people will stand; who can get to none that is near enough waits. @param {Row[]} rows @param {Seen[]} people */
+  /** Move goals to the spots where people will stand; a person that can reach no near spot waits. @param {Row[]} rows @param {Seen[]} people */
   place(rows, people) {
     for (const row of rows) {
       const { gait, goal, walker: { aims } } = row;
@@ -49,7 +49,7 @@ export class Company {
     }
   }
 
-  /** Lead people around those who stand in their ways, or let them wait before those. @param {Row[]} rows @param {Seen[]} people */
+  /** Lead people around others standing in their way, or make them wait. @param {Row[]} rows @param {Seen[]} people */
   bar(rows, people) {
     const found = rows.map((row) => ({ row, by: this.#inTheWay(row, people) }));
     for (const { row: { walker: { aims, route } }, by } of found) {
@@ -73,7 +73,7 @@ export class Company {
     }
   }
 
-  /** Let people wait before narrow places that others come out of. @param {Row[]} rows @param {Seen[]} people */
+  /** Make people wait before narrow places that others come out of. @param {Row[]} rows @param {Seen[]} people */
   takeTurns(rows, people) {
     if (!this.clear || people.length < 2) return;
     for (const row of rows) {
@@ -88,7 +88,7 @@ export class Company {
     }
   }
 
-  /** Where the way of somebody on the floor without end leads around others. @param {Row} row */
+  /** The way around others on the endless floor. @param {Row} row */
   leadOnFloor(row) {
     const { route } = row.walker;
     if (!isLed(row)) return;
@@ -102,13 +102,13 @@ export class Company {
     row.ahead = passing(row.ahead, target, minus(target, row.hips));
   }
 
-  /** Who gets no nearer to its goal, and is near, stops where it is. @param {Row} row @param {boolean} barred */
+  /** Stop a person that is near its goal and gets no nearer. @param {Row} row @param {boolean} barred */
   #settle({ hips, goal, walker: { aims, memory } }, barred) {
     const off = Math.hypot(...minus(aims.asked, hips));
     if (!goal.through && off < FARTHEST && (barred || memory.waited > PATIENCE)) aims.spot = hips;
   }
 
-  /** Somebody waits at a spot that is too far from its goal; the first time it is told. @param {Row} row @param {Seen[]} people */
+  /** Report, once, that a person waits at a spot too far from its goal. @param {Row} row @param {Seen[]} people */
   #wait({ person, walker: { aims } }, people) {
     if (aims.barred <= 0) {
       const others = people.filter(({ stands, position }) => stands && Math.hypot(...minus(position, aims.asked)) < FARTHEST);
@@ -117,7 +117,7 @@ export class Company {
     aims.barred = Math.fround(aims.barred + STEP);
   }
 
-  /** Points on the way of somebody. @param {Row} row @param {number[]} metres ahead */
+  /** Points on a person's way. @param {Row} row @param {number[]} metres ahead */
   #ahead(row, metres) {
     const { hips, goal, walker: { route } } = row;
     if (isLed(row)) return metres.map((at) => pointAt(route, Math.min(route.progress + at, lengthOf(route))));
@@ -133,7 +133,7 @@ export class Company {
     return stand.filter(({ position }) => points.some((point) => Math.hypot(...minus(point, position)) < IN_WAY));
   }
 
-  /** Look for a way around, and lay it; whether there is one. @param {Row} row @param {Seen[]} people */
+  /** Look for a way around others, and take it; whether there is one. @param {Row} row @param {Seen[]} people */
   #look(row, people) {
     const { hips, goal, walker: { route }, person } = row;
     const [back] = this.#ahead(row, [AROUND]);
@@ -165,7 +165,7 @@ export class Company {
   }
 }
 
-/** Whether there is a way to somebody's present goal. @param {Row} row */
+/** Whether there is a way to a person's present goal. @param {Row} row */
 function isLed({ person, walker: { route } }) {
   return route.open && route.revision === person.revision && route.waypoint === person.waypoint;
 }

@@ -1,5 +1,5 @@
-// Feet that bear weight stay where they are, in what is shown. The server's world/output/footlock.py, for one person:
-// what its rules are for is told there. World: metres, Z up, 40 frames per second.
+// Keeps feet that bear weight in place, in the frames shown. It mirrors the server's world/output/footlock.py, which
+// explains the rules, for one person. World: metres, Z up, 40 frames per second.
 
 import { FRAMES, LegPose, SOLES, moveAnkles } from "./legs.js";
 import { bounded } from "./steering.js";
@@ -17,9 +17,9 @@ function smooth(value, [low, high]) {
   return t * t * (3 - 2 * t);
 }
 
-/** What the lock remembers of two feet. */
+/** State of the lock for two feet. */
 class LockState {
-  soles = new Float64Array(6 * SOLES); // where the model had them in the last frame [side, 4, 3]
+  soles = new Float64Array(6 * SOLES); // where the model put them in the last frame [side, 4, 3]
   contact = [false, false];
   hold = [0, 0];
   shift = [[0, 0, 0], [0, 0, 0]];
@@ -85,7 +85,10 @@ function lowest(soles, at) {
   return least;
 }
 
-/** Way of the bearing point [x, y] since the last frame, and height, of foot `k`. @param {LegPose} pose @param {number} k @param {Float64Array} before */
+/**
+ * Movement [x, y] of foot `k`'s bearing point since the last frame, and its height.
+ * @param {LegPose} pose @param {number} k @param {Float64Array} before
+ */
 function slide(pose, k, before) {
   const now = 3 * SOLES * k, [old, from] = k < 2 ? [before, now] : [pose.soles, now - 6 * SOLES];
   const height = lowest(pose.soles, SOLES * k);

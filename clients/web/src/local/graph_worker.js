@@ -1,4 +1,4 @@
-// A worker that runs one graph for the worker of a local session, so that two graphs open at the same time:
+// Runs one graph for the worker of a local session, so that two graphs open at the same time:
 // { id, open: [runtime, model, weights] } or { id, feeds } come in, { id, outputs } or { id, error } go out.
 
 import { openGraph, openRuntime } from "./runtime.js";

@@ -8,10 +8,10 @@ const WEIGHTS = "weights.bin";
 /** Opens a graph in another thread. @typedef {(model: ArrayBuffer, weights: Float32Array | null) => Promise<import("./runtime.js").RunGraph>} Elsewhere */
 
 /**
- * Read a folder that `wayfarer export --for web` has written, and open its graphs. All files are asked for at once.
+ * Read a folder written by `wayfarer export --for web`, and open its graphs. All files are requested at once.
  * @param {Read} read @param {import("./runtime.js").Runtime | Promise<import("./runtime.js").Runtime>} runtime onnxruntime-web
- * @param {Elsewhere | null} [elsewhere] for all graphs but the first, which all open at the same time then; where that fails, or
- * without it, they are opened here, one after the other
+ * @param {Elsewhere | null} [elsewhere] opens all graphs but the first, all at the same time. Without it, or if it
+ * fails, they are opened in this thread, one after the other
  * @returns {Promise<{ about: any, bodies: Record<string, ArrayBuffer>, run: import("./world.js").Run }>}
  */
 export async function openExport(read, runtime, elsewhere = null) {

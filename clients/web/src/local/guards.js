@@ -1,5 +1,5 @@
-// A step that no body could take is repaired before it is shown, or continued from. The server's
-// world/stepping/guards.py, for one person. Rare; without a repair nothing changes.
+// Repairs a step that no body could take before it is shown or continued from. It mirrors the server's
+// world/stepping/guards.py, for one person. Repairs are rare; other steps do not change.
 
 import { multiply, relative } from "../core/quaternions.js";
 
@@ -7,8 +7,8 @@ const FRAMES = 8, SEED = 2, TURN = 88, JOINTS = 22;
 const DEGREE = Math.PI / 180;
 const KNEES = [4, 5], SPINE = [3, 6, 9], ARMS = [16, 17, 18, 19, 20, 21];
 const KNEE = [-5 * DEGREE, 150 * DEGREE];
-const SIDEWAYS = Math.sin(15 * DEGREE) ** 2; // of half the angle that a knee is turned by beside its bend, squared
-const ARM_MOST = 60 * DEGREE; // that a joint of an arm turns by while a body gets up
+const SIDEWAYS = Math.sin(15 * DEGREE) ** 2; // squared sine of half the angle by which a knee is turned sideways
+const ARM_MOST = 60 * DEGREE; // by which a joint of an arm turns while a body gets up
 const FELL = Math.cos(32 * DEGREE);
 const FOLDED = 0.76;
 /** @typedef {import("./person.js").Seed} Seed */
@@ -18,7 +18,7 @@ function copyTurn(from, i, to, k) {
   for (let n = 0; n < 4; n += 1) to[k + n] = from[i + n];
 }
 
-/** The path with its new frames on the cubic that begins and ends as fast as it does. @param {Float64Array} path */
+/** The path with its new frames on a cubic with the same speeds at both ends. @param {Float64Array} path */
 function smoothest(path) {
   const last = path.length - 4, turn = new Float64Array(4), out = path.slice();
   const between = (/** @type {number} */ i, /** @type {number} */ j) => {
@@ -41,7 +41,7 @@ function smoothest(path) {
   return out;
 }
 
-/** The rotation about a vector by as many radians as it is long. @param {number[]} vector @param {Float64Array} out */
+/** The rotation about a vector by its length in radians. @param {number[]} vector @param {Float64Array} out */
 function turnOf(vector, out) {
   const angle = Math.max(Math.hypot(...vector), 1e-12), sine = Math.sin(angle / 2) / angle;
   out.set([vector[0] * sine, vector[1] * sine, vector[2] * sine, Math.cos(angle / 2)]);
@@ -55,7 +55,10 @@ function vectorOf(q) {
   return v.map((n) => n * share);
 }
 
-/** Rotations of a step with knees bent as knees bend: the same array when they are. @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
+/**
+ * Rotations of a step with knees that bend as knees can; the same array if they already do.
+ * @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
+ */
 export function bendable(rotations, legs) {
   let result = rotations;
   const knee = new Float64Array(4);
@@ -80,7 +83,7 @@ export function bendable(rotations, legs) {
   return result;
 }
 
-/** Radians that a knee is bent from straight. @param {Float64Array} q @param {number} i @param {Float64Array} rest @param {number} j */
+/** Bend of a knee from straight, radians. @param {Float64Array} q @param {number} i @param {Float64Array} rest @param {number} j */
 function flexion(q, i, rest, j) {
   const x = q[i], y = q[i + 1], z = q[i + 2], w = q[i + 3];
   const a = rest[j], b = rest[j + 1], c = rest[j + 2];
@@ -102,7 +105,7 @@ export function fallen(translation, rotations, legs) {
   return upright < FELL || translation[3 * FRAMES - 1] < FOLDED * legs.standing;
 }
 
-/** Whether frames cannot be shown: not finite, or far off where they start. @param {number[]} start @param {Float64Array} translation @param {ArrayLike<number>[]} all */
+/** Whether frames cannot be shown: not finite, or far from their start. @param {number[]} start @param {Float64Array} translation @param {ArrayLike<number>[]} all */
 export function broken(start, translation, all) {
   for (const values of all) for (let k = 0; k < values.length; k += 1) if (!Number.isFinite(values[k])) return true;
   for (let t = 0; t < FRAMES; t += 1) {
@@ -113,8 +116,8 @@ export function broken(start, translation, all) {
 }
 
 /**
- * Frames from the end of a seed to a stand. Arms that have far to go get there with the next step: the stand is changed
- * to show them where they have come to. @param {Seed} seed @param {Seed} stand
+ * Frames from the end of a seed to a stand. Arms with far to go arrive in the next step; the stand is changed to show
+ * how far they have come. @param {Seed} seed @param {Seed} stand
  */
 export function gotUp(seed, stand) {
   const translation = new Float64Array(3 * FRAMES), rotations = new Float64Array(TURN * FRAMES);

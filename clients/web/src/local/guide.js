@@ -1,5 +1,5 @@
-// Leads people: ways around walls, and around each other. The server's world/scenes (guide, planner,
-// collision_avoidance, people) on a level floor, where the rules are explained. World: metres, Z up.
+// Leads people around walls, and around each other. It mirrors the server's world/scenes (guide, planner,
+// collision_avoidance, people) on a level floor, which explain the rules. World: metres, Z up.
 
 import { avoid, freshMemory } from "./avoidance.js";
 import { Company } from "./company.js";
@@ -14,7 +14,7 @@ const STRAYED = 1, DETOUR = 1;
 const CURVE = [0.4, 1.6], BENDS = [(25 * Math.PI) / 180, (80 * Math.PI) / 180], CORNER_SPEED = [1.5, 0.75];
 const NARROW = [0.02, 0.15], NARROW_SPEED = [0.8, 1.5];
 const TURNED = 0.1;
-const QUERIES = 4; // ways that one step looks for; others wait a step
+const QUERIES = 4; // most ways computed in one step; others wait a step
 const OFF = 1.2, ASTRAY = [0.5, 3], GOAL_MOVES = 0.4, GOAL_SHARE = 0.15, RETRY = 5;
 export const MOVED = 0.01;
 const FORESIGHT = 0.4, SLOW = 0.15;
@@ -25,7 +25,10 @@ const FORESIGHT = 0.4, SLOW = 0.15;
 /** @typedef {import("./routes.js").Route} Route */
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
-/** `ahead`: the goal that steering sees, the next stretch of the way; `judged`: by which arrival is judged. @typedef {{ ahead: GoalRow, judged: GoalRow }} Course */
+/**
+ * `ahead`: the goal that steering sees, the next stretch of the way; `judged`: the goal by which arrival is judged.
+ * @typedef {{ ahead: GoalRow, judged: GoalRow }} Course
+ */
 /**
  * A goal was moved to a place ("goal_moved"), no way leads to it ("unreachable"; the place can be reached), or people
  * stand in the way ("blocked").
@@ -45,7 +48,7 @@ export class Guide {
   }
 
   /**
-   * Where the ways of people who are about to be stepped lead for now.
+   * Where the ways of people about to be stepped lead at present.
    * @param {import("./person.js").Begun[]} begun @param {Iterable<Person>} everybody @returns {Course[]}
    */
   courses(begun, everybody) {
@@ -76,7 +79,7 @@ export class Guide {
     return walker;
   }
 
-  /** Let somebody walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
+  /** Make a person walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
   #bend(row, people) {
     const { hips, goal, ahead, walker, self } = row;
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);
@@ -88,7 +91,7 @@ export class Guide {
     row.ahead = turned(ahead, hips, preferred, course.velocity, course.waits);
   }
 
-  /** On the floor without end: what arrival is judged by, and whether there is a way to go. @param {Row} row */
+  /** On the endless floor: the goal by which arrival is judged, and whether there is a way to go. @param {Row} row */
   #onFloor(row) {
     const { goal, gait, walker } = row, wanted = goal.given && !gait.arrived;
     walker.aims.wants = wanted;
@@ -113,7 +116,7 @@ export class Guide {
     return { judged, leads: true };
   }
 
-  /** The route to a goal, looked for where it is wanted and there is none. @param {Row} row @param {boolean} wanted @returns {Route | undefined} */
+  /** The route to a goal, computed if it is wanted and missing. @param {Row} row @param {boolean} wanted @returns {Route | undefined} */
   #update({ person, hips, gait: { waypoint }, goal, walker: { route, memory } }, wanted) {
     const known = route.revision === person.revision && route.waypoint === waypoint ? route : undefined;
     const { wait } = route;
@@ -165,7 +168,7 @@ export class Guide {
     return passing({ ...goal, speed }, target, minus(target, hips));
   }
 
-  /** The first of the points that a straight line leads to, and the room that the way leaves. @param {Point} hips @param {Point[]} points */
+  /** The first of the points that a straight line reaches, and the room along the way. @param {Point} hips @param {Point[]} points */
   #visible(hips, points) {
     const here = this.scene.distance(...hips), ends = points.map(([x, y]) => this.scene.distance(x, y));
     const own = ends.map((_, k) => Math.min(...ends.slice(k)));

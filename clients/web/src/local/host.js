@@ -1,23 +1,23 @@
-// People of a local session, beside the page's thread or in it: commands come in, chunks go out, time passes.
+// The people of a local session, in the page's thread or in a worker: commands come in, chunks go out, time passes.
 
 import { Unreachable } from "./scene.js";
 import { LocalWorld } from "./world.js";
 
 const FPS = 40;
-const LATE = 0.25; // seconds behind from which time is made to wait: the machine is too slow
+const LATE = 0.25; // seconds behind after which time waits: the machine is too slow
 const STATES = ["standing", "walking", "stopping", "turning", "walking"];
 const STANDING = 0, FLAG_ARRIVED = 4;
-const DRAWS = 16; // of a place to wander to, until one is free
+const DRAWS = 16; // most draws of a place to wander to, until one is free
 
 /** @typedef {import("./person.js").Person} Person */
 /**
- * What goes to the page. `frames`: hips x, y, z and 22 rotations of each frame, glTF basis; `contacts`: 1 left, 2 right.
+ * A chunk for the page. `frames`: hips x, y, z and 22 rotations of each frame, glTF basis; `contacts`: 1 left, 2 right.
  * @typedef {{ kind: "chunk", alias: number, seq: number, at: number, goalRevision: number, state: string, flags: number, waypoint: number, frames: Float32Array, contacts: Uint8Array }} ChunkMessage
  */
 /** @typedef {{ kind: "event", event: { kind: string, agentId: string, alias: number, at: number, goalRevision: number, waypoint: number, detail: string } }} EventMessage */
-/** Nobody is moved any more. @typedef {{ kind: "failed", reason: string }} FailedMessage */
+/** People can no longer be moved. @typedef {{ kind: "failed", reason: string }} FailedMessage */
 /** @typedef {ChunkMessage | EventMessage | FailedMessage} HostMessage */
-/** Where somebody walks about: the core's frame. @typedef {{ x: number, y: number, radius: number, speed?: number }} Area */
+/** Where a person wanders, in the core's frame. @typedef {{ x: number, y: number, radius: number, speed?: number }} Area */
 
 /** Seconds of a clock that pages and their workers share. */
 export const sharedClock = () => (performance.timeOrigin + performance.now()) / 1000;
@@ -28,7 +28,7 @@ export class LocalHost {
   /** @type {Map<number, { area: Area, random: () => number }>} */
   #wanderers = new Map();
   /** @type {Set<number>} */
-  #done = new Set(); // those whose path is done, and who have been told so
+  #done = new Set(); // aliases whose path is done, and reported as done
   #lastAlias = 0;
   #epoch;
   #running = false;
@@ -71,7 +71,7 @@ export class LocalHost {
     this.#wanderers.delete(alias);
   }
 
-  /** A path in place of what there was; none: stop. @param {number} alias @param {import("./steering.js").CoreGoal[]} goals */
+  /** Replace the path; without goals: stop. @param {number} alias @param {import("./steering.js").CoreGoal[]} goals */
   give(alias, goals) {
     const person = this.#person(alias), found = this.#fitted(person, goals);
     this.#wanderers.delete(alias);
@@ -91,7 +91,7 @@ export class LocalHost {
     this.#wake();
   }
 
-  /** Walk about within an area, from point to point. @param {number} alias @param {Area} area */
+  /** Wander within an area, from point to point. @param {number} alias @param {Area} area */
   wander(alias, area) {
     const person = this.#person(alias), random = sequence(Number(person.spec.seed & 0xffffffffn) + 1);
     this.give(alias, [this.#place(person, area, random)]);
@@ -139,7 +139,7 @@ export class LocalHost {
     try {
       const late = (this.#frame() - this.world.nextEvent) / FPS;
       if (late > LATE) {
-        this.#epoch += late; // what is not sent yet is shown later
+        this.#epoch += late; // chunks that are not yet sent are shown later
         this.stats.waited += late;
       }
       const before = performance.now(), graph = this.stats.graphMs;
@@ -167,7 +167,7 @@ export class LocalHost {
       const { triangle, moved } = scene.place([drawn.x, drawn.y]);
       if (!moved && scene.island[triangle] === scene.island[scene.place([x, y]).triangle]) return drawn;
     }
-    return { ...place({ ...area, x, y, radius: 0 }, random) }; // nothing of the area is free: stay
+    return { ...place({ ...area, x, y, radius: 0 }, random) }; // no place of the area is free: stay
   }
 
   /** @param {Person} person @param {import("./steering.js").CoreGoal[]} goals */
@@ -180,7 +180,7 @@ export class LocalHost {
     }
   }
 
-  /** A person has met with something on the way; `what`: see `Tell` of guide.js. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number] | Person[]} what */
+  /** Report what a person met on its way; `what`: see `Tell` of guide.js. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number] | Person[]} what */
   #met(person, kind, waypoint, what) {
     const aliases = [...this.#people], found = aliases.find(([, other]) => other === person);
     if (!found || this.#wanderers.has(found[0])) return;
@@ -220,7 +220,10 @@ export class LocalHost {
   }
 }
 
-/** Frames as the stream has them: glTF basis, hips and 22 rotations. @param {Float64Array} translation @param {Float64Array} rotations */
+/**
+ * Frames in the form of the stream: glTF basis, hips and 22 rotations.
+ * @param {Float64Array} translation @param {Float64Array} rotations
+ */
 function toGltf(translation, rotations) {
   const count = translation.length / 3, joints = rotations.length / count / 4, width = 3 + 4 * joints;
   const frames = new Float32Array(count * width);
@@ -239,7 +242,7 @@ function toGltf(translation, rotations) {
   return frames;
 }
 
-/** A place as the page has it. @param {[number, number]} place */
+/** A place in the page's basis. @param {[number, number]} place */
 const shown = ([x, y]) => `x ${(-x).toFixed(2)}, z ${y.toFixed(2)}`;
 
 /** @param {Area} area @param {() => number} random */

@@ -1,4 +1,4 @@
-// Local mode: people who walk in a page without a server, on onnxruntime-web.
+// Local mode: people walk in a page without a server, on onnxruntime-web.
 
 export { LocalSession } from "./session.js";
 export { LocalWorld } from "./world.js";

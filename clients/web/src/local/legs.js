@@ -1,5 +1,5 @@
-// Legs of a body: what is fixed by its shape, and where joints and soles are in posed frames; and two-bone inverse
-// kinematics. The server's world/output/legs.py and twobone.py, for one person. Left comes before right.
+// Legs of a body: the properties of its shape, the places of joints and soles in posed frames, and two-bone inverse
+// kinematics. It mirrors the server's world/output/legs.py and twobone.py, for one person. Left comes before right.
 
 import { multiply, relative, rotate } from "../core/quaternions.js";
 import { bounded } from "./steering.js";
@@ -11,7 +11,7 @@ const FREE = 0.5;
 const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = Math.PI / 45;
 
 /**
- * Both legs in the T-pose: each joint seen from the one above it, [2, 3]; sole markers as ankle and ball have them,
+ * Both legs in the T-pose: each joint relative to the one above it, [2, 3]; sole markers relative to ankle and ball,
  * times their share, [2, 4, 3]. `standing`: height of the hips.
  * @typedef {object} Legs
  * @property {Float64Array} hip @property {Float64Array} knee @property {Float64Array} ankle @property {Float64Array} ball
@@ -47,7 +47,7 @@ export class LegPose {
     this.ankle = values(6);
     this.soles = values(6 * SOLES);
     this.facing = values(2);
-    this.sunk = values(1); // metres that the hips are lowered, once known
+    this.sunk = values(1); // metres by which the hips are lowered, once known
     const point = new Float64Array(3), turn = new Float64Array(4);
     for (let t = 0; t < frames; t += 1) {
       const at = TURN * t;
@@ -135,7 +135,7 @@ function moveAnkle(pose, t, side, shift, rotations) {
   const half = 0.5 * (bent - Math.atan2(upright, level)), sine = Math.sin(half);
   bend.set([hinge[0] * sine, hinge[1] * sine, hinge[2] * sine, Math.cos(half)]);
 
-  // the shortest arc that swings the bent leg onto its target
+  // the shortest arc from the bent leg to its target
   rotate(bend, 0, shin, 0, bentShin, 0);
   for (let n = 0; n < 3; n += 1) ankleTo[n] = thigh[n] + bentShin[n];
   cross(ankleTo, target, swing, 1);
@@ -152,7 +152,7 @@ function moveAnkle(pose, t, side, shift, rotations) {
 
 const LEFT = Float64Array.of(-1, 0, 0);
 
-/** Distance from hip to ankle that a leg takes when it is `wanted`. @param {number} before @param {number} wanted @param {number} leg */
+/** Distance from hip to ankle that a leg reaches for a `wanted` one. @param {number} before @param {number} wanted @param {number} leg */
 function reach(before, wanted, leg) {
   const way = STRETCH * leg - before, more = wanted - before;
   const near = Math.max(FREE * way, 1e-6), rest = Math.max((1 - FREE) * way, 1e-6);

@@ -1,4 +1,4 @@
-// What page and worker do alike to open a local session: the runtime, and the files of an export.
+// Shared by page and worker to open a local session: the runtime, and the files of an export.
 
 import { openExport } from "./graphs.js";
 import { LocalHost } from "./host.js";
@@ -9,7 +9,7 @@ import { LocalScene } from "./scene.js";
 
 /**
  * @param {Addresses} addresses @param {(message: import("./host.js").HostMessage) => void} tell
- * @param {(bytes: number) => void} loaded told of what has come
+ * @param {(bytes: number) => void} loaded receives the number of bytes that have come
  */
 export async function openHost({ model, runtime, scene, avoid }, tell, loaded) {
   const read = async (/** @type {string | URL} */ address) => {
@@ -27,7 +27,7 @@ export async function openHost({ model, runtime, scene, avoid }, tell, loaded) {
 }
 
 /**
- * Opens a graph in a worker of its own, which ends with this one. Rejects where workers have no workers.
+ * Opens a graph in its own worker, which ends with this one. Rejects if workers cannot start workers.
  * @param {string} runtime @returns {import("./graphs.js").Elsewhere}
  */
 const inWorker = (runtime) => async (model, weights) => {

@@ -1,5 +1,5 @@
-// Doors and other narrow places: who goes through first, and where the others wait meanwhile. The server's
-// world/scenes/passages.py, where the rules are explained. World: metres.
+// Doors and other narrow places: the order of passing, and where the others wait. It mirrors the server's
+// world/scenes/passages.py, which explains the rules. World: metres.
 
 import { minus, times, unit } from "./steering.js";
 
@@ -9,7 +9,7 @@ import { minus, times, unit } from "./steering.js";
 const NARROW = 0.55, OPEN = 0.6, INSIDE = 0.8, CONTEST = 2.5, HESITATES = 6, MOUTH = 1.3, ASIDE = 0.9, AGAINST = 0.3;
 
 /**
- * Where one of the people waits before a narrow place on its way ahead, `points`; null: nowhere.
+ * Where a person waits before a narrow place on its way ahead, `points`; null: nowhere.
  * @param {Seen[]} people @param {Seen} self @param {Point[]} points @param {(x: number, y: number) => number} clear @returns {Point | null}
  */
 export function turn(people, self, points, clear) {

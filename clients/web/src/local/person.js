@@ -1,5 +1,5 @@
-// One person: the motion that is planned and that which is sent, goals, and what a step makes of them. The server's
-// world/stepping (scheduler, playback, cleanup), for one person. World: metres, Z up; time: frames, 40 a second.
+// One person: its planned and sent motion, its goals, and the results of steps. It mirrors the server's world/stepping
+// (scheduler, playback, cleanup), for one person. World: metres, Z up; time: frames, 40 per second.
 
 import { FootLock } from "./footlock.js";
 import { bendable, broken, fallen, gotUp } from "./guards.js";
@@ -8,8 +8,8 @@ import { righted } from "./righting.js";
 import { STANDING, WALKING, facingOf, goalAt, goalRows, observe } from "./steering.js";
 
 export const FRAMES = 8, SEED = 2, TURN = 88;
-const LEAD = 1; // chunks that are planned ahead of their time
-const REPLAN_FRAMES = 3, REPLAN_MARGIN = 2; // a chunk that is shown this soon is not planned again
+const LEAD = 1; // chunks planned ahead of their time
+const REPLAN_FRAMES = 3, REPLAN_MARGIN = 2; // a chunk shown this soon is not planned again
 const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
 
 /** @typedef {import("./steering.js").Gait} Gait */
@@ -25,9 +25,9 @@ const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
  * @property {Float64Array} translation @property {Float64Array} rotations @property {Float32Array} markers
  * @property {Uint8Array} contacts left and right of each frame
  */
-/** Motion between two steps. @typedef {{ seed: Seed, gait: Gait }} Motion */
+/** State between two steps. @typedef {{ seed: Seed, gait: Gait }} Motion */
 /**
- * Eight frames; rotations of 22 joints. `frame`: the world's, of the first one.
+ * Eight frames; rotations of 22 joints. `frame`: world frame of the first one.
  * @typedef {object} LocalChunk
  * @property {number} seq @property {number} frame @property {Float64Array} translation @property {Float64Array} rotations
  * @property {Uint8Array} contacts left and right of each frame @property {number} flags @property {number} mode
@@ -38,7 +38,7 @@ const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
 /**
  * @typedef {object} PersonSpec
  * @property {"female" | "male"} gender @property {ArrayLike<number>} betas @property {number} x @property {number} y
- * @property {number} heading @property {bigint} seed their motion follows from it @property {boolean} footLock
+ * @property {number} heading @property {bigint} seed determines their motion @property {boolean} footLock
  */
 
 export class Person {
@@ -55,7 +55,7 @@ export class Person {
 
   /**
    * @param {PersonSpec} spec @param {import("./body.js").LocalBody} body @param {import("./steering.js").Steering} steering
-   * @param {number} startFrame @param {number} number of two who block each other the lower one goes first
+   * @param {number} startFrame @param {number} number of two people that block each other, the lower number goes first
    */
   constructor(spec, body, steering, startFrame, number) {
     this.number = number;
@@ -74,22 +74,22 @@ export class Person {
     this.committed = this.planned;
     this.plannedChunks = 0;
     this.sentChunks = 0;
-    this.stepping = 0; // number of the engine call that makes the next chunk; 0: none
-    this.resets = 0; // how often it had to get up
+    this.stepping = 0; // number of the engine call that computes the next chunk; 0: none
+    this.resets = 0; // how often it had to stand up again
   }
 
-  /** World frame by which the next chunk has to be planned; Infinity while it is made, or may not yet be. */
+  /** World frame by which the next chunk must be planned; Infinity while it is computed, or may not yet be. */
   get planFrame() {
     if (this.stepping || this.plannedChunks - this.sentChunks > LEAD) return Infinity;
     return this.#shown(this.plannedChunks) - (this.#replanned ? REPLAN_FRAMES : LEAD * FRAMES);
   }
 
-  /** World frame at which the next planned chunk is to be sent; Infinity when there is none. */
+  /** World frame at which the next planned chunk is due; Infinity when there is none. */
   get sendFrame() {
     return this.#queue.length ? this.#shown(this.sentChunks) : Infinity;
   }
 
-  /** World frame of the first frame that is not planned. */
+  /** World frame of the first unplanned frame. */
   get nextFrame() {
     return this.#shown(this.plannedChunks);
   }
@@ -109,12 +109,12 @@ export class Person {
     return this.#goals.length;
   }
 
-  /** Hips [x, y, z] at the end of what was sent. */
+  /** Hips [x, y, z] at the end of the sent motion. */
   get place() {
     return this.committed.seed.translation.subarray(3, 6);
   }
 
-  /** Replace the goals: a path, or none to stop. @param {CoreGoal[]} goals @param {number} frame now */
+  /** Replace the goals by a path; without goals: stop. @param {CoreGoal[]} goals @param {number} frame now */
   give(goals, frame) {
     this.#replan(frame + REPLAN_MARGIN);
     this.#revision += 1;
@@ -137,7 +137,7 @@ export class Person {
     this.#path = goalRows(this.#goals, this.#from);
   }
 
-  /** Put a goal of the path elsewhere. @param {number} waypoint @param {[number, number]} place */
+  /** Move a goal of the path. @param {number} waypoint @param {[number, number]} place */
   moveGoal(waypoint, place) {
     if (!this.#goals[waypoint]) return;
     const goal = { ...this.#goals[waypoint], x: place[0], y: place[1] };
@@ -145,7 +145,7 @@ export class Person {
     this.#path[waypoint] = { ...this.#path[waypoint], place };
   }
 
-  /** Where the next step starts, and what it is to lead to. @returns {Begun} */
+  /** Where the next step starts, and its goal. @returns {Begun} */
   begin() {
     const { seed } = this.planned, { translation, rotations } = seed;
     /** @type {import("./steering.js").Start} */
@@ -157,8 +157,8 @@ export class Person {
   }
 
   /**
-   * What the next step is asked for, as far as the inputs depend on it. `ahead`: the goal that steering sees, `judged`:
-   * the one by which arrival is judged (see guide.js).
+   * The inputs of the next step that depend on the goal. `ahead`: the goal that steering sees, `judged`: the goal by
+   * which arrival is judged (see guide.js).
    * @param {Begun} begun @param {import("./guide.js").Course} course
    */
   next({ seed, start, gait: before }, { ahead, judged }) {
@@ -168,7 +168,7 @@ export class Person {
     return { seed, start, gait, goal: judged, noise, targets: this.steering.targets(gait, start, ahead) };
   }
 
-  /** Plan a chunk from what the engine has made. @param {ReturnType<Person["next"]>} asked @param {Step} made */
+  /** Plan a chunk from the engine's result. @param {ReturnType<Person["next"]>} asked @param {Step} made */
   take({ seed, start, gait, goal }, made) {
     const from = [...seed.translation.subarray(3, 6)];
     const isBroken = broken(from, made.translation, [made.translation, made.rotations, made.markers]);
@@ -198,7 +198,7 @@ export class Person {
     this.#replanned = false;
   }
 
-  /** Take out the next chunk, cleaned as it is shown. @returns {LocalChunk} */
+  /** Take out the next chunk, cleaned for display. @returns {LocalChunk} */
   send() {
     const chunk = /** @type {LocalChunk} */ (this.#queue.shift());
     chunk.frame = this.#shown(chunk.seq);
@@ -211,7 +211,7 @@ export class Person {
     return shown;
   }
 
-  /** Throw away planned chunks that are shown after a world frame, and the one that is being made. @param {number} until */
+  /** Discard planned chunks that are shown after a world frame, and the one being computed. @param {number} until */
   #replan(until) {
     this.stepping = 0;
     const before = this.#queue.length;

@@ -1,9 +1,9 @@
-// Numbers that follow from a person's seed, the same as the server's (world/agents/style.py, mirror.py).
+// Random numbers from a person's seed, equal to the server's (world/agents/style.py, mirror.py).
 
 const MASK = (1n << 64n) - 1n;
 const STEP = 0x9e3779b97f4a7c15n;
-const REACTION = 1, MANNER = 2; // draws of one seed that do not depend on each other
-const STREAM = 0x5741594641524552n; // keeps the noise of steps apart from other draws
+const REACTION = 1, MANNER = 2; // independent draws of one seed
+const STREAM = 0x5741594641524552n; // separates the noise of steps from other draws
 const LATENT = 128;
 
 /** 64 bits of a seed, spread evenly (the finaliser of SplitMix64). @param {bigint} seed @param {number} draw */
@@ -14,13 +14,13 @@ function mixed(seed, draw) {
   return bits ^ (bits >> 31n);
 }
 
-/** Which of `moments` steps in turn a person sets off with. @param {bigint} seed @param {number} moments */
+/** The step, of `moments` in turn, with which a person sets off. @param {bigint} seed @param {number} moments */
 export const reactionOf = (seed, moments) => Number(mixed(seed, REACTION) % BigInt(moments));
 
 /** Whether the model moves the person's mirror image: half of all seeds. @param {bigint} seed */
 export const isMirrored = (seed) => ((seed * STEP) & MASK) >> 63n === 1n;
 
-/** A latent [128] ~ N(0, I), one of each person for ever. @param {bigint} seed */
+/** A latent [128] ~ N(0, I), fixed for each person. @param {bigint} seed */
 export const mannerOf = (seed) => latent(philox(seed, BigInt(MANNER), 0n));
 
 /** A latent [128] ~ N(0, I) for a chunk of a person. @param {bigint} seed @param {number} chunk */

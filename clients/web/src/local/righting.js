@@ -1,4 +1,4 @@
-// Leaning bodies straighten up: nothing else takes a lean off. The server's world/stepping/righting.py, for one
+// Straightens up leaning bodies, which nothing else does. It mirrors the server's world/stepping/righting.py, for one
 // person. World: metres, Z up.
 
 import { multiply, rotate, rotateBack } from "../core/quaternions.js";
@@ -6,8 +6,8 @@ import { STOPPING, STRAFING, WALKING } from "./steering.js";
 
 const FRAMES = 8, SEED = 2, TURN = 88;
 const DEGREE = Math.PI / 180;
-const MOST = 14 * DEGREE, MOST_ON_THE_SPOT = 9 * DEGREE; // lean of the spine that is left
-const SHARE = 0.35, TURN_MOST = 5 * DEGREE; // of the lean beyond it, taken off in a step
+const MOST = 14 * DEGREE, MOST_ON_THE_SPOT = 9 * DEGREE; // lean of the spine that is allowed
+const SHARE = 0.35, TURN_MOST = 5 * DEGREE; // of the lean beyond it, removed in a step
 /** Share of the turn in each new frame. */
 const EASE = Array.from({ length: FRAMES }, (_, t) => 0.5 - 0.5 * Math.cos((Math.PI * (t + 1)) / FRAMES));
 const PIVOT = 0.21; // metres above the hips joint about which the spine bends as a whole
@@ -16,14 +16,14 @@ const BELOW = ["FWT", "BWT", "HIP", "THI", "KNE", "KNI", "SHN", "CLF", "ANK", "H
 /** @type {Record<string, number>} */
 const PARTLY = { LNWST: 0.5, RNWST: 0.5, T10: 1 };
 
-/** Multiples of the spine's turn that markers go along with: each of its joints turns by half. @param {string[]} names */
+/** Multiples of the spine's turn that markers follow; each of its joints turns by half. @param {string[]} names */
 export function sharesOf(names) {
   return names.map((name) => (BELOW.includes(name.slice(1)) || name.includes("SOLE") ? 0 : PARTLY[name] ?? 1.5));
 }
 
 /**
- * The step with a part of the lean taken off by its end, if the body leans too far; else the same. `mode` is that of
- * the step, `shares` are those of its markers.
+ * Take a part of the lean off the step by its end, if the body leans too far; otherwise return the same step. `mode` is
+ * that of the step, `shares` are those of its markers.
  * @param {number} mode @param {import("./person.js").Step} step @param {number[]} shares
  * @returns {import("./person.js").Step}
  */
@@ -64,7 +64,7 @@ function bendBack(from, to, at, axis, half) {
 }
 
 /**
- * The markers of a seed frame, those above the hips turned by their share of `back` at that time.
+ * The markers of a seed frame; those above the hips are turned by their share of `back` at that time.
  * @param {import("./person.js").Step} step @param {Float32Array} markers @param {number} s @param {Float64Array} axis
  * @param {number} back @param {number[]} shares
  */

@@ -1,4 +1,4 @@
-// Ways of people, as lines: how far each one is, and what lies ahead. The server's world/scenes/routes.py. World: metres.
+// Ways of people as lines: their progress, and the rest ahead. It mirrors the server's world/scenes/routes.py. World: metres.
 
 import { bounded, minus, plus, times, unit } from "./steering.js";
 
@@ -7,23 +7,26 @@ const BACK = 0.5, WINDOW = 2, PASSED = 0.3;
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./steering.js").GoalRow} GoalRow */
 /**
- * The way to one goal of a person's path. `open`: there is one; `wait`: steps until it is looked for again.
+ * The way to one goal of a person's path. `open`: there is one; `wait`: steps until the next search.
  * @typedef {object} Route
  * @property {boolean} open @property {number} revision @property {number} waypoint @property {Point[]} points
- * @property {number[]} along metres to each point @property {number} progress metres that lie behind @property {number} wait
+ * @property {number[]} along metres to each point @property {number} progress metres already walked @property {number} wait
  */
 
 /** @returns {Route} */
 export const noRoute = () => ({ open: false, revision: -1, waypoint: -1, points: [], along: [], progress: 0, wait: 0 });
 
-/** Let somebody go by points to the goal of a path. @param {Route} route @param {Point[]} points @param {number} revision @param {number} waypoint */
+/**
+ * Lead a person through points to the goal of a path.
+ * @param {Route} route @param {Point[]} points @param {number} revision @param {number} waypoint
+ */
 export function lay(route, points, revision, waypoint) {
   const along = [0];
   for (let k = 1; k < points.length; k += 1) along.push(along[k - 1] + Math.hypot(...minus(points[k], points[k - 1])));
   Object.assign(route, { open: true, revision, waypoint, points, along, progress: 0 });
 }
 
-/** What of a way lies more than so many metres ahead. @param {Route} route @param {number} beyond @returns {Point[]} */
+/** The part of a way more than `beyond` metres ahead. @param {Route} route @param {number} beyond @returns {Point[]} */
 export function restOf(route, beyond) {
   const begin = route.progress + beyond;
   return [pointAt(route, begin), ...route.points.filter((_, k) => route.along[k] > begin)];
@@ -32,7 +35,7 @@ export function restOf(route, beyond) {
 /** @param {Route} route */
 export const lengthOf = ({ along }) => Math.fround(along[along.length - 1]);
 
-/** Go on to the point of the way nearest to a place; metres it is off. @param {Route} route @param {Point} place */
+/** Advance to the point of the way nearest to a place; returns its distance, metres. @param {Route} route @param {Point} place */
 export function follow(route, place) {
   const { points, along, progress } = route;
   let best = Infinity, at = progress;

@@ -1,14 +1,14 @@
 // onnxruntime-web on WASM, one thread: opened in each worker that runs a graph.
 
-/** As much of onnxruntime-web as is used. @typedef {any} Runtime */
+/** The part of onnxruntime-web that is used. @typedef {any} Runtime */
 /** Runs a graph: inputs by name to outputs by name. @typedef {(feeds: Record<string, import("./world.js").Tensor>) => Promise<Record<string, Float32Array>>} RunGraph */
 
-const FLOATS = "weights.f32"; // what graphs call the weights that they share
+const FLOATS = "weights.f32"; // name of the weights that graphs share
 
 /** @param {string} address absolute, of ort.wasm.min.mjs @returns {Promise<Runtime>} */
 export async function openRuntime(address) {
   const ort = await import(/* @vite-ignore */ /* webpackIgnore: true */ address);
-  ort.env.wasm.numThreads = 1; // several need isolation by headers, which a plain web host does not send
+  ort.env.wasm.numThreads = 1; // more need cross-origin isolation headers, which a plain web host does not send
   ort.env.wasm.wasmPaths = new URL(".", address).href;
   return ort;
 }
@@ -16,7 +16,7 @@ export async function openRuntime(address) {
 /** @param {Runtime} ort @param {ArrayBuffer} model @param {Float32Array | null} weights @returns {Promise<RunGraph>} */
 export async function openGraph(ort, model, weights) {
   const externalData = weights ? [{ path: FLOATS, data: new Uint8Array(weights.buffer) }] : [];
-  // there is nothing to optimise in these graphs, and to look takes a third of the time
+  // these graphs are already optimised, and checking takes a third of the time
   const options = { executionProviders: ["wasm"], graphOptimizationLevel: "disabled", externalData };
   const session = await ort.InferenceSession.create(new Uint8Array(model), options);
   return async (feeds) => {

@@ -1,12 +1,12 @@
-// A level scene, as `write_scene` of wayfarer_lab has written it: triangles that one may walk on, and metres to the
-// nearest wall on a grid. The server's navigation/scene.py, locate.py and clearance.py. World: metres, Z up.
+// A level scene, as `write_scene` of wayfarer_lab writes it: walkable triangles, and a grid of distances to the nearest
+// wall. It mirrors the server's navigation/scene.py, locate.py and clearance.py. World: metres, Z up.
 
 import { shortest, widened } from "./ways.js";
 
 const SCHEMA = 1;
 
 /** @typedef {[number, number]} Point */
-/** A place on the mesh; `moved`: metres from what was asked for. @typedef {{ triangle: number, spot: Point, moved: number }} Place */
+/** A place on the mesh; `moved`: metres from the requested one. @typedef {{ triangle: number, spot: Point, moved: number }} Place */
 
 /** No way leads to a goal; `nearest` can be reached. */
 export class Unreachable extends Error {
@@ -18,7 +18,7 @@ export class Unreachable extends Error {
 }
 
 export class LocalScene {
-  /** Read a folder that `wayfarer export --for web --scene` has written. @param {import("./graphs.js").Read} read */
+  /** Read a folder written by `wayfarer export --for web --scene`. @param {import("./graphs.js").Read} read */
   static async read(read) {
     const about = JSON.parse(new TextDecoder().decode(await read("scene.json")));
     return new LocalScene(about, await read(about.field.file));
@@ -47,7 +47,7 @@ export class LocalScene {
     return this.#sample((x - origin[0]) / cell - 0.5, (y - origin[1]) / cell - 0.5);
   }
 
-  /** The direction in which the distance grows; shorter than 1 where walls are equally far. @param {number} x @param {number} y @returns {Point} */
+  /** The direction in which the distance grows; shorter than 1 between equally near walls. @param {number} x @param {number} y @returns {Point} */
   away(x, y) {
     const { origin, cell } = this.grid, u = (x - origin[0]) / cell - 0.5, v = (y - origin[1]) / cell - 0.5;
     const dx = (this.#sample(u + 1, v) - this.#sample(u - 1, v)) / (2 * cell);

@@ -1,11 +1,11 @@
-// A session without a server: the same calls and callbacks as `Session`, and people who walk on this machine.
+// A session without a server: the same calls and callbacks as `Session`, with people computed on this machine.
 
 import { ApiError } from "../api.js";
 import { PlayedAgent } from "../core/player.js";
 import { sharedClock } from "./host.js";
 
 const FPS = 40, FRAMES = 8, WIDTH = 3 + 4 * 22;
-const DELAY = 0.12; // seconds that people are shown late, so that a chunk has come when it is needed
+const DELAY = 0.12; // seconds by which people are shown late, so that chunks come in time
 const BETAS = 10;
 /** @type {Record<string, [number, number]>} */
 const RANGES = { radius: [0.05, 10], speed: [0.2, 4], dwell: [0, 3600], heading: [-100, 100] };
@@ -13,24 +13,24 @@ const FARTHEST = 10_000; // metres
 
 /** @typedef {import("../api.js").Goal} Goal */
 /**
- * `model`: address of a folder that `wayfarer export --for web` has written, with a final slash. `runtime`: address of
- * `ort.wasm.min.mjs` of the package onnxruntime-web, whose .wasm lies beside it. `scene`: address of a folder that
- * `wayfarer export --for web --scene` has written, with a final slash: people walk around what stands there; without it
- * the floor has no end. `avoid`: false lets them walk through each other. `on`: what a stream's player tells,
- * `loaded(bytes)` while files come, and `failed(reason)` when nobody can be moved any more.
+ * `model`: address of a folder written by `wayfarer export --for web`, with a final slash. `runtime`: address of
+ * `ort.wasm.min.mjs` of the package onnxruntime-web, with its .wasm beside it. `scene`: address of a folder written by
+ * `wayfarer export --for web --scene`, with a final slash: people walk around its obstacles. Without it the floor is
+ * endless. `avoid`: false lets them walk through each other. `on`: callbacks of a stream's player, `loaded(bytes)`
+ * while files come, and `failed(reason)` when people can no longer be moved.
  * @typedef {object} LocalOptions
  * @property {string | URL} model @property {string | URL} runtime @property {string | URL} [scene] @property {boolean} [avoid]
  * @property {import("../core/player.js").PlayerEvents & { loaded?: (bytes: number) => void, failed?: (reason: string) => void }} [on]
  */
 /**
- * A person to create: as an agent of the HTTP API, glTF basis, metres.
+ * A person to create, like an agent of the HTTP API: glTF basis, metres.
  * @typedef {object} LocalAgent
  * @property {string} [name] @property {"female" | "male"} [gender] @property {number[]} [betas]
  * @property {{ x: number, z: number }} [position] @property {number} [heading] radians; 0 faces +Z
- * @property {number | bigint} [seed] the person's motion follows from it @property {boolean} [foot_lock]
+ * @property {number | bigint} [seed] determines the person's motion @property {boolean} [foot_lock]
  */
 
-/** People who walk in this page, without a server. */
+/** People that walk in this page, without a server. */
 export class LocalSession {
   /** @type {Map<number, { done: (value: any) => void, failed: (error: Error) => void }>} */
   #calls = new Map();
@@ -38,7 +38,7 @@ export class LocalSession {
   #worker;
 
   /**
-   * Load the model and get ready. Rejects with an Error that says which file could not be had.
+   * Load the model and get ready. Rejects with an Error that names the file that could not be loaded.
    * @param {LocalOptions} options @returns {Promise<LocalSession>}
    */
   static async open(options) {
@@ -58,7 +58,7 @@ export class LocalSession {
   constructor(worker, { on = {} }) {
     this.on = on;
     this.now = sharedClock;
-    /** Everybody, as shown, by alias. @type {Map<number, PlayedAgent>} */
+    /** All agents as shown, by alias. @type {Map<number, PlayedAgent>} */
     this.agents = new Map();
     /** The calls of `Api` that a local session has. */
     this.api = new LocalApi(this, (call, ...values) => this.#call(call, ...values));
@@ -67,7 +67,7 @@ export class LocalSession {
     worker.addEventListener("error", (event) => this.#died(event.message || "the worker could not be loaded"));
   }
 
-  /** How often frames of somebody ran out: the machine is too slow for so many. */
+  /** How often an agent's frames ran out: the machine is too slow for this many people. */
   get underruns() {
     let sum = 0;
     for (const { track } of this.agents.values()) sum += track.underruns;
@@ -76,11 +76,11 @@ export class LocalSession {
 
   /** Create people. @param {LocalAgent[]} specs @returns {Promise<{ agent_id: string, alias: number }[]>} */
   async createAgents(specs) {
-    const made = specs.map((spec, k) => checked(spec, `agents[${k}]`)); // all are right, or none is created
+    const made = specs.map((spec, k) => checked(spec, `agents[${k}]`)); // all are valid, or none is created
     return Promise.all(made.map((spec, k) => this.#create(spec, specs[k])));
   }
 
-  /** Once per picture: show everybody as at this moment. Their `frame`s are filled. */
+  /** Show all agents as at this moment, and fill their `frame`s. Call it once per picture. */
   update() {
     const moment = this.now() - DELAY;
     for (const played of this.agents.values()) played.shown = played.track.sample(moment, played.frame);
@@ -92,7 +92,7 @@ export class LocalSession {
     return this.#call("figures");
   }
 
-  /** End it, and everybody. */
+  /** End the session and its agents. */
   close() {
     this.#worker.terminate();
     for (const alias of [...this.agents.keys()]) this.forget(alias);
@@ -185,7 +185,7 @@ class LocalApi {
   }
 
   /**
-   * Let an agent walk about within `radius` metres of { x, z }. The points are not those that a server would draw.
+   * Make an agent wander within `radius` metres of { x, z }. A server would draw other points.
    * @param {string} agentId @param {{ x: number, z: number }} middle @param {number} radius @param {{ speed?: number }} [how]
    */
   async wander(agentId, { x, z }, radius, { speed } = {}) {

@@ -1,5 +1,5 @@
-// Where people stop that share a goal: each at a spot of its own. The server's world/scenes/spots.py, where the rules
-// are explained. World: metres.
+// Where people stop that share a goal: each at its own spot. It mirrors the server's world/scenes/spots.py, which
+// explains the rules. World: metres.
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
@@ -14,8 +14,8 @@ const SPOTS = [[0, 0], ...RINGS.flatMap(([radius, count]) => Array.from({ length
 }))];
 
 /**
- * Choose where one of the people stops, who walks to a goal if `concerned`: the goal as it is then, and whether its spot
- * is farther from the goal than counts as arrived. `room`: metres kept from walls.
+ * Choose where a person stops that walks to a goal if `concerned`. Returns the goal at that spot, and whether the spot
+ * is too far from the goal to count as arrived. `room`: metres kept from walls.
  * @param {Seen[]} people @param {Seen} self @param {import("./company.js").Aims} aims its own, which change @param {import("./steering.js").GoalRow} goal
  * @param {boolean} concerned @param {((x: number, y: number) => number) | null} clear @param {number} room
  */
@@ -47,7 +47,10 @@ function choose(people, self, aims, clear, room) {
   aims.spot = freeSpot(place, goal, others.map((other) => ({ spot: claim(other), by: by(other) })), clear, room) ?? aims.spot;
 }
 
-/** The best place for one at `place`. @param {Point} place @param {Point} goal @param {{ spot: Point, by: number }[]} taken @param {((x: number, y: number) => number) | null} clear @param {number} room @returns {Point | null} */
+/**
+ * The best free spot for a person at `place`.
+ * @param {Point} place @param {Point} goal @param {{ spot: Point, by: number }[]} taken @param {((x: number, y: number) => number) | null} clear @param {number} room @returns {Point | null}
+ */
 function freeSpot(place, goal, taken, clear, room) {
   const way = [place[0] - goal[0], place[1] - goal[1]], length = Math.hypot(way[0], way[1]);
   const [x, y] = length > 1e-3 ? [way[0] / length, way[1] / length] : [1, 0];
@@ -69,7 +72,7 @@ function reaches(goal, spot, clear, room) {
     clear(goal[0] + share * (spot[0] - goal[0]), goal[1] + share * (spot[1] - goal[1])) > 0);
 }
 
-/** Where somebody stands, or will. @param {Seen} other */
+/** Where a person stands, or will stand. @param {Seen} other */
 const claim = (other) => (other.stands ? other.position : other.aims.spot);
 /** @param {Point} a @param {Point} b */
 const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);

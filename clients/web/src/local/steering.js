@@ -1,16 +1,16 @@
-// What a person does next: stand, walk, stop, turn, or go in side steps. The server's world/goals/steering.py, for one
-// person. World: metres, Z up, heading 0 faces +Y; places and directions are [x, y].
+// Chooses what a person does next: stand, walk, stop, turn, or step sideways. It mirrors the server's
+// world/goals/steering.py, for one person. World: metres, Z up, heading 0 faces +Y; places and directions are [x, y].
 
 export const STANDING = 0, WALKING = 1, STOPPING = 2, TURNING = 3, STRAFING = 4;
 export const MODES = Object.freeze(["STANDING", "WALKING", "STOPPING", "TURNING", "STRAFING"]);
 export const STEP_SECONDS = 0.2;
 
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
-const PACE = 0.7; // m/s: nobody who walks to a goal is slower before its end, unless that is asked
+const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one is asked for
 
 /** @typedef {[number, number]} Point */
 /**
- * What is remembered from step to step; never changed, only replaced.
+ * The state from step to step; never changed, only replaced.
  * @typedef {object} Gait
  * @property {number} mode @property {number} speed m/s over the last step @property {number} slowSeconds
  * @property {Point} stopPlace @property {Point} stopFacing @property {boolean} arrived @property {number} waypoint
@@ -88,7 +88,7 @@ export class Steering {
     this.strafeSlowest = read("strafe_slowest");
   }
 
-  /** Who is done with a goal that another follows is sent on. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
+  /** Send a person that is done with a goal on to the next. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
   advance(gait, goal) {
     const dwelt = gait.slowSeconds >= this.slowSeconds + goal.dwell - 1e-3;
     const done = goal.through || (gait.mode === STANDING && dwelt);
@@ -127,7 +127,7 @@ export class Steering {
 
     const brakes = walking && !walks && !waits, rests = still && !walks;
     let { stopPlace, stopFacing } = gait;
-    if (turns && holds && arrived) stopPlace = goal.place; // its steps take it nearer
+    if (turns && holds && arrived) stopPlace = goal.place; // its steps bring it nearer
     else if (rests && holds && distance > goal.radius / 2) stopPlace = goal.place;
     else if (rests || (turning && !turns)) stopPlace = start.hips;
     else if (brakes) stopPlace = holds ? goal.place : this.#rest(gait, start);
@@ -136,7 +136,7 @@ export class Steering {
     return { ...gait, mode: next, slowSeconds, rested: stands, stopPlace, stopFacing };
   }
 
-  /** What the next step aims at. @param {Gait} gait @param {Start} start @param {GoalRow} goal */
+  /** The target of the next step. @param {Gait} gait @param {Start} start @param {GoalRow} goal */
   targets(gait, start, goal) {
     const { mode, stopPlace, stopFacing } = gait;
     if (mode === TURNING) {
@@ -159,13 +159,16 @@ export class Steering {
     return plus(goal.place, times(Math.max(lookahead * Math.cos(goal.bend) - distance, 0), goal.onward));
   }
 
-  /** Where a person who begins to brake now comes to rest. @param {Gait} gait @param {Start} start @returns {Point} */
+  /** Where a person comes to rest that begins to brake now. @param {Gait} gait @param {Start} start @returns {Point} */
   #rest(gait, start) {
     return plus(start.hips, times(this.coastingSeconds * gait.speed, unit(minus(start.hips, start.first))));
   }
 }
 
-/** What a step brought; `translation`: hips of its frames. @param {Gait} gait @param {Point} start @param {Float64Array} translation @param {GoalRow} goal @returns {Gait} */
+/**
+ * The gait after a step; `translation`: hips of its frames.
+ * @param {Gait} gait @param {Point} start @param {Float64Array} translation @param {GoalRow} goal @returns {Gait}
+ */
 export function observe(gait, start, translation, goal) {
   const frames = translation.length / 3;
   let there = gait.arrived;
@@ -181,7 +184,7 @@ export function observe(gait, start, translation, goal) {
   return { ...gait, speed, trim, arrived: there };
 }
 
-/** Horizontal unit vector that hips turned so face. @param {ArrayLike<number>} q @param {number} i @returns {Point} */
+/** Horizontal unit vector that the hips face after rotation `q`. @param {ArrayLike<number>} q @param {number} i @returns {Point} */
 export function facingOf(q, i) {
   const x = q[i], y = q[i + 1], z = q[i + 2], w = q[i + 3];
   const ahead = [-2 * (x * y + z * w), 1 - 2 * (y * y + z * z)];

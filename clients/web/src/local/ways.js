@@ -1,13 +1,13 @@
-// Short ways over the triangles of a scene: A*, string pulling, a step back from corners. The server's
-// navigation/paths/find.py, where the rules are explained.
+// Short ways over the triangles of a scene: A*, string pulling, a step back from corners. It mirrors the server's
+// navigation/paths/find.py, which explains the rules.
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./scene.js").Place} Place */
 /** @typedef {import("./scene.js").LocalScene} LocalScene */
-/** An edge that is crossed: triangle behind it, left and right end. @typedef {{ there: number, left: Point, right: Point }} Portal */
+/** A crossed edge: the triangle behind it, its left and right end. @typedef {{ there: number, left: Point, right: Point }} Portal */
 
 const COMFORT = [0.2, 0.1, 0.05]; // metres beyond the radius, the most first
-const DETOUR = 1.025; // how much longer a way may become by it
+const DETOUR = 1.025; // how much longer this may make a way
 const SPACING = 0.1, SURE = 1.013;
 
 /** Corners of a short way between two places of one island. @param {LocalScene} scene @param {Place} start @param {Place} goal @returns {Point[]} */
@@ -39,7 +39,10 @@ export function widened(points, scene, radius) {
   return points;
 }
 
-/** Corners whose ways to their neighbours come too near a wall go back. @param {Point[]} points @param {Point[]} moved @param {LocalScene} scene @param {number} radius */
+/**
+ * Move corners back whose ways to their neighbours come too near a wall.
+ * @param {Point[]} points @param {Point[]} moved @param {LocalScene} scene @param {number} radius
+ */
 function valid(points, moved, scene, radius) {
   const found = [...moved];
   for (let round = 0; round < points.length; round += 1) {
@@ -104,7 +107,10 @@ const turn = (a, b, c) => (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] 
 /** @param {Point} a @param {Point} b */
 const same = (a, b) => a[0] === b[0] && a[1] === b[1];
 
-/** Portals of a short way; `aim`: measured where the straight line to the goal crosses them. @param {LocalScene} scene @param {Place} start @param {Place} goal @param {boolean} aim @returns {Portal[]} */
+/**
+ * Portals of a short way; `aim`: measured at their crossing with the straight line to the goal.
+ * @param {LocalScene} scene @param {Place} start @param {Place} goal @param {boolean} aim @returns {Portal[]}
+ */
 function corridor(scene, start, goal, aim) {
   const [gx, gy] = goal.spot;
   const best = new Map([[start.triangle, 0]]);

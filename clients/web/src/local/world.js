@@ -1,5 +1,5 @@
-// People who walk, on this machine alone: who is stepped when, and what the graph is asked. Time is an argument, in
-// frames at 40 a second; no clock is read and no page is needed. World: metres, Z up.
+// People simulated on this machine: when each is stepped, and the graph's inputs. Time is an argument, in frames at 40
+// per second; no clock is read and no page is needed. World: metres, Z up.
 
 import { LocalBody } from "./body.js";
 import { Guide, MOVED } from "./guide.js";
@@ -21,7 +21,7 @@ export class LocalWorld {
 
   /**
    * @param {any} about wayfarer.json @param {Record<string, ArrayBuffer>} bodies body_<gender>.bin, by gender @param {Run} run
-   * @param {import("./scene.js").LocalScene | null} [scene] null: the floor is without end
+   * @param {import("./scene.js").LocalScene | null} [scene] null: the floor is endless
    * @param {import("./guide.js").Tell} [tell] @param {boolean} [avoid] people avoid each other
    */
   constructor(about, bodies, run, scene = null, tell = () => {}, avoid = true) {
@@ -49,8 +49,8 @@ export class LocalWorld {
     };
     const body = this.bodies.get(whole.gender);
     if (!body) throw new Error(`gender "${whole.gender}"; allowed: ${[...this.bodies.keys()].join(", ")}`);
-    const earliest = Math.floor(frame) + 1 + FRAMES; // one chunk is planned ahead
-    const start = earliest + ((FRAMES - (earliest % FRAMES)) % FRAMES); // all are stepped at the same moments
+    const earliest = Math.floor(frame) + 1 + FRAMES; // plan one chunk ahead
+    const start = earliest + ((FRAMES - (earliest % FRAMES)) % FRAMES); // people are stepped at common moments
     if (this.scene) [whole.x, whole.y] = this.scene.place([whole.x, whole.y]).spot;
     const person = new Person(whole, body, this.steering, start, this.#lastNumber += 1);
     this.#people.add(person);
@@ -58,7 +58,7 @@ export class LocalWorld {
   }
 
   /**
-   * Goals as a person can reach them: those off free ground are moved to the nearest that is free, `moves` tells which.
+   * Goals as a person can reach them: those off free ground are moved to the nearest free place, listed in `moves`.
    * Throws Unreachable. @param {Person} person @param {import("./steering.js").CoreGoal[]} goals
    */
   fitted(person, goals) {
@@ -88,21 +88,21 @@ export class LocalWorld {
   }
 
   /**
-   * Do what is due by a world frame: chunks whose time has come go to `sent`, people who need their next one are
-   * stepped. @param {number} frame @param {(person: Person, chunk: import("./person.js").LocalChunk) => void} sent
+   * Do what is due by a world frame: send chunks whose time has come, and step people that need their next
+   * one. @param {number} frame @param {(person: Person, chunk: import("./person.js").LocalChunk) => void} sent
    */
   async tick(frame, sent) {
     this.#send(frame, sent);
     for (;;) {
       const due = [...this.#people].filter((person) => person.planFrame <= frame);
       if (!due.length) return;
-      due.sort((a, b) => a.planFrame - b.planFrame); // the most urgent first; equally urgent ones keep their order
+      due.sort((a, b) => a.planFrame - b.planFrame); // the most urgent first, otherwise in order
       await this.#step(due.filter(({ spec }) => spec.gender === due[0].spec.gender));
       this.#send(frame, sent);
     }
   }
 
-  /** Run from event to event, without waiting, as far as a world frame. @param {number} until @param {(person: Person, chunk: import("./person.js").LocalChunk) => void} sent */
+  /** Run from event to event up to a world frame, without waiting. @param {number} until @param {(person: Person, chunk: import("./person.js").LocalChunk) => void} sent */
   async advance(until, sent) {
     for (let next = this.nextEvent; next <= until; next = this.nextEvent) await this.tick(next, sent);
   }
@@ -139,7 +139,7 @@ export class LocalWorld {
     }
     people.forEach((person, row) => {
       const { seed, gait, targets } = asked[row], mode = this.modes[gait.mode], side = person.mirrored ? -1 : 1;
-      const put = (/** @type {string} */ name, /** @type {ArrayLike<number>} */ values) => feeds[name]?.data.set(values, values.length * row); // a policy may have no use for one
+      const put = (/** @type {string} */ name, /** @type {ArrayLike<number>} */ values) => feeds[name]?.data.set(values, values.length * row); // a policy may lack an input
       put("seed_markers", person.mirrored ? this.#flippedMarkers(seed.markers) : seed.markers);
       put("seed_translation", person.mirrored ? flipped(seed.translation) : seed.translation);
       put("seed_rotations", person.mirrored ? this.#flippedTurns(seed.rotations) : seed.rotations);

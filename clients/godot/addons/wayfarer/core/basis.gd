@@ -1,7 +1,7 @@
 class_name WayfarerBasis
 extends RefCounted
 ## A basis that a session may choose (docs/wire-format.md): unit vectors of a body at heading 0.
-## Godot's own is "gltf": right-handed, Y up; a body at heading 0 faces +Z.
+## Godot's own is "gltf", right-handed and Y up; a body at heading 0 faces +Z.
 
 const NAMES: Array[String] = ["gltf", "unity", "unreal", "unreal_mannequin", "blender", "ros"]
 const _AXES: Array[String] = ["+x+y+z", "-x+y+z", "-y+z+x", "+x+z+y", "+x+z-y", "+y+z+x"]
@@ -25,14 +25,14 @@ func _init(basis_name: String = "gltf") -> void:
 	handed = left.cross(up).dot(forward)
 
 
-## By which angle about up a rotation turns forward, radians.
+## The angle about up by which a rotation turns forward, radians.
 func heading_of(turn: Quaternion) -> float:
 	var ahead := turn * forward
 	# cross(up, forward), the same algebra in every basis
 	return atan2(ahead.dot(up.cross(forward)), ahead.dot(forward))
 
 
-## Without its part along up.
+## A vector without its part along up.
 func level(vector: Vector3) -> Vector3:
 	return vector - vector.dot(up) * up
 

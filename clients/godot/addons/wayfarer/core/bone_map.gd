@@ -1,6 +1,6 @@
 class_name WayfarerBoneMap
 extends RefCounted
-## Which node of a rig is which bone: by VRM's table, else by names, else by shape.
+## Maps nodes of a rig to bones: by VRM's table, otherwise by names, otherwise by shape.
 ## clients/README.md, "Bones of a character". It can be shown and corrected.
 
 const SIDES: Array[String] = ["left", "right"]
@@ -8,11 +8,11 @@ const REQUIRED: Array[String] = [
 	"pelvis", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle"
 ]
 const _TRUNK: Array[String] = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
-## They may hang from any bone of the trunk: they move with their own.
+## Bones that may hang from any bone of the trunk; they move with that bone.
 const _BRANCHING: Array[String] = ["hip", "collar", "shoulder"]
-const _UNEVEN := 1.01  # what the scales of a node's axes may be of each other at most
-const _BACKWARD := 0.2  # cosine up to which toes may point backwards
-## Of a thigh's height over the lowest node of its leg: an ankle that is higher is none.
+const _UNEVEN := 1.01  # greatest ratio between the scales of a node's axes
+const _BACKWARD := 0.2  # cosine of the angle up to which toes may point backwards
+## Greatest height of an ankle over its leg's lowest node, as a share of the thigh's height.
 const _HEELS := 0.3
 const _HIND_LEGS := (
 	"legs as animals' hind legs, whose heels are off the ground, are not found by their shape. "
@@ -27,8 +27,8 @@ var bones: Dictionary[String, int] = {}
 var found_by := ""
 
 
-## The map of a rig. `humanoid`: VRM's names → nodes, or {}; `basis`: of its space, for its up.
-## Where too little is found, `error` says so; `corrected` may still complete the map.
+## The map of a rig. `humanoid`: VRM's names → nodes, or {}. `basis`: gives the up of the rig's
+## space. If too little is found, `error` says so; `corrected` may still complete the map.
 static func of(
 	of_rig: WayfarerRig, humanoid: Dictionary = {}, basis: WayfarerBasis = WayfarerBasis.new()
 ) -> WayfarerBoneMap:
@@ -59,7 +59,7 @@ static func from_bones(
 	return map
 
 
-## With other nodes for some bones (by node name), or without them ("").
+## The map with other nodes for some bones (by node name), or without them ("").
 func corrected(changes: Dictionary) -> WayfarerBoneMap:
 	var changed := bones.duplicate()
 	for bone: String in changes:
@@ -76,7 +76,7 @@ func corrected(changes: Dictionary) -> WayfarerBoneMap:
 	return from_bones(rig, changed)
 
 
-## Bones that the rig lacks; their turns go on into their children.
+## Bones that the rig lacks; their children take over their rotations.
 func missing() -> Array[String]:
 	return WayfarerBones.NAMES.filter(func(bone: String) -> bool: return not bones.has(bone))
 
@@ -94,7 +94,7 @@ func node(bone: int) -> int:
 	return bones.get(WayfarerBones.NAMES[bone], -1)
 
 
-## Keep the bones in canonical order; what is wrong with them, or "".
+## Keep the bones in canonical order; returns what is wrong with them, or "".
 func _take(table_of: Dictionary[String, int]) -> String:
 	for bone in table_of:
 		if not bone in WayfarerBones.NAMES:
@@ -131,7 +131,7 @@ static func _short(value: float) -> String:
 	return String.num(value, 5).trim_suffix(".0")
 
 
-## What is said of bones that were not found.
+## The error for bones that were not found.
 static func _unknown(lacking: Array) -> String:
 	var known := PackedStringArray()
 	for bone: String in lacking:
@@ -150,7 +150,7 @@ static func _role(bone: String) -> String:
 	return bone.trim_prefix("left_").trim_prefix("right_")
 
 
-## Without bones that are not needed and cannot be where they were found.
+## The bones without optional ones whose place is impossible.
 static func _kept(
 	of_rig: WayfarerRig, found: Dictionary[String, int]
 ) -> Dictionary[String, int]:
@@ -161,7 +161,7 @@ static func _kept(
 	return kept
 
 
-## Another bone that a bone hangs from, or is, and should not; "": none.
+## The bone that this one wrongly hangs from or shares a node with; "": none.
 static func _misplaced(
 	of_rig: WayfarerRig, found: Dictionary[String, int], bone: String
 ) -> String:
@@ -190,7 +190,7 @@ static func _leads_to(upper: String, bone: String) -> bool:
 	return false
 
 
-## What is said of animals, and of sides that contradict each other; "": nothing.
+## The error for animals, and for sides that contradict each other; "": none.
 func _check_biped(basis: WayfarerBasis) -> String:
 	var hips := PackedInt32Array([bones["left_hip"], bones["right_hip"]])
 	var others := WayfarerBonesByShape.new(rig, basis).other_legs(bones["pelvis"], hips)

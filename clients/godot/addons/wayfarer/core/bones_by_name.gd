@@ -5,7 +5,7 @@ extends RefCounted
 const _BREAKS := (
 	"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Za-z])(?=[0-9])|(?<=[0-9])(?=[A-Za-z])"
 )
-# role, and the role of the bone that it hangs from
+# pairs of a role and the role of the bone that it hangs from
 const _LIMBS: Array[Array] = [
 	["hip", ""], ["knee", "hip"], ["ankle", "knee"], ["foot", "ankle"], ["shoulder", ""],
 	["elbow", "shoulder"], ["wrist", "elbow"], ["collar", ""],
@@ -42,8 +42,8 @@ func find() -> Dictionary[String, int]:
 	return _bones
 
 
-## A node of a limb whose name tells the other side than its bone; "": none does, or most tell the
-## side that was found.
+## A node of a limb whose name gives the other side than its bone. "": none, or most names agree
+## with the side that was found.
 static func contradicted(map: WayfarerBoneMap) -> String:
 	var names := WayfarerBonesByName.new(map.rig)
 	var against := ""
@@ -59,7 +59,7 @@ static func contradicted(map: WayfarerBoneMap) -> String:
 	return against if told < 0 else ""
 
 
-## What follows the last ":" or "|".
+## The text after the last ":" or "|".
 static func _last(name: String) -> String:
 	return name.substr(maxi(name.rfind(":"), name.rfind("|")) + 1)
 
@@ -78,7 +78,7 @@ func _split(tokens: Array) -> void:
 			_rest[-1] += word
 
 
-## A token without a word for a side, with which words begin in scripts without spaces.
+## A token without the side at its start, where words begin with it in scripts without spaces.
 func _unsided(token: String, marks: Array, side: String) -> String:
 	for mark: String in marks:
 		if token == mark or (mark.unicode_at(0) > 127 and token.begins_with(mark)):
@@ -87,9 +87,9 @@ func _unsided(token: String, marks: Array, side: String) -> String:
 	return token
 
 
-## The uppermost node of a role's first word that any has; below `inside`, if any is there.
-## Otherwise anywhere: feet of IK rigs hang from the root. A word that stands for two roles, as
-## "foot", is not looked for there again.
+## The uppermost node with the first of the role's words that any node has. Nodes below `inside`
+## come first. Otherwise it may be anywhere: feet of IK rigs hang from the root. A word of two
+## roles, such as "foot", is not looked for there again.
 func _take(bone: String, role: String, which: String, inside: int) -> void:
 	for within: int in [-1] if inside < 0 else [inside, -1]:
 		for word: String in WayfarerBoneNames.ROLES[role]:
@@ -108,7 +108,7 @@ func _take(bone: String, role: String, which: String, inside: int) -> void:
 				return
 
 
-## What the trunk leads to: the neck, or the head, or both arms.
+## The nodes at the end of the trunk: the neck, or the head, or both arms.
 func _top() -> Array[int]:
 	for bone: String in ["neck", "head"]:
 		if _bones.has(bone):
@@ -129,7 +129,7 @@ func _thighs() -> Array[int]:
 	return found
 
 
-## It carries both legs and the trunk: else it is the lowest node that does.
+## Moves the pelvis to the lowest node that carries both legs and the trunk.
 func _find_pelvis() -> void:
 	var legs := _thighs()
 	if legs.size() < 2:
@@ -143,15 +143,15 @@ func _find_pelvis() -> void:
 			return
 
 
-## The nodes from which all of these hang, from below.
+## The common ancestors of these nodes, from below.
 func _shared(nodes: Array[int]) -> Array:
 	return Array(_above[nodes[0]]).filter(
 		func(k: int) -> bool: return nodes.all(func(n: int) -> bool: return k in _above[n])
 	)
 
 
-## The trunk's bones, from which no thigh hangs; those of rigs that only number them, as Rigify,
-## with neck and head: by where arms branch off.
+## The trunk's bones, from which no thigh hangs. Where rigs only number them, with neck and head, as
+## Rigify does, where arms branch off tells them apart.
 func _find_spine() -> void:
 	var top := _top()
 	if top.is_empty() or not _bones.has("pelvis"):
@@ -181,7 +181,7 @@ func _find_spine() -> void:
 		_bones["head"] = joints[-1]
 
 
-## Nodes with a name below this one, from the lowest: none that a thigh hangs from.
+## Named nodes below this one, from the lowest, except ancestors of thighs.
 func _trunk(top: int) -> PackedInt32Array:
 	var legs := _thighs()
 	var found := PackedInt32Array()

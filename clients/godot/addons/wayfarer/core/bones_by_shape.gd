@@ -6,10 +6,10 @@ extends RefCounted
 const _LEG: Array[String] = ["hip", "knee", "ankle", "foot"]
 const _ARM: Array[String] = ["collar", "shoulder", "elbow", "wrist"]
 
-const _LOW := 0.1  # of the rig's height: a branch that ends so low reaches the ground
-const _APART := 0.05  # of that height: the ends of two legs stand apart at least so far
-const _TOES := 0.02  # of that height: toes lie at least so far before the ankle
-const _FAR := 0.25  # of that height: a second pair of legs hangs so far from the first
+const _LOW := 0.1  # of the rig's height: a branch that ends below this reaches the ground
+const _APART := 0.05  # of that height: least distance between the ends of two legs
+const _TOES := 0.02  # of that height: least distance of toes before the ankle
+const _FAR := 0.25  # of that height: least distance between two pairs of legs
 
 var _rig: WayfarerRig
 var _basis: WayfarerBasis
@@ -51,13 +51,13 @@ func _init(rig: WayfarerRig, basis: WayfarerBasis) -> void:
 					_pairs.append([k, chains[0], chains[1]])
 
 
-## What the shape tells, enough for a humanoid or not.
+## The bones that the shape reveals, enough for a humanoid or not.
 func find() -> Dictionary[String, int]:
 	var walking := _pairs.filter(
 		func(pair: Array) -> bool:
 			return minf(_toes(pair[1]).length(), _toes(pair[2]).length()) >= _TOES * _tall
 	)
-	# parents come first: the deepest. Without toes nothing tells a leg from a skirt
+	# parents come first: the deepest. Without toes a skirt looks like legs
 	if not walking.is_empty():
 		var chains: Array[PackedInt32Array] = [walking[-1][1], walking[-1][2]]
 		_find_all(walking[-1][0], chains)
@@ -142,7 +142,7 @@ func _find_arm(side: String, line: PackedInt32Array) -> void:
 		_bones[side + "_" + names[n]] = ends[n]
 
 
-## The first node of those with the greatest measure.
+## The first node with the greatest measure.
 static func _most(nodes: PackedInt32Array, measure: Callable) -> int:
 	var best := nodes[0]
 	for node in nodes:

@@ -1,14 +1,14 @@
 class_name WayfarerCharacterJoints
 extends RefCounted
-## Joints of a character at rest, upright in the basis: what the server wants to know to make an
-## agent with its proportions (POST /v1/bodies:fit).
+## Joints of a character at rest, upright in the basis: the server's input to make an agent with its
+## proportions (POST /v1/bodies:fit).
 
-const _SNAP := 0.9063077870366499  # cos 25°: an axis so near to one of the file's is it
+const _SNAP := 0.9063077870366499  # cos 25°: an axis this near to one of the file's is that axis
 
-## By number of the bone.
+## Places of the joints by number of the bone.
 var places: Dictionary[int, Vector3] = {}
-## Height of its floor: where its mesh ends, or 0 where its feet are near over the origin's level;
-## else NAN: unknown.
+## Height of its floor: the lowest point of its mesh, or 0 if its feet are close above the origin's
+## level; otherwise NAN, unknown.
 var floor_height := NAN
 ## Height of the lowest ankle or ball.
 var lowest := INF
@@ -35,7 +35,7 @@ func _init(map: WayfarerBoneMap, basis: WayfarerBasis, soles: WayfarerSoles = nu
 		floor_height = 0.0
 
 
-## By where its legs are.
+## Derives the rotation from its legs.
 func _alignment(map: WayfarerBoneMap) -> Quaternion:
 	var at := func(b: int) -> Vector3: return map.rig.places[map.node(b)]
 	var legs := WayfarerRetarget.LEGS

@@ -1,7 +1,7 @@
 class_name WayfarerHomes
 extends RefCounted
-## The nodes at which sessions, scenes and agents live, as far as is known: where a call goes when a
-## server is many nodes (clients/README.md, "Many nodes").
+## The nodes at which sessions, scenes and agents live, as far as is known: the routes of calls when
+## a server is many nodes (clients/README.md, "Many nodes").
 
 ## The server's address, as http://host:port.
 var entry: String
@@ -9,8 +9,8 @@ var entry: String
 var _homes: Dictionary[String, String] = {}  # addresses by slot
 
 
-## The addresses that a call, or a stream, goes to in turn. At most four: the node that is known,
-## the one that it names, the entry, the one that it names.
+## The addresses to which a call or a stream goes in turn. At most four: the known node, the node it
+## names, the entry, and the node that the entry names.
 class Route:
 	extends RefCounted
 	## Where it goes next.
@@ -21,13 +21,13 @@ class Route:
 	var _asked := false  # the entry
 	var _followed := false
 
-	## `about`: text with the id of whom the call concerns; "": nobody's.
+	## `about`: text with the id that the call concerns; "": none.
 	func _init(homes: WayfarerHomes, about: String) -> void:
 		_homes = homes
 		_about = about
 		begin()
 
-	## Start again: as for a new call.
+	## Start again, as for a new call.
 	func begin() -> void:
 		address = _homes.home(_about)
 		_asked = address == _homes.entry
@@ -39,8 +39,8 @@ class Route:
 			_homes.learn(_about if WayfarerHomes.slot_of(made) == "" else made, address)
 		begin()
 
-	## `address` has named another node; whether the call goes on, to the new `address`. Port 0, or
-	## what is no host's name: it has named none.
+	## Note that `address` has named another node; returns whether the call continues there. Port 0, or
+	## an invalid host name: it has named none.
 	func misdirected(host: String, port: int) -> bool:
 		var strange := RegEx.create_from_string("[^A-Za-z0-9_.:\\[\\]-]").search(host) != null
 		if _followed or port <= 0 or port > 65535 or strange:
@@ -50,23 +50,23 @@ class Route:
 		_homes.learn(_about, address)
 		return true
 
-	## `address` does not answer, or not at present; as `misdirected`.
+	## Note that `address` does not answer at present; returns as `misdirected`.
 	func unavailable() -> bool:
 		return _ask()
 
-	## A call was refused, by an HTTP status (0: no answer), with this answer; whether it goes on.
+	## Note a refusal, by an HTTP status (0: no answer) and answer. Returns whether the call continues.
 	func refused(status: int, answer: Variant) -> bool:
 		if status == 421:
 			var place: Dictionary = answer.get("endpoint", {}) if answer is Dictionary else {}
 			return misdirected(place.get("host", ""), int(place.get("http_port", 0)))
 		return status in [0, 503] and unavailable()
 
-	## A stream has ended; whether to connect to `address` at once.
+	## Note the end of a stream; returns whether to connect to `address` at once.
 	func closed(code: int, reason: String) -> bool:
 		if code == 4421:
 			var place := WayfarerHomes.place_of(reason)
 			return misdirected(place[0], place[1])
-		unavailable()  # in a cluster its node is gone, perhaps; in any case not at once
+		unavailable()  # its node may have left the cluster; in any case not at once
 		return false
 
 	func _ask() -> bool:
@@ -83,7 +83,7 @@ func _init(server: String) -> void:
 	entry = server
 
 
-## The address at which the one whose id is in a text is called.
+## The address for calls about the id in a text.
 func home(about: String) -> String:
 	return _homes.get(slot_of(about), entry)
 
@@ -95,14 +95,14 @@ func node(host: String, port: int) -> String:
 	return "%s%s:%d" % [own.get_string(1), own.get_string(2) if host == "" else host_name, port]
 
 
-## They live there.
+## Note that the slot of `about` lives at `address`.
 func learn(about: String, address: String) -> void:
 	var slot := slot_of(about)
 	if slot != "":
 		_homes[slot] = address
 
 
-## Nobody knows where they live, but the entry.
+## Forget where it lives; only the entry knows.
 func forget(about: String) -> void:
 	_homes.erase(slot_of(about))
 

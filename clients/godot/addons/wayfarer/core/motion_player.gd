@@ -5,21 +5,21 @@ extends RefCounted
 
 signal header_received(header: WayfarerStreamDecoder.Header, again: bool)
 signal agent_added(played: PlayedAgent)
-## Also of one that has left the last ring and is `hidden`.
+## Emitted also for an agent that has left the last ring and is `hidden`.
 signal agent_removed(played: PlayedAgent)
 signal chunk_received(played: PlayedAgent, chunk: WayfarerStreamDecoder.Chunk)
 signal event_received(event: WayfarerStreamDecoder.MotionEvent)
 
 
-## An agent, as it is shown.
+## An agent as it is shown.
 class PlayedAgent:
 	var agent: WayfarerStreamDecoder.Agent
 	var pose: WayfarerPose
 	var track: WayfarerPoseTrack
-	var shown := false  ## whether there is a pose in `pose`
-	var hidden := false  ## taken away since it has left the last ring; it may come again
-	var tier := 0  ## number of the ring that it is in: of the last chunk
-	var state := "standing"  ## of the last chunk
+	var shown := false  ## whether `pose` holds a pose
+	var hidden := false  ## removed for having left the last ring; it may come again
+	var tier := 0  ## number of its ring, from the last chunk
+	var state := "standing"  ## from the last chunk
 
 	func _init(introduced: WayfarerStreamDecoder.Agent, bones: int) -> void:
 		agent = introduced
@@ -32,7 +32,7 @@ var agents: Dictionary[int, PlayedAgent] = {}  ## by alias
 var header: WayfarerStreamDecoder.Header
 var moment := NAN  ## the one shown: server time, seconds since 1970
 var error := ""  ## why a message could not be read
-## Counted since the start; gaps, reduced, held: chunks with that flag.
+## Counts since the start; gaps, reduced and held count chunks with that flag.
 var stats := {
 	"messages": 0, "bytes": 0, "chunks": 0, "frames": 0, "gaps": 0, "reduced": 0, "held": 0
 }
@@ -43,7 +43,7 @@ var _gone_underruns := 0
 var _begun := false
 
 
-## What to ask the next stream to go on from; "" at first.
+## The token from which the next stream resumes; "" at first.
 func resume_token() -> String:
 	return _decoder.resume_token
 
@@ -56,7 +56,7 @@ func underruns() -> int:
 	return sum
 
 
-## Seconds of motion in hand, of the agent that has the least; INF when there is none.
+## Seconds of motion in the queue of the agent that has the least; INF without agents.
 func buffered() -> float:
 	var least := INF
 	for played: PlayedAgent in agents.values():
@@ -69,8 +69,8 @@ func begin() -> void:
 	_begun = false
 
 
-## A message of the stream (StreamMotionResponse) has come at local `now`. Its kind; "error": it
-## cannot be read (`error` says why), and the connection is of no more use.
+## Take a message of the stream (StreamMotionResponse) that came at local `now`. Returns its kind;
+## "error": it cannot be read (`error` says why), and the connection is of no more use.
 func receive(message: PackedByteArray, now: float) -> String:
 	var kind := _decoder.decode(message)
 	error = _decoder.error
@@ -92,7 +92,7 @@ func receive(message: PackedByteArray, now: float) -> String:
 	return kind
 
 
-## Show everybody as at local `now`. The moment shown, in server time.
+## Show all agents as at local `now`. Returns the moment shown, in server time.
 func advance(now: float) -> float:
 	moment = clock.advance(now)
 	for played: PlayedAgent in agents.values():
@@ -100,7 +100,7 @@ func advance(now: float) -> float:
 	return moment
 
 
-## Forget everybody, as if they were removed, and the clock.
+## Forget all agents, as if they were removed, and the clock.
 func clear() -> void:
 	for alias: int in agents.keys():
 		remove(alias)
@@ -120,7 +120,7 @@ func remove(alias: int) -> void:
 func _take_header() -> void:
 	var again := header != null
 	var tiers := WayfarerTierUnpacker.new(_decoder.header)
-	error = tiers.error  # an unknown encoding is told at once
+	error = tiers.error  # an unknown encoding is an error at once
 	if error != "":
 		return
 	_begun = true
@@ -145,7 +145,7 @@ func _take_batch(now: float) -> void:
 		remove(alias)
 
 
-## A new agent, or one that is known already, when a stream begins again.
+## A new agent, or a known one when a stream begins again.
 func _add(agent: WayfarerStreamDecoder.Agent, bones: int) -> void:
 	var known: PlayedAgent = agents.get(agent.alias)
 	if known != null and known.agent.id == agent.id and known.track.bones() == bones:

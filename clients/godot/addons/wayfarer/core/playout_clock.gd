@@ -1,19 +1,19 @@
 class_name WayfarerPlayoutClock
 extends RefCounted
-## Which moment of the stream (server time) to show now, for all agents alike: clients/README.md,
-## "Playout". Times are seconds; no clock is read.
+## Chooses the moment of the stream (server time) to show now, for all agents alike:
+## clients/README.md, "Playout". Times are seconds; no clock is read.
 
 const FIRST_DELAY := 0.35
 const LEAST_DELAY := 0.2
 const MOST_DELAY := 1.5
 const MARGIN := 0.06  # over the worst lateness of the window
 const LATENESS_WINDOW := 20.0
-const OFFSET_WINDOW := 30.0  # the fastest message of so long a time had no delay, it is taken
+const OFFSET_WINDOW := 30.0  # seconds; its fastest message counts as one without delay
 const STRETCH := 0.05  # playback runs at most this much faster or slower
-const JUMP := 1.0  # seconds off beyond which it jumps instead (a program that slept)
+const JUMP := 1.0  # error in seconds beyond which it jumps instead (after a sleep)
 
 
-## The least value of the last seconds: those that may become it, rising from oldest to newest.
+## The minimum of the last seconds: candidates for it, rising from oldest to newest.
 class WindowLeast:
 	var seconds: float
 	var _times := PackedFloat64Array()
@@ -47,7 +47,7 @@ var _caught_up_at := -INF  # server time at which the stream was resumed last
 
 ## Note a message that came at local `now`, sent at server time `sent_at`.
 func observe(now: float, sent_at: float) -> void:
-	if is_nan(_offset):  # until experience tells, expect as much as the first delay allows
+	if is_nan(_offset):  # at first, expect as much as the first delay allows
 		_earliness.add(now, MARGIN - FIRST_DELAY)
 	_transit.add(now, now - sent_at)
 	_offset = _transit.least(now)
@@ -59,8 +59,8 @@ func observe_chunk(now: float, scheduled_at: float) -> void:
 		_earliness.add(now, scheduled_at - server_time(now))
 
 
-## Note that a connection was made again; its header was sent at server time `sent_at`. Chunks for
-## earlier times were missed meanwhile: their lateness says nothing of the next.
+## Note that a connection was restored; its header was sent at server time `sent_at`. Chunks for
+## earlier times were missed meanwhile; their lateness predicts nothing.
 func resumed(sent_at: float) -> void:
 	_caught_up_at = sent_at
 
@@ -70,18 +70,18 @@ func server_time(now: float) -> float:
 	return now if is_nan(_offset) else now - _offset
 
 
-## Delay to aim at.
+## The target delay, seconds.
 func wanted_delay(now: float) -> float:
 	var least := _earliness.least(now)
 	return LEAST_DELAY if is_nan(least) else clampf(MARGIN - least, LEAST_DELAY, MOST_DELAY)
 
 
-## Delay in force.
+## The present delay, seconds.
 func delay(now: float) -> float:
 	return wanted_delay(now) if is_nan(_playhead) else server_time(now) - _playhead
 
 
-## Go on to local `now`; the moment to show, in server time.
+## Advance to local `now`; returns the moment to show, in server time.
 func advance(now: float) -> float:
 	if is_nan(_offset):
 		return now  # nothing has come yet

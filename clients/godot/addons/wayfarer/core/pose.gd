@@ -1,7 +1,7 @@
 class_name WayfarerPose
 extends RefCounted
-## A frame: place of the hips, and rotations: of the hips in the world, of others local to the
-## parent.
+## A frame: the place of the hips, and rotations. Those of the hips are in the world, others local
+## to the parent.
 
 var hips := Vector3.ZERO
 var turns: Array[Quaternion] = []
@@ -17,7 +17,7 @@ func copy_from(other: WayfarerPose) -> void:
 	turns.assign(other.turns)
 
 
-## Become what is between two poses: hips on a line, rotations along the shorter arc.
+## Become the interpolation of two poses: hips on a line, rotations along the shorter arc.
 func mix(a: WayfarerPose, b: WayfarerPose, share: float) -> void:
 	hips = a.hips.lerp(b.hips, share)
 	for k in turns.size():

@@ -4,11 +4,11 @@ extends RefCounted
 ## "Playout".
 
 const BLEND := 0.2  # seconds to blend from a held pose to the stream again
-const KEPT := 400  # frames at most: a program in the background receives, but does not play
+const KEPT := 400  # most frames: a program in the background receives, but does not play
 
 ## How often frames ran out.
 var underruns := 0
-## Of the frame at or before the moment shown: 1 left foot, 2 right foot.
+## Bits of the frame at or before the moment shown: 1 left foot, 2 right foot.
 var contacts := 0
 ## Whether frames have run out, and the last one is shown.
 var held := false
@@ -27,12 +27,12 @@ func _init(bones: int) -> void:
 	_shown = WayfarerPose.new(bones)
 
 
-## Bones of a frame.
+## Number of bones in a frame.
 func bones() -> int:
 	return _shown.turns.size()
 
 
-## Frames in hand.
+## Number of frames in the queue.
 func length() -> int:
 	return _times.size()
 

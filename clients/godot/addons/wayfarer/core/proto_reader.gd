@@ -3,9 +3,9 @@ extends RefCounted
 ## A reader for protobuf messages, as much as the motion stream needs
 ## (https://protobuf.dev/programming-guides/encoding/). After an error it finds no more fields.
 
-const MOST := 0x7FFFFFFF  # of a whole number, but for times
+const MOST := 0x7FFFFFFF  # of a whole number, except for times
 
-## What is wrong with the message; "" as long as nothing is.
+## The error in the message; "": none so far.
 var error := ""
 var bytes := PackedByteArray()
 var at := 0
@@ -65,7 +65,7 @@ func real() -> float:
 	return bytes.decode_double(start) if start >= 0 else 0.0
 
 
-## Pass over a field of bytes; how many. They end where the reader is.
+## Skip a field of bytes; returns their number. They end where the reader is.
 func block() -> int:
 	var length := _raw() if _expect(2) else 0
 	return length if _fixed(length) >= 0 else 0
@@ -76,7 +76,7 @@ func text() -> String:
 	return bytes.slice(at - length, at).get_string_from_utf8()
 
 
-## A repeated field of floats (size 4) or doubles (8): packed, or one at a time; appended.
+## Append a repeated field of floats (size 4) or doubles (8), packed or one at a time.
 func reals(size: int, into: PackedFloat64Array) -> void:
 	var length := size
 	if _wire_type == 2:
@@ -91,7 +91,7 @@ func reals(size: int, into: PackedFloat64Array) -> void:
 		into.append(bytes.decode_double(start) if size == 8 else bytes.decode_float(start))
 
 
-## A repeated varint field: packed, or one at a time; appended. `wide`: above 2^31, too.
+## Append a repeated varint field, packed or one at a time. `wide`: above 2^31, too.
 func varints(into: PackedInt64Array, wide: bool = false) -> void:
 	if _wire_type != 2:
 		into.append(varint() if wide else small())
@@ -103,7 +103,7 @@ func varints(into: PackedInt64Array, wide: bool = false) -> void:
 	leave(outer)
 
 
-## Pass over the value of a field that is not wanted.
+## Skip the value of a field that is not needed.
 func skip() -> void:
 	match _wire_type:
 		0:
@@ -150,7 +150,7 @@ func _raw() -> int:
 	return 0
 
 
-## Move past a number of bytes; where they begin, or -1.
+## Move past a number of bytes; returns where they begin, or -1.
 func _fixed(size: int) -> int:
 	if size < 0 or size > _end - at:
 		fail("a field passes its end")

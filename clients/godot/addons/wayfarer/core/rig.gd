@@ -2,7 +2,7 @@ class_name WayfarerRig
 extends RefCounted
 ## A character's nodes, parents before children, and where they are at rest in its own space.
 
-## What is wrong with the nodes; "": nothing.
+## The error in the nodes; "": none.
 var error := ""
 var names: Array[String] = []
 var parents := PackedInt32Array()
@@ -11,11 +11,12 @@ var rotations: Array[Quaternion] = []
 var places := PackedVector3Array()
 ## Scales of the nodes by themselves.
 var own_scales := PackedVector3Array()
-## Products of scales from the top: right where each is the same along all axes.
+## Products of scales from the top; right if each is equal along all axes.
 var scales := PackedVector3Array()
 
 
-## Add a node with its rest transform relative to its parent (its number, -1: none); its number.
+## Add a node with its rest transform relative to its parent (its number, -1: none); returns its
+## number.
 func add(
 	name: String,
 	parent: int,
@@ -44,7 +45,7 @@ func add(
 	return number
 
 
-## From its parent to the top.
+## Ancestors of a node, from its parent to the top.
 func ancestors(node: int) -> PackedInt32Array:
 	var found := PackedInt32Array()
 	var above := parents[node]
@@ -64,7 +65,7 @@ func subtree(node: int) -> PackedInt32Array:
 	return found
 
 
-## From a node down to one below it.
+## The nodes from a node down to a descendant.
 func path(top: int, bottom: int) -> PackedInt32Array:
 	var line := PackedInt32Array([bottom])
 	while line[-1] != top:
@@ -73,7 +74,7 @@ func path(top: int, bottom: int) -> PackedInt32Array:
 	return line
 
 
-## Of a line of nodes, those at least so far from the one before.
+## The nodes of a line, without those nearer than `least` to the one kept before.
 func joints(line: PackedInt32Array, least: float) -> PackedInt32Array:
 	var found := PackedInt32Array()
 	for k in line:

@@ -4,11 +4,11 @@ extends RefCounted
 ## not sway with the hips: clients/README.md, "Smooth root".
 
 const SMOOTHING := 0.3  # seconds: time constant of the critically damped filter
-const JUMP := 2.0  # metres, or seconds between samples, beyond which it begins again in place
+const JUMP := 2.0  # metres, or seconds between samples, beyond which it begins again at that place
 
-## On the ground.
+## Point on the ground.
 var point := Vector3.ZERO
-## Radians; goes on beyond PI. NAN before the first update.
+## Radians, continuous beyond PI. NAN before the first update.
 var heading: float:
 	get:
 		return _values[3]

@@ -1,21 +1,21 @@
 class_name WayfarerSoles
 extends RefCounted
-## What the mesh of a character at rest tells of its soles: clients/README.md, "Retargeting", 5.
+## Soles of a character, from its mesh at rest: clients/README.md, "Retargeting", 5.
 
-## Degrees off straight down of the directions in which the outermost points are looked for.
+## Outermost points are looked for in these directions: degrees off straight down.
 const _STEEP: Array[float] = [45.0, 75.0]
-const _ROUND := 8  # how many of these directions there are round about
+const _ROUND := 8  # number of directions around the vertical, for each
 
 ## Height of the lowest point that may touch the ground, in the basis.
 var floor_height := INF
-## Of each foot: points from the ankle's joint that the ankle moves.
+## Points that the ankle of each foot moves, from the ankle's joint.
 var fixed: Array[PackedVector3Array] = []
-## Of each foot: points from the toes' joint that the toes move.
+## Points that the toes of each foot move, from the toes' joint.
 var toes: Array[PackedVector3Array] = []
 
 
-## The soles of a character whose mesh has vertices at `places`, in its own space at rest, each of
-## which the node `nodes` of the rig moves most. Null: a foot has no vertices, or they end above its
+## The soles of a character. `places` are its mesh's vertices at rest, in its own space; `nodes` are
+## the nodes of the rig that move each most. Null: a foot has no vertices, or they end above its
 ## ankle.
 static func measure(
 	map: WayfarerBoneMap,
@@ -54,7 +54,7 @@ static func measure(
 	return soles
 
 
-## Of the vertices that a bone moves, those farthest in each direction.
+## The vertices that a bone moves which are farthest in each direction.
 func _outermost(
 	places: PackedVector3Array,
 	nodes: PackedInt32Array,
@@ -89,7 +89,7 @@ func _outermost(
 	return found
 
 
-## Down, and obliquely down all round.
+## Directions down, and obliquely down all around.
 static func _directions(basis: WayfarerBasis) -> PackedVector3Array:
 	var found := PackedVector3Array([-basis.up])
 	for degrees in _STEEP:

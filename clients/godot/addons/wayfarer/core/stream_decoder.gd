@@ -1,9 +1,9 @@
 class_name WayfarerStreamDecoder
 extends RefCounted
-## Reads StreamMotionResponse (proto/wayfarer/v1/motion.proto) from bytes; what it holds is of the
-## last message. Times are seconds since 1970, by the server's clock.
+## Reads StreamMotionResponse (proto/wayfarer/v1/motion.proto) from bytes, and holds the last
+## message. Times are seconds since 1970, by the server's clock.
 
-## Notes on a chunk; `flags` is a sum of them.
+## Flags of a chunk; `flags` is a sum of them.
 enum Flag { FIRST = 1, REPLANNED = 2, ARRIVED = 4, GAP = 8, REDUCED = 16, HELD = 32 }
 
 const STATES: Array[String] = ["unknown", "standing", "walking", "stopping", "turning"]
@@ -18,30 +18,30 @@ const BASES: Array[String] = [
 
 ## How frames are packed in a ring around the viewpoints.
 class Tier:
-	var radius := INF  ## in units of the basis; INF where there are no rings
+	var radius := INF  ## in units of the basis; INF without rings
 	var encoding := 0
 	var sent_fps := 0
 	var bones := PackedInt64Array()
 	var frame_bytes := 0
 
 
-## What holds for a whole stream.
+## Properties of a whole stream.
 class Header:
 	var server_version := ""
 	var session_id := ""
 	var fps := 0  ## of the motion
-	var sent_fps := 0  ## that are sent
+	var sent_fps := 0  ## sent per second
 	var basis := "gltf"
 	var metres_per_unit := 1.0
 	var skeleton: Array[Dictionary] = []  ## {name, parent}
-	var bones := PackedInt64Array()  ## numbers in `skeleton` of those whose rotations are sent
+	var bones := PackedInt64Array()  ## numbers in `skeleton` of the bones whose rotations are sent
 	var encoding := 0
 	var frame_bytes := 0
 	var resumed := false
-	var tiers: Array[Tier] = []  ## from the inside out; one where there are no rings
+	var tiers: Array[Tier] = []  ## from the inside out; one without rings
 
 
-## An agent, as the stream introduces it.
+## An agent as the stream introduces it.
 class Agent:
 	var id := ""
 	var alias := 0
@@ -86,11 +86,11 @@ var sent_at := 0.0
 var header: Header
 var event: MotionEvent
 var added: Array[Agent] = []  ## seen for the first time
-var removed := PackedInt64Array()  ## aliases of those who were deleted
-var hidden := PackedInt64Array()  ## aliases of those who have left the last ring
+var removed := PackedInt64Array()  ## aliases of deleted agents
+var hidden := PackedInt64Array()  ## aliases of agents that have left the last ring
 var tier := 0  ## of the chunks: index into the header's
 var resume_token := ""  ## of the last batch that had one
-var chunks := 0  ## how many the batch has
+var chunks := 0  ## number of chunks of the batch
 
 var _reader := WayfarerProtoReader.new()
 var _columns: Array[PackedInt64Array] = []  # of MotionChunks, by number of the field
@@ -105,7 +105,7 @@ func bytes() -> PackedByteArray:
 	return _reader.bytes
 
 
-## Read a message; its kind.
+## Read a message; returns its kind.
 func decode(message: PackedByteArray) -> String:
 	_reader.load_message(message)
 	kind = ""
@@ -154,7 +154,7 @@ func chunk(row: int) -> Chunk:
 	return found
 
 
-## What is wrong with the frames of the batch, or with a header's layout; "": nothing.
+## The error in the frames of the batch, or in a header's layout; "": none.
 func check_frames(of: Header) -> String:
 	if tier >= of.tiers.size():
 		return "the header tells of %d tiers, not of %d" % [of.tiers.size(), tier]

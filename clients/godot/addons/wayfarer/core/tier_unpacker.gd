@@ -7,12 +7,12 @@ const BONES := 22
 const POSES := 16
 const TURN_UNIT := PI / 32768.0
 
-## Why the header cannot be read; "": it can.
+## Why the header cannot be read; "": no error.
 var error := ""
 
 var _bones: PackedInt64Array
 var _tiers: Array[WayfarerStreamDecoder.Tier]
-var _slots: Array[PackedInt64Array] = []  # by tier: of each bone in its frames; -1: not there
+var _slots: Array[PackedInt64Array] = []  # by tier: place of each bone in its frames; -1: none
 var _stand: Array[Quaternion] = []
 var _cycle: Array[Quaternion] = []
 var _up: Vector3
@@ -87,7 +87,7 @@ func _standing(bone: int) -> Quaternion:
 	return _stand[bone] if bone < BONES else Quaternion.IDENTITY
 
 
-## Linearly along the shorter arc, normalised.
+## Interpolates linearly along the shorter arc, normalised.
 static func _mixed(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
 	return (a * (1.0 - share) + b * (-share if a.dot(b) < 0.0 else share)).normalized()
 

@@ -8,7 +8,7 @@
 
 namespace
 {
-/** Of the actor whose mesh it is. Game thread. */
+/** The component of the actor that owns the mesh. Game thread. */
 void Copy(const UAnimInstance* Instance, FWayfarerPose& Pose)
 {
 	const AActor* Owner = Instance ? Instance->GetOwningActor() : nullptr;

@@ -151,7 +151,7 @@ bool UWayfarerCharacterComponent::FindBones()
 	return bRight;
 }
 
-/** What the mesh's vertices in its reference pose tell of its soles: where the processor may read them (Allow CPU Access). */
+/** Measure the soles from the mesh's vertices in its reference pose, if the processor may read them (Allow CPU Access). */
 void UWayfarerCharacterComponent::MeasureSoles()
 {
 	const FSkeletalMeshRenderData* Render = Mesh->GetSkeletalMeshAsset()->GetResourceForRendering();
@@ -180,7 +180,7 @@ void UWayfarerCharacterComponent::MeasureSoles()
 	wf_map_soles(Map, "unreal", Found.GetData(), Movers.GetData(), Movers.Num());
 }
 
-/** What POST /v1/bodies:fit asks for. */
+/** The request of POST /v1/bodies:fit. */
 TSharedPtr<FJsonObject> UWayfarerCharacterComponent::Proportions() const
 {
 	double Places[3 * WF_BONES], Floor;
@@ -267,8 +267,8 @@ void UWayfarerCharacterComponent::Show(const float* Frame, size_t Count, double 
 		const double* Q = Local + 4 * Bones[N];
 		Current.Rotations[N] = FQuat(Q[0], Q[1], Q[2], Q[3]);
 	}
-	// the hips are placed in the world: bring them to the component, which may stand and face anywhere, and to their parent
-	// as well as others that hang from no bone that moves
+	// the hips are placed in the world: bring them to the component, which may stand and face anywhere, and to their
+	// parent; also other bones that hang from no moving bone
 	const FTransform Component = Mesh->GetComponentTransform();
 	for (int32 K = 0; K < Current.Placed.Num(); ++K)
 	{

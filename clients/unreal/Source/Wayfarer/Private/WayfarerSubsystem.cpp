@@ -21,7 +21,7 @@ IMPLEMENT_MODULE(FDefaultModuleImpl, Wayfarer)
 namespace
 {
 constexpr double RetryFirst = 0.5, RetryMost = 8; // seconds; doubled at each failure
-constexpr double Silence = 4; // seconds without even a heartbeat (one per second) that mean a dead connection
+constexpr double Silence = 4; // seconds without a heartbeat (one per second) that mean a dead connection
 // close codes: 4000 + the HTTP status of the error
 constexpr int32 Ended = 1000, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, Invalid = 4422;
 
@@ -39,7 +39,7 @@ TSharedRef<wf_route> RouteOf(wf_homes* Homes, const FString& About)
 	return MakeShareable(wf_route_create(Homes, TCHAR_TO_UTF8(*About)), [](wf_route* Route) { wf_route_destroy(Route); });
 }
 
-/** Whether a refused call goes on, at another node of a cluster. */
+/** Whether a refused call continues at another node of a cluster. */
 bool GoesOn(wf_route* Route, int32 Status, const TSharedPtr<FJsonObject>& Answer)
 {
 	const TSharedPtr<FJsonObject>* Place = nullptr;
@@ -53,7 +53,7 @@ bool GoesOn(wf_route* Route, int32 Status, const TSharedPtr<FJsonObject>& Answer
 	return wf_route_refused(Route, Status, TCHAR_TO_UTF8(*Host), Port) != 0;
 }
 
-/** The id of what an answer says was made, or "". */
+/** The id of the session or scene that an answer has created, or "". */
 FString Made(const FJsonObject& Answer)
 {
 	FString Id;
@@ -362,7 +362,7 @@ void UWayfarerSubsystem::Lost(int32 Code, const FString& Reason)
 	const FString Token = UTF8_TO_TCHAR(wf_player_resume_token(Core));
 	if (Code == Invalid && !Token.IsEmpty() && Token != Forgotten)
 	{
-		Forgotten = Token; // of another server, it may be: begin with what falls due next
+		Forgotten = Token; // perhaps of another server: begin with the frames due next
 		ConnectAt = Now;
 	}
 	else if (Code == Ended || Code == UnknownCaller || Code == Forbidden || Code == NotFound || Code == Invalid)
@@ -385,7 +385,7 @@ void UWayfarerSubsystem::Lost(int32 Code, const FString& Reason)
 void UWayfarerSubsystem::End(const FString& Reason)
 {
 	DropSocket();
-	SessionId.Reset(); // what is shown stays
+	SessionId.Reset(); // the shown poses stay
 	OnStatus.Broadcast(TEXT("ended"), Reason);
 }
 

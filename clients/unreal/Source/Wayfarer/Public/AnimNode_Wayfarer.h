@@ -7,7 +7,7 @@
 
 class UAnimInstance;
 
-/** The pose of the actor's UWayfarerCharacterComponent, over the pose that comes in (fingers, face). */
+/** The pose of the actor's UWayfarerCharacterComponent, over the incoming pose (fingers, face). */
 USTRUCT(BlueprintInternalUseOnly)
 struct WAYFARER_API FAnimNode_Wayfarer : public FAnimNode_Base
 {

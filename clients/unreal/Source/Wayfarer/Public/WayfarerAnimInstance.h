@@ -6,7 +6,7 @@
 #include "WayfarerPose.h"
 #include "WayfarerAnimInstance.generated.h"
 
-/** For meshes without a graph of their own: the pose of the actor's UWayfarerCharacterComponent. */
+/** The pose of the actor's UWayfarerCharacterComponent, for meshes without their own graph. */
 UCLASS(Transient, NotBlueprintable)
 class WAYFARER_API UWayfarerAnimInstance : public UAnimInstance
 {

@@ -13,9 +13,9 @@ struct wf_retarget;
 struct wf_root;
 
 /**
- * Lets the actor's skeletal mesh walk as an agent does: any humanoid skeleton. Bones are found by their names, or by
- * the skeleton's shape. If the mesh has no animation class, it gets UWayfarerAnimInstance; else put the node
- * "Wayfarer Pose" into its graph.
+ * Makes the actor's skeletal mesh walk like an agent: any humanoid skeleton. Bones are found by their names, or by the
+ * skeleton's shape. If the mesh has no animation class, it gets UWayfarerAnimInstance; otherwise put the node "Wayfarer
+ * Pose" into its graph.
  */
 UCLASS(ClassGroup = Wayfarer, meta = (BlueprintSpawnableComponent))
 class WAYFARER_API UWayfarerCharacterComponent : public UActorComponent
@@ -25,10 +25,10 @@ class WAYFARER_API UWayfarerCharacterComponent : public UActorComponent
 public:
 	UWayfarerCharacterComponent();
 
-	/** Whom to show; "": create an agent where the actor stands. */
+	/** The agent to show; "": create an agent where the actor stands. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
 	FString AgentId;
-	/** An agent that is made here has the character's proportions, so that its steps fit the character's legs. */
+	/** An agent made here has the character's proportions, so that its steps fit the character's legs. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
 	bool bFitBody = true;
 	/** The actor follows the agent: a point on the ground and a yaw that do not sway with the hips. */
@@ -37,14 +37,14 @@ public:
 	/** Height of the actor's origin above the ground: of a Character, its capsule's half height. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
 	double OriginHeight = 0;
-	/** Where the map is wrong: "spine3" → the mesh's bone; None: it has none. */
+	/** Corrections of the map: "spine3" → the mesh's bone; None: it has none. */
 	UPROPERTY(EditAnywhere, Category = Wayfarer)
 	TMap<FName, FName> CorrectedBones;
 
-	/** Send the agent to a place, centimetres; speed in centimetres per second. Waits for the agent, if need be. */
+	/** Send the agent to a place, centimetres; speed in centimetres per second. Waits for the agent if necessary. */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void GoTo(const FVector& Location, double Speed = 120);
-	/** Which of the mesh's bones is which: to show it. Empty before the first pose. */
+	/** The map of the mesh's bones, to show it. Empty before the first pose. */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	TMap<FName, FName> BoneTable() const;
 	/** Why there is no pose; "" when there is one. */
@@ -71,8 +71,8 @@ private:
 	FWayfarerPose Current;
 	FString Why;
 	TArray<int32> Bones; // canonical numbers, in the order of Current.MeshBones
-	TArray<FTransform> Parents; // of each that is placed, in the component's space, at rest
-	TArray<uint8> Hanging;      // of each that is placed: from a bone that moves, not from what stays
+	TArray<FTransform> Parents; // of each placed bone, in the component's space, at rest
+	TArray<uint8> Hanging;      // of each placed bone: whether its parent moves
 	uint32 ShownAlias = 0, ShownGeneration = 0;
 	bool bFailed = false, bCreated = false;
 	TOptional<TPair<FVector, double>> WaitingGoal;

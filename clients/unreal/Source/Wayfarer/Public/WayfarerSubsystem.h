@@ -17,7 +17,7 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_FourParams(FWayfarerEvent, const FString&, Ki
 
 /**
  * A session of a Wayfarer server: one per game instance. Game thread only. Places are the server's, in the basis
- * "unreal": centimetres in the world, its origin at the world's.
+ * "unreal": centimetres in the world, with its origin.
  */
 UCLASS()
 class WAYFARER_API UWayfarerSubsystem : public UGameInstanceSubsystem, public FTickableGameObject
@@ -25,7 +25,11 @@ class WAYFARER_API UWayfarerSubsystem : public UGameInstanceSubsystem, public FT
 	GENERATED_BODY()
 
 public:
-	/** Open a session on "http://host:port". The command line's -WayfarerServer= and -WayfarerToken= go before. Scene: the id of one; "": a floor without end. */
+	/**
+	 * Open a session on "http://host:port". The command line's -WayfarerServer= and -WayfarerToken= take precedence.
+	   Scene:
+	 * the id of one; "": an endless floor.
+	 */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void Open(FString Server = TEXT("http://localhost:8080"), FString Token = TEXT(""), const FString& Scene = TEXT(""));
 
@@ -34,7 +38,7 @@ public:
 	void Close();
 
 	/**
-	 * Create an agent; Created tells its id once the server has answered. May be called before the session is open.
+	 * Create an agent; Created receives its id once the server has answered. May be called before the session is open.
 	 * Character: a request of POST /v1/bodies:fit, for an agent of a character's proportions; null: the mean body.
 	 */
 	void CreateAgent(const FString& Name, const FVector& Location, double Yaw, const TSharedPtr<FJsonObject>& Character, TFunction<void(const FString& AgentId)> Created);
@@ -43,7 +47,7 @@ public:
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void SetGoal(const FString& AgentId, const FVector& Location, double Speed = 120);
 
-	/** Let an agent walk about all over its scene. */
+	/** Make an agent wander all over its scene. */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void Wander(const FString& AgentId);
 
@@ -51,18 +55,18 @@ public:
 	void DeleteAgent(const FString& AgentId);
 
 	/**
-	 * Before Open: levels of detail by distance from the viewpoint (see Look), in centimetres. All of an agent within Near, fewer
-	 * frames and bones within Middle, only place, heading and gait within Far, shown as somebody who walks; nothing beyond, where
-	 * agents are removed until they come nearer. A distance of 0 leaves its ring out.
+	 * Before Open: levels of detail by distance from the viewpoint (see Look), in centimetres. Agents come in full within
+	 * Near, with fewer frames and bones within Middle, and as a place, heading and gait within Far, shown as walking
+	 * people. Beyond Far they are removed until they come nearer. A distance of 0 leaves its ring out.
 	 */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void SetRings(double Near, double Middle, double Far);
 
-	/** The agents are seen from here. Call it as often as the camera moves: ten a second are sent at most, and the last always. */
+	/** See the agents from here. Call it as often as the camera moves: ten calls a second at most are sent, and always the last. */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void Look(const FVector& Location);
 
-	/** "opening", "open", "lost" (it is tried again), "ended" (it is not). */
+	/** "opening", "open", "lost" (it retries), "ended" (it does not). */
 	UPROPERTY(BlueprintAssignable, Category = Wayfarer)
 	FWayfarerStatus OnStatus;
 	/** The stream has introduced an agent, or it is gone. */
@@ -70,14 +74,14 @@ public:
 	FWayfarerAgent OnAgentAdded;
 	UPROPERTY(BlueprintAssignable, Category = Wayfarer)
 	FWayfarerAgent OnAgentRemoved;
-	/** "goal_reached", "path_done", "blocked" … (docs/wire-format.md, "Events"). */
+	/** Kinds such as "goal_reached" and "path_done" (docs/wire-format.md, "Events"). */
 	UPROPERTY(BlueprintAssignable, Category = Wayfarer)
 	FWayfarerEvent OnEvent;
 	/** A call was refused: "PUT /v1/agents/…" and why. */
 	UPROPERTY(BlueprintAssignable, Category = Wayfarer)
 	FWayfarerStatus OnRefused;
 
-	/** Bring all agents to this moment, once per frame, whoever asks first. Returns it: the server's clock, seconds. */
+	/** Bring all agents to this moment, at the first call of a frame. Returns the moment: the server's clock, seconds. */
 	double Advance();
 	/** For the core's C ABI; null before Open. */
 	const wf_player* Player() const { return Core; }
@@ -105,12 +109,12 @@ private:
 	FString Viewpoints() const;
 
 	FString Address, Key, SessionId, Forgotten;
-	FString Rings, Said; // of the query, as JSON; viewpoints that the server knows
+	FString Rings, Said; // rings of the query, as JSON; viewpoints known to the server
 	FVector View = FVector(0, 0, 0);
 	double SaidAt = 0;
 	bool bBegun = false; // this connection's header has come
 	TSharedPtr<IWebSocket> Socket;
-	wf_homes* Homes = nullptr; // nodes of a cluster that are known
+	wf_homes* Homes = nullptr; // known nodes of a cluster
 	TSharedPtr<wf_route> StreamRoute;
 	bool bMoved = false; // the route says where to connect
 	TArray<TFunction<void()>> WhenOpen;
