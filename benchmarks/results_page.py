@@ -20,7 +20,7 @@ ALL = RESULTS / "README.md"
 INTRO = """# Results
 
 Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
-{which} "mocap" rows are recordings, measured by the same code. [figures.md]({docs}figures.md)
+{which} "mocap" rows are recordings, measured by the same code. [figures.md]({results}figures.md)
 defines the figures.
 
 **What `heldout` means.** No network was trained on three people of the CMU recordings (08, 09,
@@ -191,7 +191,7 @@ def main() -> None:
 
 def page(release: str, stale: bool, every: bool) -> str:
     """One of the two pages."""
-    intro = INTRO.format(which=FULL if every else SHORT, docs="../../docs/" if every else "")
+    intro = INTRO.format(which=FULL if every else SHORT, results="" if every else "../benchmarks/results/")
     parts = [intro, *([STALE] if stale else [])]
     for name, command in COMMANDS.items():
         path = RESULTS / f"{name}.json"

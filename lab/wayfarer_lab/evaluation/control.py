@@ -131,8 +131,24 @@ def online(
 def control_row(name: str, trials: Sequence[Trial], body: BodyModel) -> Row:
     """Table 1's figures and those of the gait; both genders have the same markers.
 
-    `avg_dist` counts bodies within 0.75 m as 0, as GAMMA's code does: only so does the paper's
-    0.04 m go with a success of 0.99. Figures `walk_…` are of windows at 0.9 … 1.4 m/s.
+    A body stands in the centre of 20 × 20 m, its goal is anywhere in it. Rows `policy` and `N(0,
+    I)` grow a tree of 32 clones per body offline (paper Sec. 3.3.2, 4.2); `top k` keeps the best k
+    at every level. Rows `search K` are single agents as served. Trees grow on to 0.3 m for
+    `success_03m`. Everything else is of the moment at which the first clone is within 0.75 m, and
+    gait is of four clones chosen at random. Only the last row has the foot lock. `policy` is that
+    of `--models`. `--policy-10`, `--policy-1` and `--g-cvae` name model folders for the paper's
+    rows `policy(10)`, `policy(1)` (PPO with these KL weights) and `g-CVAE`. Those three receive the
+    goal and the speed alone, all others what the service's steering sends: it turns a standing
+    agent on the spot first.
+
+    Figures:
+        pairs: number of bodies and goals
+        success: share in which a clone is within 0.75 m in 60 primitives
+        success_03m: the same within 0.3 m
+        steps: primitives until `success`
+        avg_dist: mean distance of all clones at the end; 0 for clones that have arrived
+        contact: `contact_paper`
+        walk_*: the same in windows at 0.9-1.4 m/s
     """
     steps = [trial.steps for trial in trials]
     row: Row = {

@@ -55,7 +55,65 @@ class Windows:
 
 
 def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
-    """All gait figures of `motion`; `soles` are the marker indices under the feet, left first."""
+    """All gait figures of `motion`; `soles` are the marker indices under the feet, left first.
+
+    World space, Z up, floor at z = 0, metres, 40 fps. The 67 markers are skinned from the streamed
+    body parameters, for models and recordings alike; rows *mocap* are recorded *locomotion*.
+    *Soles* are the four markers under each foot. A figure is a mean over frames and windows unless
+    it says otherwise. *Windows* are 5 primitives long (1 s) and do not overlap. Rows `…, 0.9-1.4
+    m/s` hold only windows at walking speed: contact falls with speed, so compare like with like.
+
+    Figures:
+        windows: number of windows
+        motions: number of motions
+        runs: number of runs
+        agents: number of agents
+        seconds: length of each motion
+        speed_mps: horizontal speed of the hips, from positions 10 frames apart
+        contact_paper*: Eq. 11 for each 10 frames: exp(−(min|z| − .05)₊) · exp(−(min speed −
+            .075)₊), minima over all markers and frames. One slow low marker is enough, so it
+            saturates. `_q25 _median _q75` are over motions, as the boxes of Fig. 3
+        contact_strict: Eq. 11 for each frame, soles only
+        slide_cm_s: median horizontal speed of the lowest sole marker while below 3 cm
+        both_feet_skating: share of frames in which the lowest sole marker of *both* feet is within
+            5 cm of the floor and faster than 0.15 m/s horizontally (PRIMAL, at 30 fps)
+        heel_skating_75mm_s: MOJO's measure: share of frames in which both heel markers (LHEE, RHEE)
+            are within 5 cm of the floor and have moved faster than 75 mm/s horizontally since the
+            last frame; MOJO's limit is 5 mm a frame at 15 fps
+        heel_skating_200mm_s: the same with 200 mm/s: 5 mm a frame at our 40 fps
+        penetration_cm: mean depth of the lowest marker below the floor
+        deeper_3cm: share of frames in which the lowest marker is deeper than 3 cm
+        floating_5cm: share of frames whose lowest marker is above 5 cm (flight phases of runs
+            count)
+        acceleration_m_s2: mean norm of second differences, all markers
+        jerk_m_s3: mean norm of third differences, all markers
+        seam_ratio: mean acceleration at the frames on both sides of a primitive's seam ÷ elsewhere;
+            1: no seam shows
+        deformation_*_mm: sum over pairs of a rigid part's four markers of the standard deviation of
+            their distance in a window (MOJO; Tab. S3). Skin is soft: the torso of recordings
+            deforms too
+        carried_error_mm: distance of the markers that a primitive hands to the next one from the
+            body's own markers
+        carried_deformation_mm: deformation of those markers over the whole motion, mean of the
+            parts
+        lost: share of motions that did not stay bodies (not finite, or a marker over 3 m from the
+            hips); the other figures leave them out
+        auc: in place of the paper's users: how often a linear classifier ranks a recorded window of
+            2 s (train split, 0.9–1.5 m/s, as many and as fast) above one of these; 0.5: it sees no
+            difference. NaN with fewer than 40 windows
+        auc_windows: windows of each kind that were compared
+        pose_prior: how usual the poses are to the pose prior: exp(−|μ|² / 32), mean over frames,
+            0…1 (Eq. 8 with a scale, docs/models.md)
+        frechet_v1: Fréchet distance from the recorded locomotion of the *train* split, on 37
+            statistics of 2 s windows: velocities and heights of hips, head, hands and feet in the
+            body's heading, turning speed, coordination (`evaluation/metrics/frechet.py`). Other
+            people's walking is far from 0 (26 to 214 for one subject against the others of our
+            train split), so read it against the row mocap. Few windows raise it: 196 drawn from the
+            reference itself gave 1.5
+        frechet_windows: number of windows for `frechet_v1`
+        trunk_tilt_deg: angle of the trunk (waist to chest) from that of the T-pose
+        marker_speed_cm_s: speed of all markers while standing
+    """
     if not len(motion.markers):
         return {"name": name, "windows": 0}
     feet = motion.markers[:, :, soles]

@@ -126,10 +126,27 @@ class MotionHealth:
 
 
 def health_row(name: str, agents: list[MotionHealth], resets: int) -> Row:
-    """How many agents ever had each fault, and in what share of frames.
+    """Faults in minutes of goal after goal.
 
-    `resets` are the times that the runtime put a broken agent back on its feet before any
-    frame was sent: NaN and explosions that the stream does not show.
+    `…_agents` are agents that ever had the fault, `…_share` is the share of frames with it.
+    *Scripts* have the figures of the manoeuvre `reversals`.
+
+    Figures:
+        fallen_*: hips below 0.6 of their height, or 60° over
+        tilted_*: trunk over 25° for 1 s
+        floating_*: lowest marker more than 8 cm above the floor for 0.5 s
+        sunk_*: lowest marker more than 8 cm below the floor for 0.5 s
+        spinning_*: turned by 540° within 1.5 m of a goal not reached
+        exploded_*: a marker more than 3 m from the hips
+        nan_*: numbers that are not finite
+        resets: how often an agent leaned by 32° or squatted and was put back to a stand
+        at_s: when an agent got up, from its first frame on
+        state: what it was doing
+        lean_deg: mean lean of its spine when it fell
+        hips: height of its hips then ÷ that in a stand
+        minutes_each: length of the run
+        goals_given: number of goals given
+        goals_reached: number of goals reached
     """
     frames = sum(a.frames for a in agents)
     row: Row = {

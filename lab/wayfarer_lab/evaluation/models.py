@@ -94,10 +94,21 @@ def predictor_rows(
     seed: int,
     memory: Recorded | None = None,
 ) -> list[Row]:
-    """Every predictor, and as baselines the last frame, a straight line, and recordings.
+    """Every predictor; as baselines the last frame, a straight line, and recordings.
 
-    The row "mocap" is a nearest-neighbour predictor: the futures of the `samples` primitives of
-    `memory` (the train split) with the nearest 2-frame seeds.
+    Distances are L2 of whole poses (201 coordinates) in the canonical frame of the seed. *One
+    sample*: K = 1. The row **mocap** is a nearest-neighbour predictor: the futures of the K =
+    `samples` primitives of `memory` (the train split) with the nearest 2-frame seeds.
+
+    Figures:
+        primitives: number of recorded primitives
+        samples: K, futures drawn for each
+        ade_m: the best of K futures by its mean over frames
+        fde_m: the best of K futures by its last frame
+        mmade_m: `ade_m`, mean over every true future whose last seed frame is within 0.5 m
+        mmfde_m: `fde_m`, mean over the same
+        apd_m: mean pairwise L2 of the K futures, flattened over frames too (the paper's
+            *diversity*)
     """
     if not parts.predictors:
         raise InvalidArgument("these models hold no predictor_1f.onnx or predictor_2f.onnx")
@@ -127,8 +138,15 @@ def predictor_rows(
 def regressor_rows(parts: Parts, recorded: Recorded, count: int, seed: int) -> list[Row]:
     """Each gender's regressor on recorded poses: with the recorded shapes and with random ones.
 
-    Frames are those that a step asks for. The row "mocap" puts the recordings' own parameters in a
-    regressor's place: the floor of these figures, 0 but for rounding.
+    Frames are those that a step asks for. The row **mocap** puts the recordings' own parameters in
+    a regressor's place: the floor of these figures, 0 except for rounding.
+
+    Figures:
+        frames: number of frames
+        amd_mm: mean distance of markers
+        amd_p95_mm: 95th percentile of the distance of markers
+        avd_mm: mean distance of mesh vertices (100 frames)
+        joint_angle_deg: mean angle between joint rotations
     """
     bodies = load_marker_bodies()
     present = sorted({clip.gender for clip in recorded.clips})

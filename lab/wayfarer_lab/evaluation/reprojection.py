@@ -27,10 +27,15 @@ def reprojection(
     recorded: Mapping[str, Primitives],
     iterations: Sequence[int],
 ) -> dict[str, list[Row]]:
-    """The regressor, and optimisation of so many iterations: a row each.
+    """The regressor beside optimisation of some iterations, as in MOJO: a row each.
 
-    On `recorded` primitives, by gender and in canonical frames, the error of the bodies found and
-    the time that it takes; in random motion of the 2-frame model from `poses`, realism.
+    On `recorded` primitives, by gender and in canonical frames, whose seeds are known: the error of
+    the bodies found, and the time that it takes. In random motion of the 2-frame model from
+    `poses`: realism.
+
+    Figures:
+        ms_per_primitive: processor time to find the bodies of a primitive, in batches of recorded
+            primitives, ÷ their number
     """
     rows = []
     for count in (0, *iterations):

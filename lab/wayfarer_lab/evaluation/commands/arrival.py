@@ -25,9 +25,8 @@ from wayfarer_lab.evaluation.commands.options import (
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
 from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows, stillness_row
 from wayfarer_lab.evaluation.goals import Course, run_errands
-from wayfarer_lab.evaluation.outcome import STEP_LIMIT, judge
-from wayfarer_lab.evaluation.scenarios import arrival as arrival_scenario
-from wayfarer_lab.evaluation.scenarios import maneuver_tables
+from wayfarer_lab.evaluation.outcome import STEP_LIMIT, goal_row, judge
+from wayfarer_lab.evaluation.scenarios import Scenario
 from wayfarer_lab.evaluation.seeds import walking_seeds
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
@@ -35,8 +34,8 @@ from wayfarer_lab.training.mocap.selection import Use
 app = typer.Typer()
 
 PLOTS = (
-    "arrival_error_median_m", "drift_2s_mean_m", "facing_error_median_deg", "speed_error_mps",
-    "slide_cm_s", "marker_speed_cm_s",
+    "arrival_error_median_m", "drift_2s_mean_m", "facing_error_median_deg", "slide_cm_s",
+    "marker_speed_cm_s",
 )  # fmt: skip
 
 STANDING = "from standing"
@@ -44,11 +43,10 @@ UNLOCKED = "from standing, no foot lock"
 WALKING = "from walking"
 
 
-@app.command(short_help="Walk to goals, stop and stand; turns, waypoints, strafing.")
+@app.command(short_help="Walk to goals, stop and stand.")
 def arrival(
     models: ModelsOption = DEFAULT_MODEL,
     goals: Annotated[int, typer.Option(help="Goals 3 to 8 m away, per table row.", min=1)] = 100,
-    agents: Annotated[int, typer.Option(help="Agents per manoeuvre.", min=1)] = 24,
     data: DataOption = None,
     split: SplitOption = "heldout",
     candidates: CandidatesOption = 4,
@@ -57,30 +55,22 @@ def arrival(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Measure how agents walk to goals 3 to 8 m away, stop and stand, and how they manoeuvre.
+    """Measure how agents walk to goals 3 to 8 m away, stop and stand.
 
-    Manoeuvres are near goals, speeds, turns on the spot, waypoints, new goals while walking, and
-    strafing. With --data, runs "from walking" begin in recorded walking of the split, and the
-    recordings have rows of their own. Without it, they begin after 2 s of walking.
+    With --data, runs "from walking" begin in recorded walking of the split, and the recordings
+    have rows of their own. Without it, they begin after 2 s of walking.
     """
     recorded = Recorded(data, split) if data else None
-    world, bodies = open_world(models, max(goals, agents), candidates, threads, engine)
+    world, bodies = open_world(models, goals, candidates, threads, engine)
     random = np.random.default_rng(seed)
     tables = _arrivals(world, bodies, goals, random, recorded)
     if data and recorded:
         locomotion = recorded.windows(Use.LOCOMOTION)
         tables["On the way"] += posed_gait_rows(report.MOCAP, locomotion, bodies["male"])
         tables["Standing"] += _recorded_stillness(data, recorded)
-    for title, group in maneuver_tables().items():
-        tables[title] = []
-        for scenario in group:
-            errands = scenario.errands(agents, random)
-            with progress(f"{title}: {scenario.name}") as watch:
-                courses = run_errands(world, errands, scenario.seconds, watch=watch)
-            tables[title].append(scenario.row(scenario.name, courses))
     finish(
         json, tables, PLOTS, **origin(models, None, data, split, seed),
-        engine=engine, candidates=candidates, goals=goals, agents=agents,
+        engine=engine, candidates=candidates, goals=goals,
     )  # fmt: skip
 
 
@@ -94,16 +84,17 @@ def _arrivals(
     """Tables of arrival, of the gait on the way and of standing after it."""
     tables: dict[str, list[Row]] = {"Goals": [], "On the way": [], "Standing": []}
     for scenario in (
-        arrival_scenario(STANDING),
-        arrival_scenario(WALKING, walking=recorded is None),
-        arrival_scenario("facing asked", facing=True),
+        Scenario(STANDING),
+        Scenario(WALKING, walking=recorded is None),
+        Scenario("facing asked", facing=True),
     ):
         errands, seeds = scenario.errands(goals, random), None
         if recorded and scenario.name == WALKING:
             seeds = walking_seeds(recorded, [errand.spec for errand in errands], random)
         with progress(scenario.name) as watch:
             courses = run_errands(world, errands, scenario.seconds, seeds=seeds, watch=watch)
-        tables["Goals"].append(scenario.row(scenario.name, courses))
+        outcomes = [judge(course) for course in courses]
+        tables["Goals"].append(goal_row(scenario.name, outcomes))
         tables["On the way"] += _gait(scenario.name, courses, bodies)
         tables["Standing"] += _stillness(scenario.name, courses, bodies)
         if scenario.name == STANDING:  # the lock moves legs only: goals and stops are the same

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer_lab.evaluation.definitions import GROUPS, as_markdown, definitions
+from wayfarer_lab.evaluation.definitions import as_markdown, definitions, groups
 
 app = typer.Typer()
 
@@ -20,7 +20,7 @@ def define(
 
     wayfarer eval define seam_ratio slide_cm_s
 
-    Without a name, print docs/figures.md: the definitions of all figures.
+    Without a name, print benchmarks/results/figures.md: the definitions of all figures.
     """
     if not figures:
         typer.echo(as_markdown())
@@ -33,6 +33,6 @@ def define(
 
 
 def _near(figure: str) -> str:
-    known = [name for group in GROUPS for name in group.figures]
+    known = [name for group in groups() for name in group.figures]
     near = get_close_matches(figure, known, n=3)
     return f"; there is {', '.join(near)}" if near else "; without a name, all are listed"

@@ -56,7 +56,7 @@ QUICK: Final[dict[str, dict[str, Any]]] = {
     "predictor": {"count": 200},
     "regressor": {"count": 50},
     "control": {"pairs": 10},
-    "arrival": {"goals": 10, "agents": 8},
+    "arrival": {"goals": 10},
     "maneuvers": {"quick": True},
     "long": {"agents": 16, "minutes": 1.0, "scripted": 4},
     "scenes": {"scale": 0.1, "minutes": 1.0},

@@ -20,6 +20,7 @@ from wayfarer_lab.evaluation.commands.shared import origin, progress
 from wayfarer_lab.evaluation.maneuvers.crowd import CROWD
 from wayfarer_lab.evaluation.maneuvers.likeness import LIKENESS
 from wayfarer_lab.evaluation.maneuvers.maneuver import Maneuver
+from wayfarer_lab.evaluation.maneuvers.path import PATH
 from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips
 from wayfarer_lab.evaluation.maneuvers.robust import RANDOM, REVERSALS
 from wayfarer_lab.evaluation.maneuvers.run import no_recordings, play
@@ -42,7 +43,7 @@ app = typer.Typer()
 MANEUVERS: Final[dict[str, Maneuver]] = {
     maneuver.name: maneuver
     for maneuver in (
-        STRAFE, STAND, TURN, STOP, REVERSALS, STAIRS, CROWD, WALK, LIKENESS, RANDOM
+        STRAFE, STAND, TURN, STOP, PATH, REVERSALS, STAIRS, CROWD, WALK, LIKENESS, RANDOM
     )
 }  # fmt: skip
 

@@ -3,19 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from wayfarer.spec import BETAS, FPS
+from wayfarer.world.agents.agent import AgentSpec
 from wayfarer_lab.evaluation.figures import mean
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Case,
     Figures,
     Maneuver,
     Shot,
+    case,
     pooled,
     way_to,
 )
@@ -33,17 +34,13 @@ MOST: Final = 0.9
 """Share of the walkers whose phase has to be known."""
 
 
-def _case(name: str, one_body: bool) -> Case:
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        """All face the same way; with `one_body` they differ in their noise alone."""
-        specs = random_specs(agents, random)
-        if one_body:
-            betas = (0.0,) * BETAS
-            specs = [replace(spec, gender="female", betas=betas) for spec in specs]
-        order = Order(0.0, way_to(0.0, METRES, SPEED))
-        return [Errand(replace(spec, heading=0.0), (order,)) for spec in specs]
+def _case(name: str, **body: Any) -> Case:
+    """All face the same way; with one body they differ in their noise alone."""
 
-    return Case(name, SECONDS, errands)
+    def placed(spec: AgentSpec, random: np.random.Generator) -> AgentSpec:
+        return replace(spec, heading=0.0, **body)
+
+    return case(name, SECONDS, lambda request: way_to(0.0, METRES, SPEED), placed=placed)
 
 
 def judge(shot: Shot) -> Figures:
@@ -65,10 +62,10 @@ def _steps(shot: Shot) -> tuple[stride.FootStrikes, int] | None:
 
 
 def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
-    """`cycle_sd_deg` between people (the mean of all takes of each), by joint and moment of the
-    gait cycle; `phase_order` from 2 s on, while the phases of nearly all are known (those of whom
-    alone it is known soon after a strike are alike by choice); `start_spread_s` from the 5th to the
-    95th percentile.
+    """Figures of all walkers; a person's gait cycle is the mean of all takes of that person.
+
+    Phases count while those of nearly all are known: the few that are known soon after a strike
+    are alike by choice.
     """
     cycles: dict[str, list[np.ndarray]] = {}
     phases = []
@@ -117,7 +114,10 @@ CROWD: Final = Maneuver(
     name="crowd",
     about="the same goal 12 m ahead at 1.2 m/s for all; of one body, and of random ones",
     agents=32,
-    cases=(_case("one body", one_body=True), _case("random bodies", one_body=False)),
+    cases=(
+        _case("one body", gender="female", betas=(0.0,) * BETAS),
+        _case("random bodies"),
+    ),
     judge=judge,
     summary=summary,
     bars=(

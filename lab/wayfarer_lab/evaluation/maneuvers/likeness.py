@@ -8,16 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer_lab.evaluation.figures import mean
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     RECORDED,
     Bar,
-    Case,
     Figures,
     Maneuver,
+    Request,
     Rows,
     Shot,
     Shots,
+    case,
     part,
     way_to,
 )
@@ -45,13 +46,8 @@ DRAWS: Final = 5
 """Random matched samples over which a figure is averaged."""
 
 
-def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
-    return [
-        Errand(spec, (Order(0.0, way_to(0.0, 12.0, round(float(speed), 3))),))
-        for spec, speed in zip(
-            random_specs(agents, random), random.uniform(*SPEEDS, agents), strict=True
-        )
-    ]
+def _plan(request: Request) -> Plan:
+    return way_to(0.0, 12.0, round(float(request.random.uniform(*SPEEDS)), 3))
 
 
 def windows(shots: Sequence[Shot]) -> People:
@@ -154,7 +150,7 @@ LIKENESS: Final = Maneuver(
     name="likeness",
     about="a linear classifier on 2 s of straight walking at 0.9 to 1.5 m/s, and Fréchet distance",
     agents=64,
-    cases=(Case(CASE, 12.0, _errands),),
+    cases=(case(CASE, 12.0, _plan),),
     judge=judge,
     summary=summary,
     bars=(Bar("auc", high=0.75, case=AGAINST),),

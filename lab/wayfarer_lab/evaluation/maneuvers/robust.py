@@ -1,31 +1,29 @@
 """Adversarial orders: goals behind, again and again; and random sessions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import pi
 from typing import Final
 
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances
-from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
-    Case,
     Figures,
     Maneuver,
+    Request,
     Shot,
+    case,
     part,
     spread,
     way_to,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import Take
-
-Chance = np.random.Generator
 
 TILTED: Final = 30.0
 """Degrees of the trunk: a walking person never leans so far."""
@@ -96,60 +94,35 @@ BARS: Final = (
 )
 
 
-def repeated(
-    name: str, every: float, seconds: float, plan: Callable[[int, AgentSpec, Chance], Plan]
-) -> Case:
-    """Periodic orders: `plan` makes each from its number, the agent and a random generator."""
-
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        moments = [round(float(at), 3) for at in np.arange(0.0, seconds - 1e-6, every)]
-        return [
-            Errand(
-                spec,
-                tuple(Order(at, plan(number, spec, random)) for number, at in enumerate(moments)),
-            )
-            for spec in random_specs(agents, random)
-        ]
-
-    return Case(name, seconds, errands)
-
-
-def _behind(metres: float) -> Callable[[int, AgentSpec, Chance], Plan]:
-    return lambda number, spec, random: way_to(180.0, metres)
-
-
-def _about_face(number: int, spec: AgentSpec, random: Chance) -> Plan:
+def _about_face(request: Request) -> Plan:
     """About-faces at the first place: away from the first heading and back."""
-    turned = spec.heading + (pi if number % 2 == 0 else 0.0)
-    goal = Goal((*spec.position, 0.0), heading=(turned + pi) % (2 * pi) - pi)
+    turned = request.spec.heading + (pi if request.order % 2 == 0 else 0.0)
+    goal = Goal((*request.spec.position, 0.0), heading=(turned + pi) % (2 * pi) - pi)
     return lambda agent: [goal]
 
 
-def _anywhere(number: int, spec: AgentSpec, random: Chance) -> Plan:
+def _anywhere(request: Request) -> Plan:
+    random = request.random
     angle, metres = float(random.uniform(0, 360)), float(random.uniform(3.0, 9.0))
     return way_to(angle, metres, float(random.uniform(0.6, 2.5)))
 
 
-def _here(number: int, spec: AgentSpec, random: Chance) -> Plan:
-    return lambda agent: [Goal((agent.position[0], agent.position[1], 0.0))]
-
-
-def _by_turns(number: int, spec: AgentSpec, random: Chance) -> Plan:
+def _by_turns(request: Request) -> Plan:
     """A goal far ahead at 0.4 and at 3.0 m/s in turn."""
-    return way_to(0.0, 12.0, (0.4, 3.0)[number % 2])
+    return way_to(0.0, 12.0, (0.4, 3.0)[request.order % 2])
 
 
 SCRIPTS: Final = (
-    repeated("3 m behind every 2 s", 2.0, 40.0, _behind(3.0)),
-    repeated("3 m behind every 0.6 s", 0.6, 30.0, _behind(3.0)),
-    repeated("about-face every 0.5 s", 0.5, 30.0, _about_face),
-    repeated("anywhere every 0.25 s", 0.25, 30.0, _anywhere),
+    case("3 m behind every 2 s", 40.0, lambda it: way_to(180.0, 3.0), every=2.0),
+    case("3 m behind every 0.6 s", 30.0, lambda it: way_to(180.0, 3.0), every=0.6),
+    case("about-face every 0.5 s", 30.0, _about_face, every=0.5),
+    case("anywhere every 0.25 s", 30.0, _anywhere, every=0.25),
 )
 """The adversarial scripts of the motion review; `eval long` runs them, too."""
 
 MORE_SCRIPTS: Final = (
-    repeated("here every 0.25 s", 0.25, 30.0, _here),
-    repeated("0.4 and 3 m/s in turn each second", 1.0, 30.0, _by_turns),
+    case("here every 0.25 s", 30.0, lambda it: way_to(0.0, 0.0), every=0.25),
+    case("0.4 and 3 m/s in turn each second", 30.0, _by_turns, every=1.0),
 )
 """Scripts that never caused faults: in `eval long` only."""
 
@@ -157,7 +130,7 @@ REVERSALS: Final = Maneuver(
     name="reversals",
     about="a goal 1.5 m behind, once; goals behind, about-faces and random goals again and again",
     agents=32,
-    cases=(repeated("goal behind", 8.0, 8.0, _behind(1.5)), *SCRIPTS),
+    cases=(case("goal behind", 8.0, lambda it: way_to(180.0, 1.5)), *SCRIPTS),
     judge=judge,
     summary=summary,
     bars=BARS,
@@ -169,7 +142,7 @@ RANDOM: Final = Maneuver(
     name="random",
     about="sessions of two goals 3 to 9 m away in any direction, at 0.6 to 2.5 m/s, 11 s each",
     agents=96,
-    cases=(repeated("two goals", 11.0, 22.0, _anywhere),),
+    cases=(case("two goals", 22.0, _anywhere, every=11.0),),
     judge=judge,
     summary=summary,
     bars=BARS,

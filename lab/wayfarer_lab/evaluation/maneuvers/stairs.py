@@ -9,15 +9,18 @@ import numpy as np
 
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.spec import FPS
+from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances
-from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Case,
     Figures,
     Maneuver,
+    Request,
     Shot,
+    case,
     spread,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
@@ -46,23 +49,20 @@ PLACED_APART: Final = 0.10
 
 
 def _case(up: bool) -> Case:
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        found = []
-        for number, spec in enumerate(random_specs(agents, random)):
-            speed, beside = SPEEDS[number % len(SPEEDS)], float(random.uniform(0.6, 1.4))
-            if up:
-                start, turn, floor, goal = (0.8, beside), -pi / 2, 0.0, (8.0, 1.0, GALLERY)
-            else:
-                start, turn, floor, goal = (8.0, beside), pi / 2, GALLERY, (0.8, 1.0, 0.0)
-            placed = replace(spec, position=start, heading=turn, floor=floor)
-            found.append(Errand(placed, (Order(0.0, _plan(Goal(goal, speed=speed))),)))
-        return found
+    turn, (start, floor), goal = (
+        (-pi / 2, (0.8, 0.0), (8.0, 1.0, GALLERY))
+        if up
+        else (pi / 2, (8.0, GALLERY), (0.8, 1.0, 0.0))
+    )
 
-    return Case("up" if up else "down", SECONDS, errands, two_storeys)
+    def placed(spec: AgentSpec, random: np.random.Generator) -> AgentSpec:
+        beside = float(random.uniform(0.6, 1.4))
+        return replace(spec, position=(start, beside), heading=turn, floor=floor)
 
+    def plan(request: Request) -> Plan:
+        return lambda agent: [Goal(goal, speed=SPEEDS[request.agent % len(SPEEDS)])]
 
-def _plan(goal: Goal) -> Plan:
-    return lambda agent: [goal]
+    return case("up" if up else "down", SECONDS, plan, placed=placed, scene=two_storeys)
 
 
 def placements(places: np.ndarray) -> list[tuple[int, np.ndarray]]:

@@ -6,14 +6,15 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
-    Case,
     Figures,
     Maneuver,
+    Request,
     Shot,
+    case,
     spread,
     way_to,
 )
@@ -25,15 +26,8 @@ WALK: Final = 10.0
 """Seconds after which a walk of 3 m has ended and standing is measured."""
 
 
-def _at_once(agents: int, random: np.random.Generator) -> list[Errand]:
-    return [Errand(spec, ()) for spec in random_specs(agents, random)]
-
-
-def _after_a_walk(agents: int, random: np.random.Generator) -> list[Errand]:
-    return [
-        Errand(spec, (Order(0.0, way_to(float(random.uniform(0, 360)), 3.0)),))
-        for spec in random_specs(agents, random)
-    ]
+def _walk(request: Request) -> Plan:
+    return way_to(float(request.random.uniform(0, 360)), 3.0)
 
 
 def the_stand(shot: Shot) -> Take:
@@ -42,9 +36,7 @@ def the_stand(shot: Shot) -> Take:
 
 
 def judge(shot: Shot) -> Figures:
-    """`slide_…_cm`: how far a sole came without being lifted, whatever its lifts in between; the
-    larger of both feet. `heading_range_deg` of the hips; `drift_cm`: farthest that these were.
-    """
+    """Figures of one stand."""
     take = the_stand(shot)
     slides = [100 * slide for slide in feet.slides(take.soles, take.height)]
     turns = [stance.turn for stance in take.stances]
@@ -65,10 +57,7 @@ def judge(shot: Shot) -> Figures:
 
 
 def arms(take: Take) -> Figures:
-    """Means over a take in which somebody stands: `hand_ahead_cm` of the hips, of the hand that is
-    farther ahead; `hands_apart_cm`, by how far one is ahead of the other; `hand_up_cm`, how far the
-    higher one is above the lower.
-    """
+    """Figures of the hands, means over a take of a standing body."""
     wrists = take.joints[:, WRISTS]
     ahead = 100 * joints.hands_ahead(wrists, take.hips, take.facing)
     return {
@@ -110,8 +99,8 @@ STAND = Maneuver(
     about="60 s without an order, from the beginning and after a walk of 3 m",
     agents=12,
     cases=(
-        Case("at once", SECONDS, _at_once),
-        Case("after a walk", WALK + SECONDS, _after_a_walk),
+        case("at once", SECONDS),
+        case("after a walk", WALK + SECONDS, _walk),
     ),
     judge=judge,
     summary=summary,

@@ -7,14 +7,15 @@ import numpy as np
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.figures import distances, first
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
-    Case,
     Figures,
     Maneuver,
+    Request,
     Shot,
+    case,
     part,
     spread,
     way_to,
@@ -64,19 +65,9 @@ def rests(take: Take) -> list[int]:
     return [run.start for run in feet.runs(slow) if run.stop - run.start >= needed]
 
 
-def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
-    return [
-        Errand(
-            spec,
-            (
-                Order(
-                    0.0,
-                    way_to(0.0, float(random.uniform(*METRES)), float(random.uniform(*SPEEDS))),
-                ),
-            ),
-        )
-        for spec in random_specs(agents, random)
-    ]
+def _plan(request: Request) -> Plan:
+    metres, speed = request.random.uniform(*METRES), request.random.uniform(*SPEEDS)
+    return way_to(0.0, float(metres), float(speed))
 
 
 def _braked(shot: Shot) -> int:
@@ -86,10 +77,7 @@ def _braked(shot: Shot) -> int:
 
 
 def settling(take: Take) -> Figures:
-    """What a body does after it has slowed: `sway_back_cm`, how far the hips go back, the way that
-    they faced, from where they had come to; `behind_cm`, how far they are behind the rear ankle at
-    worst; `lean_back_deg` of the trunk; `more_lifts` of feet.
-    """
+    """Figures of a body after it has slowed."""
     way = np.linalg.norm(take.hips[2 * REACH :, :2] - take.hips[: -2 * REACH, :2], axis=-1)
     begun = first(way * FPS / (2 * REACH) < SLOWED)
     if begun is None:
@@ -107,9 +95,7 @@ def settling(take: Take) -> Figures:
 
 
 def judge(shot: Shot) -> Figures:
-    """Two seconds after rest: `apart_cm` from ankle to ankle along the facing, `heel_up`: a heel is
-    more than 2 cm up. `rest_s` from 0.75 m on. An agent that never rests is measured at the end.
-    """
+    """Figures of one stop. An agent that never rests is measured at the end."""
     take = shot.take
     start = 0 if shot.goal is None else _braked(shot)
     begun = rest(take[start:])
@@ -180,7 +166,7 @@ STOP = Maneuver(
     name="stop",
     about="walks of 3 to 8 m at 0.6 to 2.0 m/s that end in a stand, looked at 2 s after rest",
     agents=96,
-    cases=(Case("at a goal", SECONDS, _errands),),
+    cases=(case("at a goal", SECONDS, _plan),),
     judge=judge,
     summary=summary,
     bars=(

@@ -6,11 +6,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentInfo
-from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_at
 from wayfarer_lab.evaluation.figures import degrees_off, distances, first, smooth_speed
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures, stance_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
@@ -20,9 +17,10 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Rows,
     Shot,
     Shots,
+    case,
     pooled,
     spread,
-    way_to,
+    strafe_to,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import HEAD, Take
@@ -40,18 +38,7 @@ SIDES: Final = {"left": 90.0, "right": -90.0, "back": 180.0}
 
 
 def _case(name: str, angle: float) -> Case:
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        found = []
-        for number, spec in enumerate(random_specs(agents, random)):
-
-            def plan(agent: AgentInfo, speed: float = SPEEDS[number % len(SPEEDS)]) -> list[Goal]:
-                way = way_to(angle, METRES, speed, heading=agent.heading, strafe=True)
-                return list(way(agent))
-
-            found.append(Errand(spec, (Order(0.0, plan),)))
-        return found
-
-    return Case(name, SECONDS, errands)
+    return case(name, SECONDS, lambda it: strafe_to(angle, METRES, SPEEDS[it.agent % len(SPEEDS)]))
 
 
 def on_the_way(shot: Shot) -> Take:
@@ -126,7 +113,7 @@ POINTS: Final = ("hips_p5", "float_share", "contact_up", "arrive")
 def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
     """Differences between left and right."""
     found = {}
-    for source in {source for _, source in rows}:
+    for source in dict.fromkeys(source for _, source in rows):
         left, right = rows.get(("left", source)), rows.get(("right", source))
         if left and right:
             apart = {f"{name}_points": 100 * abs(left[name] - right[name]) for name in POINTS}

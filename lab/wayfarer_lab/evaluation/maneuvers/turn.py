@@ -1,11 +1,11 @@
 """Turning on the spot by 90° and by 180°, to either side in turn."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
-from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import (
     all_takes,
     contact_figures,
@@ -13,13 +13,14 @@ from wayfarer_lab.evaluation.maneuvers.feet_figures import (
 )
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
-    Case,
     Figures,
     Maneuver,
+    Request,
     Shot,
-    facing,
+    case,
     part,
     spread,
+    turn_by,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
 
@@ -27,24 +28,13 @@ SECONDS: Final = 6.0
 ANGLES: Final = (90.0, 180.0)
 
 
-def _case(angle: float) -> Case:
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        return [
-            Errand(spec, (Order(0.0, _plan(angle * (-1) ** number)),))
-            for number, spec in enumerate(random_specs(agents, random))
-        ]
-
-    return Case(f"{angle:g}°", SECONDS, errands)
-
-
-def _plan(turn: float) -> Plan:
-    return lambda agent: [facing(agent, turn)]
+def to_either_side(angle: float) -> Callable[[Request], Plan]:
+    """Turns to the left and to the right in turn, from agent to agent and from order to order."""
+    return lambda request: turn_by(angle * (-1) ** (request.agent + request.order))
 
 
 def judge(shot: Shot) -> Figures:
-    """`pivot_deg`: degrees that a foot turned on the ground while it bore, mean of both feet;
-    `peak_deg_s` of the hips' heading over 0.05 s; `turn_s` from 10 % to 90 % of what was turned.
-    """
+    """Figures of one turn."""
     take = shot.take
     turned = take.heading - take.heading[0]
     rate = joints.turning_rate(take.heading)
@@ -106,7 +96,7 @@ TURN = Maneuver(
     name="turn",
     about="facing 90° or 180° elsewhere on the spot, to the left and to the right in turn",
     agents=48,
-    cases=tuple(_case(angle) for angle in ANGLES),
+    cases=tuple(case(f"{angle:g}°", SECONDS, to_either_side(angle)) for angle in ANGLES),
     judge=judge,
     summary=summary,
     bars=(*_bars("90°"), *_bars("180°")),

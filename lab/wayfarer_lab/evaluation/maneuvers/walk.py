@@ -8,7 +8,7 @@ import numpy as np
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.figures import distances, first, smooth_speed
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures, stance_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     RECORDED,
@@ -16,9 +16,11 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Case,
     Figures,
     Maneuver,
+    Request,
     Rows,
     Shot,
     Shots,
+    case,
     part,
     spread,
     way_to,
@@ -64,16 +66,12 @@ def _case(name: str) -> Case:
     low, high = SPEEDS[name]
     usual = name == USUAL
 
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        found = []
-        for spec in random_specs(agents, random):
-            speed = float(random.uniform(low, high)) if usual else (low + high) / 2
-            way = way_to(0.0, max(12.0, 7.0 * speed), round(speed, 3))
-            found.append(Errand(spec, (Order(0.0, way),)))
-        return found
+    def plan(request: Request) -> Plan:
+        speed = float(request.random.uniform(low, high)) if usual else (low + high) / 2
+        return way_to(0.0, max(12.0, 7.0 * speed), round(speed, 3))
 
     # the slowest need the longest
-    return Case(name, min(16.0, 12.0 / low), errands, share=1.0 if usual else 1 / 3)
+    return case(name, min(16.0, 12.0 / low), plan, share=1.0 if usual else 1 / 3)
 
 
 def steady(shot: Shot) -> Take | None:

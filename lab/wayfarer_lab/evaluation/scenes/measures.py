@@ -1,5 +1,47 @@
-"""Counts of faults in a scene: bodies in walls and in each other, feet off the ground, agents
-that are stuck. Each measure collects while motion passes and gives its figures at the end.
+"""Counts of faults in a scene: bodies in walls and in each other, feet off the ground, and more.
+
+`cubes`: the paper's field of 20 × 20 m with 30 boxes, random starts and goals, everybody alone (as
+in `slope`, `storeys`, `doors`, `crates`). `corridor`: two streams of people who change sides.
+`doorway`: 8 people in either of two rooms change rooms through a door of 1.2 m. `square`: people by
+`PopulateSession` for some minutes. `slope`, `storeys`: up and down again. `doors`: the door to the
+goal's room shuts 2 m before the agent and opens after 6 s. `crates`: a crate is dropped 2 m before
+the agent. Every frame counts; in `corridor` and `doorway` every second one, in `square` every
+eighth. The JSON's `meta` lists the worst moments of each scenario (number of the agent, time).
+
+Figures:
+    success: share that reaches its last goal within 10 s + path ÷ 0.5 m/s (`slope`, `storeys`: 15 s
+        + path ÷ 0.4 m/s; `corridor`, `doorway`: 90 s); `doors`: that waits while the door is shut,
+        and arrives afterwards; `crates`: that arrives within 45 s; `square`: that is never stuck
+    agent_frames: number of frames of all agents that count
+    goals_per_minute_each: goals reached by an agent per minute
+    seconds_median: time until arrival, median
+    seconds_last: time until the last agent has arrived
+    penetration_frames: share of frames in which skin (1,296 points) is more than 1 cm inside a
+        solid or obstacle, in space: a hand above a low box is free. Feet do not count in what is
+        walked on; in a wall of 15 cm nobody is deeper than 7.5
+    penetration_5cm: the same for more than 5 cm
+    penetration_mean_cm: mean depth in `penetration_frames`
+    penetration_max_cm: greatest depth
+    overlap_frames: share of an agent's frames in which it is more than 5 cm inside another agent:
+        16 capsules along bones, with the median distance of the skin that a bone moves as radius
+    overlap_max_cm: greatest overlap
+    path_ratio*: path found ÷ shortest possible one (visibility graph over the free ground)
+    walked_ratio: distance walked by the hips (positions 0.6 s apart) plus what is left to the goal,
+        ÷ the same
+    stuck_agents: agents with a goal not reached that stay within 0.3 m of one place for 10 s or
+        more
+    stuck_seconds: seconds of being stuck, all agents
+    foot_gap_uneven_*: the same where the ground 25 cm around differs by 2 cm
+    foot_gap_*: magnitude of the height of a foot's lowest sole point above the ground under it
+        (from the solids, not from samples), where contact is reported
+    *_felt_s_*: seconds from a change of the scene (a door that shuts or opens, a crate) until the
+        hips differ by 1 mm from those of a run without the change
+    *_seen_s_*: the same by 5 cm
+    cpu_load: CPU seconds per second of motion, of all agents of the row
+    cpu_us_per_step: CPU time of one agent's step, µs
+    engine_share: the engine's share of the CPU time
+    navigation_share: the share of finding the way
+    avoidance_share: the share of collision avoidance
 """
 
 from dataclasses import dataclass, field

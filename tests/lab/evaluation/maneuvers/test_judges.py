@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.maneuvers.bodies import HEIGHT, shot, take, time, walker
-from wayfarer_lab.evaluation.maneuvers import crowd, robust, stairs, stand, stop, strafe, turn, walk
+from wayfarer_lab.evaluation.maneuvers import (
+    crowd,
+    path,
+    robust,
+    stairs,
+    stand,
+    stop,
+    strafe,
+    turn,
+    walk,
+)
 from wayfarer_lab.evaluation.metrics import feet, stride
 
 # Strafing
@@ -61,6 +71,35 @@ def test_a_stander_who_creeps_and_turns_without_a_step() -> None:
     assert spin["foot_turn_deg"] == pytest.approx(40, abs=0.2)
     ghost = stand.judge(shot(take(20.0, x=0.01 * time(20.0), up=0.02)))
     assert ghost["slide_cm"] == pytest.approx(20, abs=0.1), "hovering is no step"
+
+
+# Paths
+
+
+def test_waypoints_are_passed_with_the_speed_of_the_way() -> None:
+    """Legs of 4 m: one along +Y, then one to the right; the agent stops for 1 s at the corner."""
+    going = np.clip(1.2 * (time(10.0) - 1.0 * (time(10.0) > 4.0)), 0, None)
+    still = (time(10.0) > 3.0) & (time(10.0) <= 4.0)
+    way = np.where(still, 3.6, going)
+    made = take(10.0, x=np.clip(way - 4.0, 0, 4), y=np.minimum(way, 4.0))
+    goals = ((0.0, 4.0, 0.0), (4.0, 4.0, 0.0))
+    walked = shot(replace(made, clip=replace(made.clip, goals=goals)), (4.0, 4.0))
+    row = path.measure_path(walked)
+    assert row["arrive"] == row["passed"] == 1
+    assert row["missed_by_m"] == pytest.approx(0, abs=0.03)
+    assert row["speed_kept"] == pytest.approx(0, abs=0.05), "it stood within 1 s of the corner"
+    wide = path.measure_path(
+        shot(replace(made, clip=replace(made.clip, goals=((2.0, 0.0, 0.0), goals[1]))), (4.0, 4.0))
+    )
+    assert wide["passed"] == 0 and wide["missed_by_m"] == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_near_goal_has_no_waypoints() -> None:
+    made = take(3.0, y=np.minimum(time(3.0), 1.5))
+    row = path.measure_path(
+        shot(replace(made, clip=replace(made.clip, goals=((0.0, 1.5, 0.0),))), (0.0, 1.5))
+    )
+    assert row["arrive_s"] == pytest.approx(1.2, abs=0.05) and np.isnan(row["passed"])
 
 
 # Turning

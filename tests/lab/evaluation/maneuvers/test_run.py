@@ -25,6 +25,7 @@ class Walkers:
     def play(self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch) -> list[Shot]:
         self.asked.append((maneuver, case.name, agents, raw))
         made = walker(12.0)
+        made = replace(made, clip=replace(made.clip, goals=((0.0, 30.0, 0.0),)))
         return [shot(replace(made, person=f"agent {k}"), (0.0, 30.0), 0.0) for k in range(2)]
 
 
