@@ -1,4 +1,4 @@
-"""The npm package: its own tests, its types, and what a user gets of it."""
+"""The npm package: its own tests, its types, and its use by a user."""
 
 import json
 import shutil
@@ -38,7 +38,7 @@ def test_an_agent_walks_to_its_goal_on_characters_of_each_engine(real_server):
 
 @with_tools
 def test_its_types_are_right_and_it_is_fit_to_publish(tmp_path):
-    """`npm pack` writes the types; publint looks at what a user would get."""
+    """`npm pack` writes the types; publint checks the package of a user."""
     (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
     files = {entry["path"] for entry in packed["files"]}
     assert {"README.md", "LICENSE", "src/index.js", "types/index.d.ts"} <= files
