@@ -6,8 +6,8 @@ import sys
 __version__ = "0.2.0"
 
 # Two engines report their use to their makers as soon as they are imported, and keep an id of the
-# user in his home folder: ONNX Runtime unless this variable is set (its API comes too late), and
-# OpenVINO unless the package that it does so with is missing. A package is imported before its
-# modules, so this comes before either engine in every process of ours.
+# user in the home folder: ONNX Runtime unless this variable is set (its API comes too late), and
+# OpenVINO unless its reporting package is missing. A package is imported before its modules, so
+# this comes before either engine in all our processes.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]  # cannot be imported

@@ -1,4 +1,4 @@
-"""Model folders: what is in them, the contract each graph carries, and the check at load.
+"""Model folders: their files, the contract that each graph carries, and the check at load.
 
     assets/models/<name>/
         manifest.json          name, body, card, SHA-256 of every other file
@@ -35,8 +35,8 @@ ASSETS: Final = Path(__file__).parent / "assets"
 
 SCHEMA: Final = 1
 FORMAT: Final = 3
-"""Of the models that this build makes and reads. Models do not state it: what they lack does, see
-`format_of`, which gets a line more whenever a contract or a graph's inputs change.
+"""Format of the models that this build makes and reads. Models do not state it: it follows from
+what they lack, see `format_of`, which gets a line whenever a contract or a graph's inputs change.
 """
 
 METADATA_KEY: Final = "wayfarer"
@@ -47,7 +47,7 @@ CARD: Final = "CARD.md"
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """What a file of the folder is: its kind, gender and seed length."""
+    """The kind, gender and seed length of a file of the folder."""
 
     kind: str  # "step", "predictor", "policy", "regressor", "pose_encoder", "pose_decoder"
     gender: str = ""  # "" when the graph serves both
@@ -68,12 +68,12 @@ GRAPHS: Final[Mapping[str, Graph]] = {
 """Every graph that a folder may hold."""
 
 SERVED: Final = ("step_male.onnx", "step_female.onnx")
-"""The graphs that the service cannot do without."""
+"""The graphs that the service needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyIdentity:
-    """What a graph depends on of one body of one gender."""
+    """The properties of one body of one gender that a graph depends on."""
 
     body: str  # "anny52"
     sha256: str  # of the body's file; "" for graphs that skin no body
@@ -175,7 +175,7 @@ def contract_from_json(text: str, where: str) -> Contract:
     """Read a contract; `where` opens the error messages. Raises ArtifactError."""
     values = _json_object(text, f"{where}: metadata {METADATA_KEY!r}")
     known = {f.name for f in fields(Contract)}
-    # a contract that lacks anything else is no earlier one but a damaged one
+    # a contract that lacks anything else is not an earlier one but damaged
     if known - set(values) <= {"floor_origin"} and (found := format_of(values)) < FORMAT:
         raise ArtifactError(
             f"{where}: is of an earlier build of Wayfarer (model format {found}; this build has "

@@ -37,7 +37,7 @@ from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
 
 MEASURES: Final = 2
-"""Calls of a size that are measured; agents are admitted by the shortest."""
+"""Number of measured calls of each size; agents are admitted by the shortest."""
 
 MEASURE_EVERY: Final = 3
 """Every third batch size is measured, from the largest down; costs between are interpolated."""
@@ -46,14 +46,14 @@ COMPILED: Final = "compiled"
 """Folder in `state_dir`."""
 
 LOOKAHEAD: Final = STEP_SECONDS
-"""A batch is filled with the agents that come next, at most a whole step ahead: large batches cost
-less per agent, and an agent with a new goal need not be stepped alone."""
+"""A batch is filled with the next agents, at most a whole step ahead: large batches cost less per
+agent, and an agent with a new goal is not stepped alone."""
 
 
 def model_store(settings: Settings, body: str = "") -> ModelStore:
     """The models that can be loaded by name: those shipped, then those of `models_dir`.
 
-    `body`: what they must be made for; empty: any.
+    `body`: the one they must be made for; empty: any.
     """
     shipped = DEFAULT_MODEL.parent
     return ModelStore(
@@ -71,8 +71,8 @@ def model_store(settings: Settings, body: str = "") -> ModelStore:
 
 
 def compiled_folder(settings: Settings) -> Path | None:
-    """Where the engine of the start keeps its networks. One that is loaded while agents walk does
-    not: OpenVINO holds Python's lock for as long as it exports a network.
+    """Where the engine at the start keeps its networks. An engine that is loaded while agents walk
+    keeps none: OpenVINO holds Python's lock while it exports a network.
     """
     if settings.state_dir is None or not settings.keep_compiled:
         return None
@@ -82,7 +82,7 @@ def compiled_folder(settings: Settings) -> Path | None:
 def model_folder(settings: Settings) -> ModelFolder:
     """The model to start with. Raises InvalidArgument, NotFound, ArtifactError.
 
-    From now on this process and those that it starts find the user's own bodies.
+    From now on this process and its children find the user's own bodies.
     """
     if settings.smplx_dir is not None:
         os.environ[SMPLX_FOLDER] = str(settings.smplx_dir)
@@ -91,8 +91,8 @@ def model_folder(settings: Settings) -> ModelFolder:
 
 
 def fingerprint(folder: ModelFolder) -> str:
-    """A hash over the model's files, the bodies, and the format in which sessions move: they move
-    between equals only.
+    """A hash over the model's files, the bodies, and the format of sessions: sessions move only
+    between servers with equal hashes.
     """
     files = [*sorted(folder.path.iterdir()), *(body_file(folder.body, g) for g in GENDERS)]
     hashes = "".join(sha256_of(file) for file in files if file.is_file())
@@ -168,10 +168,10 @@ def runtime(
 
 
 def with_engine(settings: Settings) -> Settings:
-    """The engine chosen, once for all nodes: a log must replay alike in each of them."""
+    """The engine, chosen once for all nodes: a log must replay alike on each of them."""
     if settings.engine != "auto":
         return settings
-    # in a process of its own, whose memory goes with it; a terminal's Ctrl-C is for this one
+    # in its own process, whose memory ends with it; a terminal's Ctrl-C is for this one
     ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(1, get_context("spawn")) as apart:
         chosen = apart.submit(_engine_kind, settings.model_dump_json())
@@ -181,7 +181,7 @@ def with_engine(settings: Settings) -> Settings:
 
 
 def _engine_kind(settings: str) -> str:
-    """The setting `engine` for the faster one with a node's threads."""
+    """The value of `engine` that is faster with a node's threads."""
     read = Settings.model_validate_json(settings)
     configure_logging(read.log_level, read.log_format)
     compiled = compiled_folder(read)

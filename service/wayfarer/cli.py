@@ -31,16 +31,16 @@ INSTALL: Final = {
     "opentelemetry": "'.[otel]'",
     "ray": "'.[cluster]'",
 }
-"""Package that may be missing → what `pip install`, in the repository's root, brings it."""
+"""Package that may be missing → the argument of `pip install`, in the repository's root."""
 
 
 PLAIN: Final = None
-"""Help is shown as it is written: rich would take [openvino] for markup, and leave it out."""
+"""Help is shown as written: rich would take [openvino] for markup, and omit it."""
 
 
 def main() -> None:
     """Run the command line. Exit code 2 for errors raised on purpose, 130 for Ctrl-C."""
-    # gRPC, which reads this when it is imported, would complain at every start of a process
+    # gRPC reads this when it is imported; it would complain at every start of a process
     os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
     try:
         app(prog_name="wayfarer")
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def _cure(error: ModuleNotFoundError) -> str:
-    """What is missing and how it comes; empty where it is a module of ours that is missing."""
+    """The missing package and how to install it; empty for a missing module of ours."""
     package = (error.name or "").partition(".")[0]
     if package not in INSTALL or str(error.name).startswith(f"{LAB}."):
         return ""
@@ -78,7 +78,7 @@ def _group(help_text: str) -> typer.Typer:
 def _command(
     parent: typer.Typer, name: str, target: str, help_text: str, hidden: bool = False
 ) -> None:
-    """Let `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
+    """Make `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
 
     @parent.command(
         name,

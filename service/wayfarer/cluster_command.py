@@ -33,11 +33,11 @@ if TYPE_CHECKING:  # Ray takes seconds to import
 log = structlog.get_logger(__name__)
 
 SECRET: Final = "WF_CLUSTER_SECRET"
-"""Variable of the environment; not of the prefix under which settings are looked for."""
+"""Environment variable, without the prefix of settings."""
 
 SECRET_LENGTH: Final = 16
 LOOK_S: Final = 2.0
-"""Between looks whether Ray has another machine."""
+"""Seconds between checks for new machines of Ray."""
 
 app = typer.Typer(
     help="Run many servers as one service, on Ray (docs/cluster.md).",
@@ -157,8 +157,8 @@ async def _enter(
 async def _covered(
     ray: "RayCluster", settings: Settings, secret: str, go_on: bool
 ) -> AsyncIterator[None]:
-    """Have a node on each of Ray's machines meanwhile, also on those that come."""
-    told = ""  # what was wrong in the last round
+    """Keep a node on each of Ray's machines, also on new ones."""
+    told = ""  # the last round's error
 
     def cover() -> None:
         machines = sorted(ray.machines().items())
@@ -181,7 +181,7 @@ async def _covered(
         nonlocal told
         try:
             await _on_daemon(cover)
-        except Exception as error:  # also of Ray; machines that come later get their nodes
+        except Exception as error:  # also of Ray; later machines get their nodes
             if str(error) != told:
                 log.warning("machines without a node", reason=str(error))
             told = str(error)
@@ -193,7 +193,7 @@ async def _covered(
             await asyncio.sleep(LOOK_S)
             await look()
 
-    with contextlib.suppress(Unavailable):  # the next look tells it
+    with contextlib.suppress(Unavailable):  # the next check reports it
         await _on_daemon(cover)
     task = asyncio.create_task(covering(), name="machines")
     try:
@@ -206,7 +206,7 @@ async def _covered(
 async def _on_daemon(work: Callable[[], None]) -> None:
     """Run on a thread whose end the process does not wait for: Ray may never answer it."""
     done = Future[None]()
-    done.set_running_or_notify_cancel()  # so that nobody cancels what cannot be stopped
+    done.set_running_or_notify_cancel()  # a call that cannot be stopped must not be cancelled
 
     def run_it() -> None:
         try:
@@ -228,7 +228,7 @@ def _plan(
 
 
 def _check_links(settings: Settings, host: str) -> None:
-    """Refuse what would go over a network as plain text. Raises InvalidArgument."""
+    """Refuse plain text over a network. Raises InvalidArgument."""
     if not (settings.peer_tls.cert or settings.insecure_peers or ip_address(host).is_loopback):
         raise InvalidArgument(
             f"nodes on {host} would get people and the cluster's secret over the network as plain "
@@ -239,7 +239,7 @@ def _check_links(settings: Settings, host: str) -> None:
 
 
 def _encrypt_ray(tls: PeerTls) -> None:
-    """Ray's links, the directory's among them, with the same files: before Ray is imported."""
+    """Encrypt Ray's links, the directory's too, with the same files; before Ray is imported."""
     if tls.cert:
         os.environ.setdefault("RAY_USE_TLS", "1")
         os.environ.setdefault("RAY_TLS_SERVER_CERT", str(tls.cert))
@@ -266,7 +266,7 @@ def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
 
 
 def _secret(shared: bool) -> str:
-    """What nodes show each other. Raises InvalidArgument where it must be given and is not."""
+    """The secret that nodes show each other. Raises InvalidArgument if it is missing."""
     given = os.environ.get(SECRET, "")
     if given and len(given) < SECRET_LENGTH:
         raise InvalidArgument(f"{SECRET} has {len(given)} characters; {SECRET_LENGTH} at least")

@@ -1,8 +1,8 @@
 """Compiled rules: numba makes machine code of them, once per machine.
 
-The code is kept where the first of these can be written: NUMBA_CACHE_DIR, beside the sources, the
-user's cache folder. Where none can, it is made anew at every start. It lies in a folder of its own
-for each text of the rule's file: numba itself would take code of another release for this one's, or
+The code is kept in the first of these folders that can be written: NUMBA_CACHE_DIR, beside the
+sources, the user's cache folder. Without one, it is compiled again at every start. Each text of the
+rule's file has its own folder: numba itself would take code of another release for this one's, or
 fail to read it. So a compiled function uses nothing of the project that another file defines.
 """
 
@@ -35,7 +35,7 @@ def compiled(rule: Callable[..., Any]) -> Any:
 
 
 def warm(rule: Any, *arguments: Any) -> None:
-    """Call a compiled rule once before anybody waits for it, and say so where it takes seconds."""
+    """Call a compiled rule once before it is needed, and log it if that takes seconds."""
     folder = rule.stats.cache_path
     if folder is None:
         log.info("compiling a rule; no folder can keep it: set NUMBA_CACHE_DIR", rule=rule.__name__)
@@ -45,7 +45,7 @@ def warm(rule: Any, *arguments: Any) -> None:
 
 
 def _kept_in(file: Path) -> Path | None:
-    """The folder for the code of a file's rules; None: there is none that can be written."""
+    """The folder for the code of a file's rules; None: no folder can be written."""
     text = file.read_bytes() + Path(__file__).read_bytes()
     for base in _bases(file):
         folder = base / f"wayfarer-{sha256(text).hexdigest()[:16]}"
@@ -64,5 +64,5 @@ def _bases(file: Path) -> Iterator[Path]:
     yield file.parent / "__pycache__"
     try:
         yield Path.home() / ".cache"
-    except RuntimeError:  # whoever runs this has no home
+    except RuntimeError:  # the user has no home
         return

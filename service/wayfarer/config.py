@@ -1,8 +1,8 @@
 """All settings: one frozen, validated value, read only by the composition root (serve.py).
 
-The first source that has a setting wins: the command line; the environment
-(`WAYFARER_HTTP_PORT=9000`, nested `WAYFARER_LIMITS__AGENTS=128`); a TOML file (`--config` or
-`WAYFARER_CONFIG`); its default. Unknown keys are errors in every source. In the environment, lists
+The first source that has a setting wins: the command line, the environment
+(`WAYFARER_HTTP_PORT=9000`, nested `WAYFARER_LIMITS__AGENTS=128`), a TOML file (`--config` or
+`WAYFARER_CONFIG`), its default. Unknown keys are errors in every source. In the environment, lists
 are written with commas.
 """
 
@@ -115,7 +115,7 @@ def _signature(name: str) -> str:
 
 
 class PeerTls(BaseModel):
-    """What the nodes and entries of a cluster show each other, beside their secret."""
+    """Certificates that the nodes and entries of a cluster show each other."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -333,5 +333,5 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Only the given values: config_sources.py reads the sources."""
+        """Uses only the given values: config_sources.py reads the sources."""
         return (init_settings,)

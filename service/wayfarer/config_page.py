@@ -1,4 +1,4 @@
-"""Settings as text: what is in force and where it comes from; their JSON schema; their table."""
+"""Settings as text: their values and sources, their JSON schema, their table."""
 
 import json
 from collections.abc import Mapping

@@ -79,7 +79,7 @@ def _told(error: Any) -> tuple[str, str]:
 
 
 def settings_file(named: Path | None = None) -> Path | None:
-    """The file that is read: `named`, or that of the environment. Raises InvalidArgument."""
+    """The settings file: `named`, or that of the environment. Raises InvalidArgument."""
     if named is None and (variable := os.environ.get(FILE_VARIABLE)):
         named = Path(variable)
     if named is not None and not named.is_file():
@@ -111,7 +111,7 @@ def _holds(values: Mapping[str, Any], key: str) -> bool:
 
 
 def _unknown_variables() -> list[tuple[str, str]]:
-    """Names, and a sentence each. pydantic-settings ignores them; a typing error must not pass."""
+    """Names, and a sentence each. pydantic-settings ignores them, but misspelt names must fail."""
     known = {variable(key) for key in (*fields(), *Settings.model_fields)} | {FILE_VARIABLE}
     unknown = sorted(
         key

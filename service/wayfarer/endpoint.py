@@ -1,4 +1,4 @@
-"""Where a process of a service is called."""
+"""The address of a process of a service."""
 
 from dataclasses import dataclass
 

@@ -4,13 +4,13 @@
     ├── InvalidArgument      a value is malformed or outside its range
     ├── NotFound             no such session, agent, body or model
     ├── AlreadyExists        the name is taken
-    ├── FailedPrecondition   right request, wrong moment
+        ├── FailedPrecondition   the request is valid, but not in the present state
     │   └── Unreachable      no way leads there; carries the nearest place that one leads to
     ├── Misdirected          the session lives in another process of this service
-    ├── Aborted              somebody else was quicker: a stale revision, a reused request id
+        ├── Aborted              another caller was quicker: a stale revision, a reused request id
     ├── ResourceExhausted    a limit or a quota is reached
     ├── Unauthenticated      no credentials, or none that hold
-    ├── PermissionDenied     the caller's scopes do not allow it
+    ├── PermissionDenied     the caller's scopes do not allow the call
     ├── Unavailable          starting, draining or overloaded: try again
     ├── ArtifactError        a model or body file does not fit its contract
     └── DataError            a motion file is malformed (carries file and line)
@@ -73,9 +73,7 @@ Quantity = Metres | MetresPerSecond | Heading | Place
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A sentence for people. `parts` are what its `{}` stand for; without parts it has no such
-    places.
-    """
+    """A sentence for people. `parts` replace its `{}`; without parts it contains none."""
 
     pattern: str
     parts: tuple[object, ...] = ()
@@ -109,7 +107,7 @@ class WayfarerError(Exception):
 class InvalidArgument(WayfarerError):
     """A value is malformed or out of range; `field` names it (dotted path).
 
-    `parts`: as of a `Text`.
+    `parts`: as for a `Text`.
     """
 
     def __init__(self, message: str, field: str = "", *parts: object) -> None:
@@ -138,7 +136,7 @@ class FailedPrecondition(WayfarerError):
 class Unreachable(FailedPrecondition):
     """No way leads to the goal; `nearest` (x, y, z) is the closest place that can be reached.
 
-    `parts`: as of a `Text`.
+    `parts`: as for a `Text`.
     """
 
     def __init__(
@@ -148,14 +146,14 @@ class Unreachable(FailedPrecondition):
         *parts: object,
         look: Callable[[], Text | None] = lambda: None,
     ) -> None:
-        """`look`: finds what is in the way; it may take some tenths of a second."""
+        """`look`: finds the barrier; it may take some tenths of a second."""
         self.text = Text(message, parts)
         super().__init__(str(self.text))
         self.nearest = nearest
         self._look = look
 
     def explained(self) -> "Unreachable":
-        """The same, with what is in the way where that can be found."""
+        """The same error, with the barrier if it can be found."""
         why, told = self._look(), self.text
         if why is None:
             return self
@@ -184,7 +182,7 @@ class PermissionDenied(WayfarerError):
 
 
 class ResourceExhausted(WayfarerError):
-    """A limit is reached; `retry_after` seconds may be worth waiting (0: no hope)."""
+    """A limit is reached; retry after `retry_after` seconds (0: waiting does not help)."""
 
     def __init__(self, message: str, retry_after: float = 0.0) -> None:
         super().__init__(message)

@@ -1,8 +1,8 @@
 """Ids that say which slot they belong to, so that several processes can share a service.
 
-An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four are its *slot*,
-which a session and its agents share, and a scene and all its sessions, on every server. Who owns a
-slot owns all that lives in it.
+An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four digits are its
+*slot*. A session shares it with its agents, and a scene with all its sessions, on every server. The
+owner of a slot owns everything in it.
 """
 
 import re
@@ -19,22 +19,22 @@ def any_slot() -> int:
 
 
 def session_id(slot: int) -> str:
-    """A new one, of a session in this slot."""
+    """A new session's id in this slot."""
     return _id("session", slot)
 
 
 def scene_id(slot: int) -> str:
-    """A new one, of a scene in this slot."""
+    """A new scene's id in this slot."""
     return _id("scene", slot)
 
 
 def agent_id(session_id: str) -> str:
-    """A new one, of an agent of the session."""
+    """A new id for an agent of the session."""
     return _id("agent", slot_of(session_id))
 
 
 def slot_of(name: str) -> int:
-    """The slot of a session, scene or agent; 0 for what is no id."""
+    """The slot of a session, scene or agent; 0 for text that is no id."""
     found = _SLOT.match(name)
     return int(found[1], 16) if found else 0
 

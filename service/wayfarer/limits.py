@@ -1,4 +1,4 @@
-"""What clients may ask for: one value from the settings, which all packages use unchanged."""
+"""Limits of requests: one value from the settings, which all packages use unchanged."""
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -6,7 +6,7 @@ from wayfarer.navigation.scene_spec import MAX_MESH_BYTES
 
 
 class Limits(BaseModel):
-    """What a client may ask for; reported by GetServerInfo."""
+    """Limits of a client's requests, reported by GetServerInfo."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

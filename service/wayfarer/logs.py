@@ -1,6 +1,6 @@
 """Log lines of this project and of its libraries: text for people, JSON for machines.
 
-Keys and tokens are removed from every line, wherever they stand in it.
+Keys and tokens are removed from every line, at any place.
 """
 
 import logging
@@ -35,7 +35,7 @@ _SECRETS: Final = re.compile(
 def configure_logging(level: str, form: str, **fields: Any) -> None:
     """Send everything to stderr. `form`: "text", "json", or "auto": text on a terminal.
 
-    `fields` stand in every line.
+    `fields` are part of every line.
     """
     as_json = form == "json" or (form == "auto" and not sys.stderr.isatty())
     shared: list[Any] = [
@@ -79,12 +79,12 @@ def configure_logging(level: str, form: str, **fields: Any) -> None:
 
 
 def is_news(record: logging.LogRecord) -> bool:
-    """Filter: not the trace that grpcio writes when a reader has left while it was sent to."""
+    """Filter without grpcio's trace about a reader that left during a send."""
     return record.name != GRPC or not str(record.msg).startswith("ExecuteBatchError raised in core")
 
 
 def hide_fields(logger: Any, method: str, event: dict[str, Any]) -> dict[str, Any]:
-    """Processor: no value of a field that is a secret by its name."""
+    """Processor that hides values of fields with secret names."""
     return {
         key: HIDDEN if isinstance(key, str) and SECRET_NAMES.search(key) else value
         for key, value in event.items()
@@ -92,7 +92,7 @@ def hide_fields(logger: Any, method: str, event: dict[str, Any]) -> dict[str, An
 
 
 def hide_text(logger: Any, method: str, line: str) -> str:
-    """Last processor: no key or token in a finished line, traces included."""
+    """Last processor: removes keys and tokens from a finished line, traces included."""
     return hidden(line)
 
 

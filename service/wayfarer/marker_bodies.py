@@ -1,4 +1,4 @@
-"""The shipped bodies as the torch core wants them."""
+"""The shipped bodies in the form of the torch core."""
 
 from collections.abc import Sequence
 

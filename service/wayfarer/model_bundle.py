@@ -1,5 +1,5 @@
-"""What ships with the service, checked and opened: bodies, models, start poses; and a world made
-of them that runs without a server, on the caller's clock.
+"""The data that ships with the service, checked and opened: bodies, models and start poses. A world
+made of them runs without a server, on the caller's clock.
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ DEFAULT_MODEL: Final = ASSETS / "models" / "gamma-anny52"
 def load_models(path: Path, body: str = "") -> ModelFolder:
     """A motion model's folder, checked against the `body` that it must be made for.
 
-    By default that is the body which the folder's manifest names. Raises ArtifactError.
+    By default that is the body that the folder's manifest names. Raises ArtifactError.
     """
     body = body or body_name(path)
     try:
@@ -83,7 +83,7 @@ class ModelBundle:
 
     @property
     def has_policy(self) -> bool:
-        """Whether latents can come from a policy; else they come from N(0, I) in any case."""
+        """Whether latents can come from a policy; otherwise they always come from N(0, I)."""
         return "policy.onnx" in self.models.contracts
 
     def world(
@@ -93,11 +93,10 @@ class ModelBundle:
         scenes: SceneRegistry | None = None,
         rules: ActingRules | None = None,
     ) -> World:
-        """A world for `agents` agents that are all stepped at the same moments, in one batch.
+        """A world for `agents` agents, all stepped at the same moments, in one batch.
 
-        `scenes` are those that its sessions may be in; `rules` act after the model, by default all
-        that there are. Raises ArtifactError when the start poses
-        are missing or unfit.
+        `scenes` are those that its sessions may be in. `rules` act after the model; default: all
+        rules. Raises ArtifactError when the start poses are missing or unfit.
         """
         settings = WorldSettings(
             limits=Limits(agents=agents, agents_per_session=agents),

@@ -29,7 +29,7 @@ def read_metadata(path: Path) -> Mapping[str, str]:
 
 @cache
 def _model_type() -> Any:
-    """`ModelProto` with that one field: the parser passes over what it does not know."""
+    """`ModelProto` with that one field: the parser skips unknown fields."""
     file = descriptor_pb2.FileDescriptorProto(
         name="wayfarer/onnx_metadata.proto", package="wayfarer.onnx", syntax="proto2"
     )

@@ -1,4 +1,4 @@
-"""Who owns which session, scene and agent, as one node knows it."""
+"""Owners of sessions, scenes and agents, as known to one node."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -8,40 +8,40 @@ from wayfarer.ids import any_slot
 
 
 class Ownership(Protocol):
-    """Asked on the event loop and on the motion thread for every call and turn: it answers from
-    memory, at once, and from any thread.
+    """The event loop and the motion thread ask it for every call and turn. It answers from memory,
+    at once, and from any thread.
     """
 
     @property
     def own(self) -> Endpoint | None:
-        """Where this node is called; None: at the address that its clients know."""
+        """The address of this node; None: the one that its clients know."""
         ...
 
     @property
     def nodes(self) -> Sequence[Endpoint]:
-        """All that share the sessions, and those that did lately: a page of one that has ended
-        goes on at others.
+        """All nodes that share the sessions, and recent ones: a page of a node that has ended
+        continues at others.
         """
         ...
 
     def endpoint_of(self, name: str) -> Endpoint | None:
-        """Where what has this id lives. None: here, or nowhere that is known."""
+        """The node that owns this id. None: this node, or unknown."""
         ...
 
     def new_key(self) -> int:
-        """The slot for a new session or scene, one that this node owns."""
+        """A slot of this node for a new session or scene."""
         ...
 
     def may_step(self) -> bool:
-        """The node's lease holds: what it owns is nobody else's.
+        """Whether the node's lease holds: it alone owns its slots.
 
-        False: it must neither step nor publish nor change anything. It may become true again only
-        after everything that has another owner by now was released.
+        False: it must not step, publish or change anything. It may become true again only after
+        everything that now has another owner is released.
         """
         ...
 
     def epoch(self, session_id: str) -> int:
-        """Of the ownership of the session's slot: greater with every owner."""
+        """Epoch of the ownership of the session's slot, which grows with every owner."""
         ...
 
 
@@ -52,7 +52,7 @@ class SingleNode:
     nodes: Sequence[Endpoint] = ()
 
     def endpoint_of(self, name: str) -> Endpoint | None:
-        """None: here, or nowhere."""
+        """None: this server, or nowhere."""
         return None
 
     def new_key(self) -> int:

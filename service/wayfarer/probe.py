@@ -24,11 +24,11 @@ def probe(
         ),
     ] = None,
 ) -> None:
-    """Check whether the server with these settings is ready: exit code 0, else 2.
+    """Check whether the server with these settings is ready: exit code 0, otherwise 2.
 
     For health checks of containers and supervisors.
     """
-    # who may call is the service's own business, and may have been said on its command line
+    # the service checks its callers, perhaps by settings of its command line
     typer.echo(status(config_sources.load({"insecure_no_auth": True}, file)))
 
 
@@ -46,7 +46,7 @@ def status(settings: Settings) -> str:
 
 
 def _unverified() -> ssl.SSLContext:
-    """The certificate is for the service's public name, and this is the machine itself."""
+    """No check of the name: the certificate is for the public name, this is the machine itself."""
     context = ssl.create_default_context()
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE

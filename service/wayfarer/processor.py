@@ -1,8 +1,8 @@
 """How many cores the process may use: those of its affinity, or fewer if a quota says so.
 
 A container's quota of processor time (`docker run --cpus`, `resources.limits.cpu` in Kubernetes)
-does not show in the affinity. It is kept by control groups, version 1 or 2, and those above a group
-limit it as well. More threads than that are stopped in the middle of a step.
+does not show in the affinity. Control groups keep it, version 1 or 2, and the groups above a group
+limit it as well. Threads beyond the quota are stopped in the middle of a step.
 """
 
 import os
@@ -38,7 +38,7 @@ def _quotas(root: Path) -> Iterator[float]:
         group = groups.get(version)
         if group is None:
             continue
-        # seen from within a container, a group may not lie below what is mounted
+        # inside a container, a group may not lie below the mounted one
         below = Path(group).relative_to(mounted) if Path(group).is_relative_to(mounted) else Path()
         top = root / point.lstrip("/")
         for folder in (below, *below.parents):
@@ -73,7 +73,7 @@ def _mounts(root: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def _quota(version: int, folder: Path) -> float | None:
-    """Cores that a group's processes may use together; None: as many as there are."""
+    """Cores that a group's processes may use together; None: no limit."""
     if version == 2:
         quota, _, period = _text(folder / "cpu.max").partition(" ")
     else:

@@ -42,12 +42,12 @@ from wayfarer.transport.server_options import ServerOptions
 log = structlog.get_logger(__name__)
 
 SWITCH_SECONDS: Final = 2e-4
-"""GIL switch interval: upper bound on how long a thread that returns from the engine waits for the
-GIL. A call passes through three threads: with the usual 5 ms, handing over would take longer than
+"""GIL switch interval, seconds: longest wait for the GIL of a thread that returns from the engine.
+A call passes through three threads; with the usual 5 ms, handing over would take longer than
 computing."""
 
 M_ARENA_MAX: Final = -8
-"""Of glibc's malloc.h."""
+"""Constant of glibc's malloc.h."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -64,7 +64,7 @@ async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bo
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
     As a node of several (`plan`), or as the whole server. Raises Unavailable when the motion loop
-    has failed for good, so that whatever watches the process starts it again.
+    has failed for good, so that a supervisor restarts the process.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
     share_heaps()
@@ -103,7 +103,7 @@ async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bo
             else:
                 announce(settings, server.http_url, server.grpc_address, shows_page)
             await stop.wait()
-            if plan is None:  # a node is told more than once that it shall end
+            if plan is None:  # a node receives several signals to end
                 for sign in SIGNALS:
                     loop.remove_signal_handler(sign)  # one more ends the process at once
             log.info("draining", streams=gateway.streams)
@@ -116,7 +116,7 @@ async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bo
 
 
 def warn_if_open(settings: Settings) -> None:
-    """Say so when anybody may call from elsewhere."""
+    """Warn when other machines may call without authentication."""
     if not (settings.is_loopback or settings.has_auth):
         log.warning("reachable from other machines without authentication", host=settings.host)
 
@@ -124,10 +124,10 @@ def warn_if_open(settings: Settings) -> None:
 def share_heaps() -> None:
     """Let threads share one heap per core.
 
-    glibc makes up to eight, and what is freed stays there: 45 MB with OpenVINO on two cores.
+    glibc makes up to eight, and they keep freed memory: 45 MB with OpenVINO on two cores.
     """
     if "MALLOC_ARENA_MAX" in os.environ:
-        return  # it was asked for otherwise
+        return  # the environment sets it
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
         libc.mallopt(M_ARENA_MAX, cores())
 
@@ -146,10 +146,10 @@ def settle() -> None:
 def announce(
     settings: Settings, http_url: str, grpc_address: str, shows_page: bool = False
 ) -> None:
-    """Say where the service is: to a person on a terminal, else to the log. `shows_page`: open the
-    viewer in a browser, too.
+    """Report the addresses of the service, to a person on a terminal or to the log. `shows_page`:
+    open the viewer in a browser, too.
     """
-    if shows_page:  # beside: a browser in a terminal returns when it is closed
+    if shows_page:  # in a thread: a browser in a terminal returns when it is closed
         threading.Thread(target=show_page, args=(f"{http_url}/",), daemon=True).start()
     model = Path(settings.model).name
     if not sys.stdout.isatty():
@@ -166,7 +166,7 @@ def announce(
 
 
 def show_page(url: str) -> None:
-    """Open it in the browser of whoever sits there; say so where there is none."""
+    """Open the viewer in the user's browser; log it if there is none."""
     if not webbrowser.open(url):
         log.warning("there is no browser to open; open the page by hand", page=url)
 
@@ -194,7 +194,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def given_options(options: dict[str, Any]) -> dict[str, Any]:
-    """The settings that were given as options, as their sources have them."""
+    """The settings given as options."""
     given = {name: value for name, value in options.items() if value is not None}
     if "keys_file" in given:
         given["auth"] = {"keys_file": given.pop("keys_file")}
@@ -254,7 +254,7 @@ def node_command() -> None:
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:
-    """Run on an event loop of its own."""
+    """Run on its own event loop."""
     try:
         import uvloop
     except ImportError:  # Windows has none

@@ -17,7 +17,7 @@ SEED_FRAMES: Final = 2
 """Frames that a primitive shares with the one before, as served (the 2-frame model)."""
 
 NEW_FRAMES: Final = PRIMITIVE_FRAMES - SEED_FRAMES
-"""Frames that a step brings: 8, hence `STEP_SECONDS` of real time."""
+"""New frames of a step: 8, or `STEP_SECONDS` of real time."""
 
 STEP_SECONDS: Final = NEW_FRAMES / FPS
 """Real time covered by one step: an agent is stepped every 0.2 s."""

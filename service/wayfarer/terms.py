@@ -18,11 +18,11 @@ TERMS: Final = (
     "stillness",  # m/s, mean speed of all markers
     "feet_apart",  # m, horizontal distance of the ankles along the facing direction, last frame
     "seam",  # m/s, mean change of the markers' velocity from the seed to the first new frame
-    "clearance",  # m, how far the body comes into the margin around obstacles and other people
+    "clearance",  # m, depth of the body in the margin around obstacles and other people
 )
 
 TOLD: Final = TERMS[:-1]
-"""Terms whose weights are inputs of the policy, which does not see what is near an agent."""
+"""Terms whose weights are inputs of the policy, which does not see obstacles."""
 
 CLEARANCE: Final = 10.0
 """The weight of "clearance", whatever an agent is doing."""

@@ -1,4 +1,4 @@
-"""Nothing comes through clothes: neither skin nor what is worn beneath, at rest and in a walk."""
+"""Nothing comes through clothes, neither skin nor inner clothes, at rest and in a walk."""
 
 import json
 from pathlib import Path
@@ -18,8 +18,8 @@ WALK = json.loads((Path(__file__).parent.parent / "golden/walk.json").read_text(
 FRAMES = (5, 20, 26, 33, 50)
 COVERED_M = 0.08  # from skin to the cloth over it
 THROUGH_M = (0.004, 0.025)  # outside the cloth: by less it is not seen
-BENEATH = {TROUSERS: (SHIRT, JACKET), SHIRT: (JACKET, SKIRT)}  # what is over them …
-OVERALLS = {SHIRT: (TROUSERS,)}  # … but their shirt is below their trousers
+BENEATH = {TROUSERS: (SHIRT, JACKET), SHIRT: (JACKET, SKIRT)}  # covers of each region
+OVERALLS = {SHIRT: (TROUSERS,)}  # except that their shirt is below their trousers
 
 
 def poses(body):
@@ -52,7 +52,7 @@ def first(points, ways, triangles, reach):
 
 
 def through(stands, faces, cover):
-    """How many vertices of faces come through a cover, of those under it at rest, per pose."""
+    """Number of vertices under a cover at rest that come through it, per pose."""
     used = np.unique(faces)
     counts = []
     for places in stands:

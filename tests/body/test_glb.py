@@ -25,7 +25,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 def read(document, index):
-    """Values of an accessor [n, width], as the standard says."""
+    """Values of an accessor [n, width], by the standard."""
     accessor = document.accessors[index]
     view = document.bufferViews[accessor.bufferView]
     dtype, width = COMPONENTS[accessor.componentType], WIDTHS[accessor.type]
@@ -61,7 +61,7 @@ def world_matrices(document, translations, rotations):
 
 
 def values(document, attribute):
-    """Of all primitives, end to end [V, width]."""
+    """Values of all primitives, end to end [V, width]."""
     primitives = document.meshes[0].primitives
     return np.concatenate([read(document, getattr(p.attributes, attribute)) for p in primitives])
 

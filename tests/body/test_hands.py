@@ -1,4 +1,4 @@
-"""Fingers at rest are curled a little, like those of a hand that hangs."""
+"""Fingers at rest are curled a little, like those of a hanging hand."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def gender(request):
 
 
 def modelled(gender):
-    """The turns of the body's file: fingers as they are modelled."""
+    """The turns in the body's file: fingers as modelled."""
     return load_arrays(body_file("anny52", gender))["bind_to_rest"].astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Cutting a body along the hems changes what its triangles wear, and nothing of its form."""
+"""Cutting a body along the hems changes its triangles' garments, and not its form."""
 
 from collections import Counter
 

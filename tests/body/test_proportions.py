@@ -20,7 +20,7 @@ def joints_of(gender: str, betas) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("gender", GENDERS)
 @pytest.mark.parametrize("seed", range(8))
 def test_our_own_bodies_come_back(gender, seed):
-    """Legs within 7 mm, the rest within 2 cm; what joints do not show is average."""
+    """Legs within 7 mm, the rest within 2 cm; the rest is average."""
     betas = np.clip(np.random.default_rng(seed).normal(size=10), -2.5, 2.5)
     joints = joints_of(gender, betas)
     found = fit_betas(joints, floor=0.0, gender=gender)

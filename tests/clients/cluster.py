@@ -1,4 +1,4 @@
-"""An entry with two nodes, for clients that are programs of their own."""
+"""An entry with two nodes, for clients that are separate programs."""
 
 import asyncio
 import contextlib
@@ -11,7 +11,7 @@ from tests.cluster.local import LocalCluster
 
 
 class RunningCluster:
-    """A `LocalCluster` in a thread of its own; a context manager."""
+    """A `LocalCluster` in its own thread; a context manager."""
 
     def __enter__(self):
         self._loop = asyncio.new_event_loop()
@@ -41,11 +41,11 @@ class RunningCluster:
         return {f"http://127.0.0.1:{node.node.http_port}": node.node.name for node in status.nodes}
 
     def kill(self, url):
-        """The node at this address, at once; it is started again elsewhere."""
+        """Kill the node at this address at once; it is restarted at another address."""
         os.kill(self._cluster.keeper(self.nodes()[url]).pid, signal.SIGKILL)
 
     def until_replaced(self, url):
-        """Another node has been started in place of the killed one at this address."""
+        """Wait until another node replaces the killed one at this address."""
         self._call(self._until_replaced(url))
 
     async def _until_replaced(self, url):
@@ -54,7 +54,7 @@ class RunningCluster:
 
     @contextlib.contextmanager
     def drained_meanwhile(self):
-        """The node of the first agent that comes is drained; its session moves to the other one."""
+        """Drain the node of the first agent that comes; its session moves to the other one."""
         with ThreadPoolExecutor() as pool:
             done = pool.submit(self._call, self._drain())
             yield

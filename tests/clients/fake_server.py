@@ -1,4 +1,4 @@
-"""A gRPC server that answers as the test says: for what a real one does only now and then."""
+"""A gRPC server with answers from the test, for rare behaviour of a real one."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Godot 4 of Debian unstable, with the libraries that it needs, in a folder of its own: nothing of the system is
+# Godot 4 of Debian unstable, with the libraries that it needs, in a separate folder: nothing of the system is
 # changed. Usage: get_godot.sh FOLDER; then FOLDER/godot is the engine (about 160 MB to load). Needs Debian's apt.
 set -euo pipefail
 folder=$(mkdir -p "${1:?Usage: get_godot.sh FOLDER}" && cd "$1" && pwd)

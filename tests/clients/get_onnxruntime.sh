@@ -1,7 +1,7 @@
 #!/bin/bash
-# Headers of ONNX Runtime from Debian 13, in a folder of its own: nothing of the system is changed, and the library is
+# Headers of ONNX Runtime from Debian 13, in a separate folder: nothing of the system is changed, and the library is
 # that of the pip package. Usage: get_onnxruntime.sh FOLDER; then FOLDER/include has onnxruntime_c_api.h (100 kB to
-# load, besides Debian's list of packages). Needs Debian's apt.
+# load, in addition to Debian's list of packages). Needs Debian's apt.
 set -euo pipefail
 folder=$(mkdir -p "${1:?Usage: get_onnxruntime.sh FOLDER}" && cd "$1" && pwd)
 if [ -e "$folder/include/onnxruntime_c_api.h" ]; then exit; fi

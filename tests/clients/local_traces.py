@@ -1,4 +1,4 @@
-"""What the server sends to some people by some commands: ports of its rules are held to that."""
+"""Traces of the server for some people and commands, to check ports of its rules."""
 
 from dataclasses import replace
 from typing import Any
@@ -45,7 +45,7 @@ def traced(
     seconds: float = SECONDS,
     avoid: bool = True,
 ) -> dict:
-    """What a world of the server sends to these people with these commands, one candidate."""
+    """The chunks of a world of the server for these people and commands, one candidate."""
     settings = WorldSettings(steering=Steering().with_search(candidates=1), phases=1)
     engine, scenes = OnnxEngine(load_models(DEFAULT_MODEL), 1), SceneRegistry()
     poses = load_start_poses(START_POSES)
@@ -99,7 +99,7 @@ def traced(
 
 
 def both_ways() -> dict[str, Any]:
-    """Everybody is there twice: with foot lock and postures, and as the model moves them.
+    """Each person occurs twice: with foot lock and postures, and as the model moves it.
 
     They walk through each other: the C++ core has no avoidance.
     """

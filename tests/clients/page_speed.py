@@ -1,9 +1,9 @@
 """Times of the web client in Chromium: `python -m tests.clients.page_speed [DEMO]`.
 
 The core: 64 agents are decoded, sampled and put on characters, 60 pictures a second. With DEMO, a
-folder that `make demo` has written, also people who walk without a server: how soon they are there
-at the first visit and at later ones, from the browser's cache, and what 30 and 50 of them take.
-But for the visits, CPU time of the page's threads is counted; nothing is drawn.
+folder that `make demo` has written, also people who walk without a server: the time until they are
+there at the first visit and at later ones, from the browser's cache, and the load of 30 and 50 of
+them. Except for the visits, CPU time of the page's threads is counted; nothing is drawn.
 """
 
 import functools
@@ -73,7 +73,7 @@ def core(page: Page) -> str:
 
 
 def local(page: Page, folder: Path) -> Iterator[str]:
-    """How soon people are there, and what 30 and 50 of them take."""
+    """Time until people are there, and the load of 30 and 50 of them."""
     page.call("Page.addScriptToEvaluateOnNewDocument", source=NO_DRAWING)
     page.call("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
     with serving(folder) as url:
@@ -86,10 +86,10 @@ def local(page: Page, folder: Path) -> Iterator[str]:
 
 
 def visit(page: Page, url: str) -> str:
-    """How soon people are there, by the clock and in CPU time of the page and its workers."""
+    """Time until people are there, by the clock and in CPU time of the page and its workers."""
     page.call("Page.navigate", url=f"{url}/bodies/looks.json")  # of this origin: the process stays
     main = main_thread(page)
-    before, others = cpu_ms(main), worker_threads(main)  # of pages that can be gone back to
+    before, others = cpu_ms(main), worker_threads(main)  # of pages in the browser's history
     page.call("Page.navigate", url=url)
     page.wait_for("globalThis.thereAt", 120)
     workers = [worker for worker in worker_threads(main) if worker not in others]
@@ -103,7 +103,7 @@ def visit(page: Page, url: str) -> str:
 
 
 def work(page: Page, main: Path) -> str:
-    """What the people of the demo take."""
+    """The load of the demo's people."""
     time.sleep(5)  # they have set off
     workers = worker_threads(main)
     count, before = page.evaluate("demo.people.size"), page.evaluate("demo.session.figures()")

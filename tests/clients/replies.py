@@ -1,4 +1,4 @@
-"""What a stand-in server replies: streams, control, sessions."""
+"""Replies of a stand-in server: streams, control, sessions."""
 
 import grpc
 
@@ -24,7 +24,7 @@ HEARTBEAT = motion_pb2.StreamMotionResponse(heartbeat=motion_pb2.Heartbeat())
 
 
 def resumed() -> motion_pb2.StreamMotionResponse:
-    """The header of a stream that goes on."""
+    """The header of a stream that continues."""
     header = motion_pb2.StreamMotionResponse()
     header.CopyFrom(HEADER)
     header.header.resumed = True

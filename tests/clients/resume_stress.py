@@ -4,7 +4,7 @@
 
 starts a server, a relay before it that resets each connection after a random time, and readers:
 the Python client over gRPC and the web client over WebSocket (Node). Each counts the sequence
-numbers of every agent's chunks. `--busy`: processes that only burn CPU beside them.
+numbers of every agent's chunks. `--busy`: processes that only burn CPU meanwhile.
 """
 
 import argparse
@@ -159,7 +159,7 @@ async def run(service: Service, given: argparse.Namespace) -> list[dict[str, obj
 
 
 def main() -> int:
-    """Print a line per client; 1 when a chunk was lost or came twice."""
+    """Print a line per client; returns 1 when a chunk was lost or came twice."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cuts", type=int, default=100, help="connections to reset, per client")
     parser.add_argument("--agents", type=int, default=16)

@@ -2,8 +2,8 @@
 
     python -m tests.clients.rig_errors [--walk CLIP.npz] [CHARACTER.glb ...]
 
-prints a row for each rig of tests/golden (made here, and made by others), or for each GLB or VRM
-file that is named. The walk is tests/golden/walk.json, or an npz file of `wayfarer generate`.
+prints a row for each rig of tests/golden (made here and by others), or for each named GLB or VRM
+file. The walk is tests/golden/walk.json, or an npz file of `wayfarer generate`.
 The figures come from joint places and rotations, with the soles that retargeting assumes; the
 viewer's tests measure the skin (tests/viewer/watch_character.js).
 """
@@ -84,21 +84,21 @@ class Errors:
     """Extremes over a walk on level ground."""
 
     foot_height: float
-    """Metres that the lowest point of a standing foot is off the height of the agent's, scaled."""
+    """Difference of a standing foot's lowest point from the agent's scaled height, metres."""
     slide: float
-    """Metres that the ball of a standing foot moves from where it began to stand, more than the
-    agent's own does."""
+    """Movement of a standing foot's ball from where it began to stand, beyond the agent's own,
+    metres."""
     hips: float
-    """Share that the height of the middle of the thigh joints is off the agent's, scaled."""
+    """Difference of the thigh joints' middle from the agent's scaled height, as a share."""
     arms: float
     legs: float
     """Degrees between the directions of a limb and the agent's. Legs bend to reach the print."""
     upright: float
-    """Cosine of the trunk's direction (hips to head, else chest) and the agent's: flips show."""
+    """Cosine of the trunk's direction (hips to head, or chest) and the agent's: shows flips."""
 
 
 def errors(retarget: Retarget, walk: Walk) -> Errors:
-    """Of a character in the glTF basis."""
+    """Errors of a character in the glTF basis."""
     feet, slides, hips, upright = [0.0], [0.0], [0.0], [1.0]
     arms, legs = [0.0], [0.0]
     began: dict[int, Array] = {}
@@ -131,7 +131,7 @@ def errors(retarget: Retarget, walk: Walk) -> Errors:
 
 
 def _sole(foot: Sole, ankle: Array, toe: Array) -> tuple[float, Array]:
-    """Height of the lowest point of a foot over its ankle, and the ball from the ankle; by the
+    """Height of the lowest point of a foot over its ankle, and the ball relative to the ankle, for
     turns of ankle and toes.
     """
     points = [rotate(ankle, point) for point in foot.fixed]
@@ -145,7 +145,7 @@ def _angle(a: Array, b: Array) -> float:
 
 
 def rigs(files: Sequence[Path] = ()) -> dict[str, BoneMap]:
-    """Those of the files, else of tests/golden."""
+    """The rigs of the files, or of tests/golden."""
     if files:
         return {file.stem: Character.read(file).bones for file in files}
     made = {case.name: map_bones(case.rig, case.humanoid) for case in cases() if case.gltf}

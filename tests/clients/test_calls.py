@@ -1,4 +1,4 @@
-"""Calls of the Python client: what they send, what becomes of replies and refusals."""
+"""Calls of the Python client: requests, replies and refusals."""
 
 import asyncio
 import math
@@ -140,7 +140,7 @@ async def test_administration(server, client):
 
 
 def test_sync_client_steps_and_streams():
-    """In a program without an event loop; the fake runs in a loop of its own."""
+    """In a program without an event loop; the fake runs in its own loop."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()

@@ -100,7 +100,7 @@ def test_bones_are_where_retargeting_puts_them(name):
     for frame in (0, 5, 11):
         pose = retarget.pose(HIPS[frame], TURNS[frame])
         found = world_of(document, binary, frame)
-        # both in the character's own axes: how far each bone is from the hips
+        # both in the character's own axes: distance of each bone from the hips
         hips = found[rig.nodes[retarget.nodes[0]].name]
         for bone, place in pose.places.items():
             own = found[rig.nodes[retarget.nodes[bone]].name]

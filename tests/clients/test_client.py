@@ -150,7 +150,7 @@ async def test_errors_have_the_servers_words(client):
 
 def test_every_status_of_the_server_has_its_class():
     for kind, code in server_errors.TABLE.items():
-        # two that share their status with another: their reason tells them apart
+        # two errors share their status: their reason distinguishes them
         special = {"Misdirected": wf.Misdirected, "Unreachable": wf.Unreachable}
         known = special.get(kind.__name__, CLASSES[code.grpc])
         assert known.__name__ == kind.__name__ and issubclass(known, CLASSES[code.grpc])

@@ -54,7 +54,7 @@ async def test_control_comes_back_and_commands_under_way_fail(server, client):
     session = await client.create_session()
     server.scripts["Control"] = [
         [ASKED, moved(HEADER), moved(batch("t0")), ASKED, GONE],
-        # to the last ack: to write on a call that has ended makes an error of its end (grpc.aio)
+        # to the last ack: a write on an ended call turns its end into an error (grpc.aio)
         [ASKED, moved(resumed()), ASKED, replied(revision=2), moved(batch("t1")), ASKED, ASKED],
     ]
     async with session.control() as control:

@@ -1,4 +1,4 @@
-"""The C++ client: its own tests under two compilers, and what a user gets of it."""
+"""The C++ client: its own tests under two compilers, and its use by a user."""
 
 import contextlib
 import os
@@ -82,7 +82,7 @@ def test_its_own_tests_pass(compiler):
 
 
 class Relay:
-    """Speaks TLS to a client and passes all on to a server; breaks the first stream on its way."""
+    """Speaks TLS to a client and forwards everything to a server; breaks the first stream."""
 
     def __init__(self, server: str, folder: Path) -> None:
         authority = Authority(folder)

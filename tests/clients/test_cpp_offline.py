@@ -1,8 +1,8 @@
 """clients/cpp/local: people walk without a server, in C++, as on the server and in the browser.
 
-The trace of the server that local mode of the web client is held to is walked in C++ on an export
-for engines: three people, 30 s, with foot lock and postures and without. The JavaScript port then
-takes the trace of the C++ one as the one to follow, on the same export.
+The trace of the server that checks local mode of the web client is walked in C++ on an export for
+engines: three people, 30 s, with foot lock and postures and without. The JavaScript port then
+follows the trace of the C++ port, on the same export.
 """
 
 import csv
@@ -59,7 +59,7 @@ def exported(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def programs(tmp_path_factory):
-    """Built as its CMakeLists.txt tells, with the library of the pip package."""
+    """Built as its CMakeLists.txt describes, with the library of the pip package."""
     folder = tmp_path_factory.mktemp("build")
     (folder / "libonnxruntime.so.1").symlink_to(LIBRARY)  # the name that it is linked by
     said = [
@@ -77,13 +77,13 @@ def programs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn():
-    """What the server sends."""
+    """The chunks of the server."""
     return both_ways()
 
 
 @pytest.fixture(scope="module")
 def walked(programs, exported, drawn, tmp_path_factory):
-    """A file with the same commands, and what this program does by them."""
+    """A file with the same commands, and this program's results."""
     folder = tmp_path_factory.mktemp("traces")
     (folder / "server.json").write_text(json.dumps(drawn))
     out = run(programs / "trace", exported, folder / "server.json")
@@ -108,7 +108,7 @@ def test_its_trace_is_the_servers(drawn, walked):
         LOG.info("%d: hips %.4f mm, turns %.1e", person, 1000 * off, turned)
         assert off < 1e-3 and turned < 1e-3
         others = sum(a["contacts"] != b["contacts"] for a, b in zip(own, theirs, strict=True))
-        assert others <= 1  # by thresholds that the last digit may cross
+        assert others <= 1  # the last digit may cross thresholds
 
 
 def apart(own: list[dict], theirs: list[dict], name: str) -> float:

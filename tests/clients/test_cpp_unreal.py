@@ -1,4 +1,4 @@
-"""The Unreal plug-in, compiled and run against stub headers: there is no Unreal here."""
+"""The Unreal plug-in, compiled and run against stub headers: Unreal itself is missing."""
 
 import json
 import re
@@ -37,7 +37,7 @@ def test_it_compiles_and_puts_bones_where_the_traces_have_them(tmp_path):
         CORE / "src",
         CORE / "tests",
     ]
-    # together, as Unreal's build tool does it, but for the core, which must not meet the engine
+    # together, as by Unreal's build tool, except for the core, which must not see the engine
     code = [path for path in sources if path.suffix == ".cpp" and path.name != "WayfarerCore.cpp"]
     together = tmp_path / "together.cpp"
     together.write_text(

@@ -1,4 +1,4 @@
-"""What the Python client shows of who it is, and whom it trusts."""
+"""Credentials that the Python client shows, and certificates that it trusts."""
 
 import grpc
 import pytest

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(
     not (shutil.which("curl") and find_chromium()), reason="needs curl and Chromium"
 )
 
-# The page reads the stream with the modules that the server itself hands out.
+# The page reads the stream with the modules that the server itself provides.
 FOLLOW = """
 (async () => {
   const { StreamDecoder, unpackPoses } = await import("/client/index.js");
@@ -88,7 +88,7 @@ def test_session_agents_goals_stream_goal_change_resume(real_server, page):
     assert [chunk["seq"] for chunk in walked["chunks"]] == list(range(len(walked["chunks"])))
     assert {chunk["goalRevision"] for chunk in walked["chunks"]} <= {0, 1}
 
-    # another goal while nobody listens: a stale one is refused, a good one taken
+    # another goal without listeners: a stale one is refused, a good one accepted
     place = {"position": {"x": 0.3, "y": 0, "z": walked["chunks"][-1]["last"][2] + 0.8}}
     status, problem = curl("PUT", f"{goal}?expected_revision=0", place)
     assert status == 409 and "revision 1" in problem["detail"]

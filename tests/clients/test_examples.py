@@ -1,4 +1,4 @@
-"""The examples of the Python client's README, as they stand there, against the real server."""
+"""The examples of the Python client's README, as written, against the real server."""
 
 import re
 import signal
@@ -90,7 +90,7 @@ def test_the_readme_names_what_there_is():
     for row in filter(None, table.splitlines()[2:]):
         calls = re.findall(r"`([^`]+)`", row.split("|")[1])
         owner = None
-        for call in calls:  # the first of a row says whose they are
+        for call in calls:  # the first call of a row names their object
             prefix, _, name = call.partition("(")[0].rpartition(".")
             owner = owners[prefix] if prefix else owner
             assert hasattr(owner, name), call

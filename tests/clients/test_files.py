@@ -85,7 +85,7 @@ def test_people_who_come_and_go_are_recorded_with_their_scene(client):
 
 
 def test_a_recorded_session_from_its_beginning(client):
-    """Who comes later stands in its first frame until then."""
+    """A person that comes later stands in its first frame until then."""
     with client.create_session(record=True) as session:
         session.create_agents(wf.AgentSpec(name="Ada"))
         time.sleep(1.0)

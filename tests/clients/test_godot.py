@@ -22,7 +22,7 @@ with_godot = pytest.mark.skipif(
 
 
 def godot(*arguments: str, project: Path, seconds: int = 200) -> str:
-    """What it said. A script that breaks does not end the engine, but says so."""
+    """Its output. A broken script does not end the engine, but reports it."""
     done = subprocess.run(
         [str(GODOT), "--headless", "--max-fps", "60", "--path", str(project), *arguments],
         capture_output=True,

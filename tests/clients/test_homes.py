@@ -1,4 +1,4 @@
-"""Where the Python client calls next: the cases of every client."""
+"""Routes of the Python client: the cases of every client."""
 
 import json
 from pathlib import Path

@@ -72,7 +72,7 @@ def clock():
     return made
 
 
-DELAY = 0.35  # of a stream of which nothing is known yet
+DELAY = 0.35  # of a stream without history
 
 
 @given(st.floats(0.0, 0.2))
@@ -131,9 +131,9 @@ def test_after_a_late_chunk_it_plays_later(clock):
     buffer.sample(clock.now)
     before = buffer.delay
     clock.now = START + 0.6
-    buffer.push(Batch(START + 0.6, ()))  # what is sent comes at once …
+    buffer.push(Batch(START + 0.6, ()))  # batches come at once,
     clock.now = START + 0.8
-    buffer.push(Batch(START + 0.8, (frames(1),)))  # … but this chunk was made late
+    buffer.push(Batch(START + 0.8, (frames(1),)))  # but this chunk was made late
     for elapsed in np.arange(0.8, 12, 1 / 30):
         clock.now = START + elapsed
         buffer.sample()

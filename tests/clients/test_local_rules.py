@@ -1,4 +1,4 @@
-"""Local mode in JavaScript and in C++, rule by rule: the server's, where no trace leads."""
+"""Local mode in JavaScript and in C++, rule by rule, against the server: beyond the traces."""
 
 import json
 import logging
@@ -35,14 +35,14 @@ from wayfarer.world.stepping.righting import Step, righted
 LOG = logging.getLogger(__name__)
 CPP = Path(__file__).parents[2] / "clients" / "cpp"
 Port = Callable[[str, Path], Any]
-"""What a port makes of the rows in a file, by one of random, guards, righting and rules."""
+"""A port's results for the rows in a file, by one of random, guards, righting and rules."""
 
 
 @pytest.fixture(scope="module")
 def cpp(tmp_path_factory) -> Port:
     """The C++ port, compiled without CMake; undefined behaviour ends it.
 
-    By clang, which takes half of the time.
+    Compiled by clang, in half of the time.
     """
     if not shutil.which("clang++") or not Path("/usr/include/nlohmann/json.hpp").exists():
         pytest.skip("needs clang and nlohmann-json3-dev")
@@ -89,7 +89,7 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(port, tmp_path):
 
 
 def test_guards_repair_as_the_servers_do(port, tmp_path):
-    """Steps that no body takes: twisted and overbent knees, falls."""
+    """Impossible steps: twisted and overbent knees, falls."""
     rng = np.random.default_rng(3)
     bodies, poses = load_bodies("anny52"), load_start_poses(START_POSES)
     stands = [Spawner(bodies, poses).stand(AgentSpec(noise_seed=k)) for k in range(12)]
@@ -146,7 +146,7 @@ def test_guards_repair_as_the_servers_do(port, tmp_path):
 
 
 def test_leaning_people_straighten_up_as_on_the_server(port, tmp_path):
-    """All modes, leans of both sides of the bounds, in all directions."""
+    """All modes, leans on both sides of the bounds, in all directions."""
     count, rng = 60, np.random.default_rng(8)
     bends = np.radians(12) * rng.normal(size=(count, NEW_FRAMES, POSED_JOINTS, 3))
     bends[: count // 3] *= 0.2
@@ -174,7 +174,7 @@ def test_leaning_people_straighten_up_as_on_the_server(port, tmp_path):
 
 
 def random_gaits(count: int) -> tuple[Gait, Seeds, GoalColumns, np.ndarray]:
-    """People who do anything near a goal of any kind, a tenth without one; and who is ready."""
+    """People in any state near a goal of any kind, a tenth without one; whether each is ready."""
     rng = np.random.default_rng(6)
 
     def some(share: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the Python client does when connections are lost, servers refuse, and others are quicker."""
+"""The Python client under lost connections, refusals, and quicker clients."""
 
 import asyncio
 
@@ -48,7 +48,7 @@ async def test_a_gap_is_told(server, client):
     assert (gap.events[0].kind, gap.events[0].detail) == ("gap", "3.2 s are lost")
     assert gap.events[0].at == 2.0 and gap.events[0].agent is None
     assert later.frames[0].flags == wf.Flag.GAP
-    assert len(later.added) == 1  # the stream began anew: agents are introduced again
+    assert len(later.added) == 1  # the stream began again: agents are introduced again
 
 
 async def test_events_name_their_agent(server, client):
@@ -202,7 +202,7 @@ async def test_other_calls_are_not_sent_again(server, client):
     assert len(server.asked("SetGoal")) == 1
 
 
-# refusals for now
+# temporary refusals
 
 
 def busy(seconds: float) -> Refusal:
@@ -268,7 +268,7 @@ async def test_the_synchronous_client_comes_again(server):
     assert len(server.asked("SetGoal")) == 2
 
 
-# what is wrong before anything is sent
+# errors before anything is sent
 
 
 @pytest.mark.parametrize("place", [(1.0, 2.0), (), (1, 2, 3, 4), [1.0]])

@@ -1,4 +1,4 @@
-"""The Unity package: complete as Unity wants it, and its code under mono."""
+"""The Unity package: complete for Unity, and its code under mono."""
 
 import json
 import re

@@ -1,6 +1,6 @@
 """Local mode of the web client: people walk in a page, or in Node, as the server lets them walk.
 
-The server draws a trace with the same seeds and one candidate; the port is held to it frame by
+The server draws a trace with the same seeds and one candidate. The port must follow it frame by
 frame, with its clean-up rules (foot lock, postures) and without. In Chromium ten people walk to
 goals with the web server shut down.
 """
@@ -43,7 +43,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    """What `make demo` writes, where onnx is installed and torch is not."""
+    """The output of `make demo`, with onnx and without torch."""
     pytest.importorskip("onnx", reason="needs onnx: pip install './lab[engines]'")
     out = tmp_path_factory.mktemp("demo")
     command = (
@@ -78,14 +78,14 @@ def test_frames_are_the_servers(exported, tmp_path):
 
 
 def test_a_model_that_fails_is_told(exported):
-    """People who are not moved any more do not stand there as if nothing had happened."""
+    """When people can no longer be moved, that is reported."""
     said = json.loads(node("local_failure.js", exported))
     assert said == [{"kind": "failed", "reason": "the graph cannot be run"}]
 
 
 def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, tmp_path):
-    """Two meet between boxes, one crosses and goes around one who stands, one more goes where that
-    one goes: few, as each decision may hang on a last digit.
+    """Two meet between boxes, one crosses and walks around a standing one, one shares the goal of
+    another: few people, since each decision may depend on a last digit.
     """
     places = [((-4, 0.2), 0.0), ((4, 0), 3.1), ((3, -4), 1.6), ((-3, 5), 0.0), ((2.1, -1.4), 1.0)]
     specs = [
@@ -110,7 +110,7 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
         assert person["chunks"][0] == person["chunks"][1] == len(chunks) > 0
         assert person["hips"] < 1e-3 and person["otherStates"] == 0
     for chunks, (_, who, goals) in zip(told["chunks"][:-1], commands, strict=True):
-        end = np.array(chunks[-1]["translation"][-3:-1])  # they have got there, not only alike
+        end = np.array(chunks[-1]["translation"][-3:-1])  # they have arrived, not only agreed
         off = np.hypot(*(end - [goals[-1]["x"], goals[-1]["y"]]))
         assert off < (1.0 if who > 1 else 0.5)  # two of them share a goal
 
@@ -192,7 +192,7 @@ PLACES = "[...session.agents.values()].map(({ frame }) => [...frame.subarray(0, 
 
 @needs_chromium
 def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
-    """Up to 50 wander, and a character that is dropped; a click sends the nearest one, who gets
+    """Up to 50 wander, and a character that is dropped; a click sends the nearest one, which gets
     there, with the host shut down.
     """
     files = functools.partial(_Quiet, directory=str(demo))
@@ -210,7 +210,7 @@ def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
             " && [...demo.people.values()].every(({ body }) => body)",
             120,
         )
-        # a click that comes while the one before is at work does nothing
+        # a click has no effect while the previous one is running
         page.wait_for("demo.people.size < 50 || document.querySelector('#fewer').click()", 60)
         page.drop(MANNEQUIN, 500, 400)
         page.wait_for("document.querySelector('#state').textContent.includes(' walks, and')", 60)

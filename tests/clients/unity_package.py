@@ -1,4 +1,4 @@
-"""The Unity package: what Unity needs to know of its files, and its assemblies.
+"""The Unity package: metadata of its files for Unity, and its assemblies.
 
 `python -m tests.clients.unity_package` writes the .meta files of new files, and notes their GUIDs
 in unity_guids.txt. Users' scenes refer to scripts by GUID: it never changes one. Move a .meta file
@@ -58,13 +58,13 @@ def guid_of(meta: Path) -> str:
 
 
 def listed() -> dict[str, str]:
-    """Path of an asset → its GUID, for ever."""
+    """Path of an asset → its permanent GUID."""
     rows = (line.split(maxsplit=1) for line in LIST.read_text().splitlines())
     return {path: guid for guid, path in rows}
 
 
 def write_metas() -> None:
-    """For assets without one."""
+    """Write .meta files for assets without one."""
     guids = listed() if LIST.exists() else {}
     for asset in assets():
         name = str(asset.relative_to(PACKAGE))
@@ -103,7 +103,7 @@ class Assembly:
 
 
 def assemblies() -> list[Assembly]:
-    """Of the package and its samples, each after those that it refers to."""
+    """Assemblies of the package and its samples, each after its references."""
     left = [Assembly(path, json.loads(path.read_text())) for path in PACKAGE.rglob("*.asmdef")]
     found: list[Assembly] = []
     while left:
@@ -138,7 +138,7 @@ def compile_all(into: Path) -> None:
 
 
 def compile_program(source: Path, into: Path) -> None:
-    """A program that uses all assemblies beside it."""
+    """A program that uses all assemblies in its folder."""
     _compile([source], into, sorted(into.parent.glob("*.dll")), target="exe")
 
 

@@ -7,7 +7,7 @@ FOLDER = Path(__file__).parents[2] / "clients" / "web"
 
 
 def node(script: str, *words: object) -> str:
-    """What clients/web/test/`script` prints with these words. Raises AssertionError if it fails."""
+    """Output of clients/web/test/`script` with these words. Raises AssertionError if it fails."""
     command = ["node", FOLDER / "test" / script, *words]
     done = subprocess.run(
         list(map(str, command)), cwd=FOLDER, capture_output=True, text=True, timeout=300

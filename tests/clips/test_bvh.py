@@ -1,4 +1,4 @@
-"""The file is read by a parser of its own and its joints compared with the body's."""
+"""A separate parser reads the file, and its joints are compared with the body's."""
 
 import numpy as np
 import pytest

@@ -103,7 +103,7 @@ def test_the_ends_of_a_cycle_meet(turn, root, fps):
     np.testing.assert_allclose(found.translation[0], found.translation[-1], atol=1e-6)
     same = np.abs((found.rotations[0] * found.rotations[-1]).sum(-1))
     np.testing.assert_allclose(same, 1, atol=1e-9)
-    # going on over the seam is as smooth as going on elsewhere
+    # motion over the seam is as smooth as elsewhere
     places = np.concatenate([found.translation[:-1], found.translation[:-1]])
     jerk = np.abs(np.diff(places, 2, axis=0)).max(1) * found.fps**2
     assert jerk[found.frames - 3 : found.frames].max() < 1.5 * jerk[: found.frames - 3].max() + 0.5

@@ -1,4 +1,4 @@
-"""Khronos' glTF validator finds nothing to warn of in the files that people are given."""
+"""Khronos' glTF validator finds nothing to warn of in files for users."""
 
 import json
 import shutil
@@ -32,8 +32,8 @@ Promise.all(process.argv.slice(1).map(validate))
 """
 
 NOTES = {"UNUSED_OBJECT", "UNSUPPORTED_EXTENSION", "NODE_EMPTY", "BUFFER_VIEW_TARGET_MISSING"}
-"""Hints: no texture for the texture coordinates; VRM's extension; bones without a mesh;
-buffer views of a stranger's own, which are kept as they are."""
+"""Hints: no texture for the texture coordinates, VRM's extension, bones without a mesh,
+buffer views of a foreign file, which are kept as they are."""
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("node") and (TESTS / "node_modules" / "gltf-validator").is_dir()),

@@ -45,7 +45,7 @@ def run(script: str, *arguments: object):
     ],
 )
 def test_bones_are_where_the_bodies_have_them(tmp_path, clip, script, root):
-    """Two people, of whom one has another gender and starts elsewhere; within 1 mm."""
+    """Two people, one with another gender and start; within 1 mm."""
     other = replace(clip, gender="male", translation=clip.translation + np.array([2, 1, 0]))
     people = [Performance("Ada", clip), Performance("Bob", other, style=4)]
     options = FileOptions(root=root, detail=BodyDetail.LOW)

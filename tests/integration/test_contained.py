@@ -38,7 +38,7 @@ SECONDS = 6.0
 
 @pytest.fixture
 async def running():
-    """A server of which every error is a fault of somebody."""
+    """A server where every error is attributed to an agent or session."""
     clock, operation = steady_clock(), ServerOptions()
     limits = Limits(agents=32, agents_per_session=32, sessions=4, queue_s=30.0)
     worlds = replace(fake_worlds(limits=limits), report=FaultLog(operation.metrics))
@@ -126,7 +126,7 @@ async def test_ways_that_fail_concern_nobody_else(running, monkeypatch):
 
 
 async def test_a_loop_that_has_ended_ends_the_process(monkeypatch):
-    """So that whatever watches it starts it again; it does not answer 503 for ever."""
+    """A supervisor can then restart it, instead of 503 forever."""
 
     def runtime(settings, folder, clock, meter, ownership, ended):
         return MotionService(fake_worlds(), clock=clock, meter=meter, ended=ended)

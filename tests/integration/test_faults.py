@@ -1,4 +1,4 @@
-"""What operators fear, done to the real process with the shipped model: nothing may be lost."""
+"""Failures that operators fear, in the real process with the shipped model: nothing may be lost."""
 
 import asyncio
 import math
@@ -12,7 +12,7 @@ from tests.serving import Service
 
 PEOPLE = 64
 SPEED = 2.5
-"""m/s that nobody exceeds at a wished 1.2."""
+"""m/s that no agent exceeds at a target of 1.2."""
 
 
 def crowd() -> list[wf.AgentSpec]:
@@ -26,7 +26,7 @@ def crowd() -> list[wf.AgentSpec]:
 
 
 async def watch(stream: wf.MotionStream, seconds: float) -> dict[str, wf.Frames]:
-    """The last frames of each agent after so long."""
+    """The last frames of each agent after `seconds`."""
     last: dict[str, wf.Frames] = {}
     until = time.monotonic() + seconds
     async for batch in stream:

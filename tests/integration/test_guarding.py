@@ -100,7 +100,7 @@ def test_keys_tokens_scopes_and_nothing_secret_in_the_log(keys, tmp_path):
             made = http.post("/v1/sessions", headers=keys.http("ada"))
             assert made.status_code == 201
             session_id = made.json()["session_id"]
-            # whose it is, others do not even learn that it exists
+            # other callers do not even learn that it exists
             assert status(f"/v1/sessions/{session_id}", **keys.http("bob")) == 404
             assert status(f"/v1/sessions/{session_id}", **keys.http("root")) == 200
         asyncio.run(_the_same_over_grpc(service, keys, [wrong, expired]))

@@ -10,7 +10,7 @@ from wayfarer.cli import app
 
 def measured(tmp_path, monkeypatch, workers="1", **options):
     """The JSON of a short run."""
-    monkeypatch.setenv("WAYFARER_ADMISSION", "false")  # a busy test machine shall refuse nobody
+    monkeypatch.setenv("WAYFARER_ADMISSION", "false")  # a busy test machine must refuse no agent
     monkeypatch.setenv("WAYFARER_CANDIDATES", "1")
     monkeypatch.setenv("WAYFARER_WORKERS", workers)
     monkeypatch.setenv("WAYFARER_ENGINE", "onnxruntime")

@@ -19,7 +19,7 @@ OLD = DEFAULT_MODEL.name
 
 @pytest.fixture
 def folder(tmp_path):
-    """`v2` is sound; of `broken` a file was changed, and `lacking` lacks one."""
+    """`v2` is sound, `broken` has a changed file, and `lacking` lacks one."""
     models = tmp_path / "models"
     for name in ("v2", "broken", "lacking"):
         shutil.copytree(DEFAULT_MODEL, models / name)
@@ -72,7 +72,7 @@ async def test_models_change_while_people_walk(folder, tmp_path):
 
 
 async def furnish(client: wf.Client) -> wf.Session:
-    """A session of two who walk far."""
+    """A session of two people who walk far."""
     session = await client.create_session()
     people = await session.create_agents(wf.AgentSpec(seed=1), wf.AgentSpec(gender="male", seed=2))
     for agent in people:
@@ -94,13 +94,13 @@ async def check_refusals(http: httpx.AsyncClient) -> None:
 
 
 async def models(http: httpx.AsyncClient) -> dict[str, bool]:
-    """Names of what is loaded, and whether it is in use."""
+    """Names of loaded models, and whether each is in use."""
     answer = (await http.get("/models")).json()
     return {model["name"]: model["in_use"] for model in answer["models"]}
 
 
 async def read(stream: wf.MotionStream, seconds: float) -> list[wf.Batch]:
-    """What comes in so long."""
+    """The frames that come within `seconds`."""
     until, got = time.monotonic() + seconds, []
     while time.monotonic() < until:
         got.append(await anext(stream))
@@ -108,7 +108,7 @@ async def read(stream: wf.MotionStream, seconds: float) -> list[wf.Batch]:
 
 
 def assert_walks_on(frames: list[wf.Frames]) -> None:
-    """No chunk is missing, and from frame to frame the hips go no farther than people do."""
+    """No chunk is missing, and the hips move no farther per frame than people's do."""
     assert [f.seq for f in frames] == list(range(frames[0].seq, frames[0].seq + len(frames)))
     hips = np.concatenate([f.translation for f in frames])
     assert np.linalg.norm(np.diff(hips, axis=0), axis=-1).max() < 0.1  # metres in 25 ms

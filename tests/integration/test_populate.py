@@ -1,4 +1,4 @@
-"""People come to a scene until there is no room, and the call says why the rest waits."""
+"""People come to a scene until it is full, and the call says why the rest wait."""
 
 import httpx
 

@@ -22,7 +22,7 @@ ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
 YARD = {
     "floors": [{"outline": [{"x": x, "y": 0, "z": z} for x, z in ((0, 0), (0, 9), (9, 9), (9, 0))]}]
 }
-"""Nobody's example: those are baked in the server's own process."""
+"""Not an example scene: the server's own process bakes those."""
 ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith("WAYFARER_")}
 
 
@@ -64,7 +64,7 @@ def serve(*arguments: str) -> Iterator[Process]:
 
 
 def refused(*arguments: str) -> str:
-    """What a start that must fail says, in one line."""
+    """The one-line message of a start that must fail."""
     answer = subprocess.run(
         [*COMMAND, *arguments],
         capture_output=True,

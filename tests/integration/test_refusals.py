@@ -1,4 +1,4 @@
-"""What is refused is told in the basis and the unit of the client, on both transports."""
+"""Refusals use the basis and the unit of the client, on both transports."""
 
 import grpc
 import httpx
@@ -19,7 +19,7 @@ async def http(server):
 
 
 async def walker(http: httpx.AsyncClient, basis: str) -> tuple[str, str]:
-    """A session, and the path of somebody in it."""
+    """A session, and the path of a person in it."""
     made = await http.post("/v1/sessions", json={"basis": basis})
     session = made.json()["session_id"]
     people = await http.post(f"/v1/sessions/{session}/agents", json={"agents": [{}]})
@@ -27,7 +27,7 @@ async def walker(http: httpx.AsyncClient, basis: str) -> tuple[str, str]:
 
 
 async def refused(call) -> tuple[str, str]:
-    """Field and detail of the one thing at fault."""
+    """Field and detail of the only error."""
     answer = await call
     assert answer.status_code == 422, answer.text
     (error,) = answer.json()["errors"]

@@ -1,4 +1,4 @@
-"""The shipped model in scenes: around a box, around what is put in the way, up a slope and down
+"""The shipped model in scenes: around a box, around a new obstacle, up a slope and down
 steps.
 """
 
@@ -21,7 +21,7 @@ from wayfarer.world.world import World
 
 SOUTH, NORTH = (6.0, 2.0), Goal((6.0, 10.0, 0.0))
 BODY = 0.2
-"""Metres that hips keep from walls at least."""
+"""Least distance of hips from walls, metres."""
 
 
 def walker(scene, place):
@@ -36,7 +36,7 @@ def walker(scene, place):
 
 
 def walked(world, until):
-    """Chunks until the goal is reached, or for so long."""
+    """Chunks until the goal is reached, or for `seconds`."""
     chunks = []
     for chunk in world.advance(until):
         chunks.append(chunk)

@@ -1,4 +1,4 @@
-"""The whole service but for the models: real loop, servers and client; an engine that walks."""
+"""The whole service except the models: real loop, servers and client, and an engine that walks."""
 
 import asyncio
 import contextlib
@@ -48,7 +48,7 @@ async def test_people_arrive_at_three_goals_in_turn(client):
 
 
 async def test_a_path_is_walked_with_its_controls(client):
-    """Through a corner without stopping, and at the end the heading that was asked for."""
+    """Through a corner without stopping, and at the end the requested heading."""
     async with await client.create_session("unity") as session:
         (ada,) = await session.create_agents(wf.AgentSpec())
         path = [
@@ -75,7 +75,7 @@ async def test_a_path_is_walked_with_its_controls(client):
 
 
 async def test_a_stream_survives_what_others_do(server, client):
-    """Issue 2: what is refused, and clients that vanish, cost the others not a chunk."""
+    """Issue 2: refusals, and clients that vanish, cost the others no chunk."""
     async with await client.create_session() as session:
         (ada,) = await session.create_agents(wf.AgentSpec())
         async with contextlib.aclosing(session.stream()) as stream, asyncio.timeout(30):
@@ -101,7 +101,7 @@ async def test_a_stream_survives_what_others_do(server, client):
                 await socket.recv()
                 socket.transport.abort()
 
-            for _ in range(5):  # not a chunk is missing, and none was thrown away
+            for _ in range(5):  # no chunk is missing, and none was discarded
                 frames = (await anext(stream)).frames[0]
                 assert frames.seq == last.seq + 1 and frames.flags == wf.Flag.NONE
                 assert frames.first_frame == 8 * frames.seq

@@ -36,7 +36,7 @@ class Watch:
         await self._until(lambda: len(self.places) >= wanted)
 
     async def has_a_gap(self) -> None:
-        """Chunks that were sent before a node's death may still arrive after it: so it waits."""
+        """Chunks sent before a node's death may arrive after it, so this waits."""
         await self._until(lambda: "gap" in self.events)
 
     async def _until(self, true: Callable[[], bool]) -> None:
@@ -58,7 +58,7 @@ def nodes(service: Service) -> list[psutil.Process]:
 
 
 async def home(service: Service, session: wf.Session) -> int:
-    """Number of the node that has it, as the entry says."""
+    """Number of its node, from the entry."""
     async with httpx.AsyncClient() as http:
         answer = await http.get(f"{service.url}/v1/sessions/{session.session_id}")
     assert answer.status_code == 421
@@ -66,7 +66,7 @@ async def home(service: Service, session: wf.Session) -> int:
 
 
 async def people(session: wf.Session) -> list[str]:
-    """Ids of those in it, once its node is back."""
+    """Ids of the session's agents, once its node is back."""
     async with asyncio.timeout(120):
         while True:
             with contextlib.suppress(wf.Unavailable):
@@ -98,7 +98,7 @@ async def test_two_nodes_are_one_server_whose_sessions_outlive_a_kill_and_a_rest
                 await one.goes_on()
             late = [(await one.create_agents(wf.AgentSpec()))[0] for one in there]
             nodes(service)[killed].kill()
-            for one in there:  # what was answered is on disk, and waits for its node
+            for one in there:  # acknowledged commands are on disk, and wait for their node
                 assert late[there.index(one)].agent_id in await people(one)
             for one in there:
                 await watched[one.session_id].has_a_gap()

@@ -1,4 +1,4 @@
-"""What stands near an agent: distances worked out by hand."""
+"""Obstacles near an agent: distances computed by hand."""
 
 import math
 

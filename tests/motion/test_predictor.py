@@ -8,7 +8,7 @@ from wayfarer.spec import LATENT, MARKERS
 
 @pytest.fixture(params=[(1, 1), (2, 1), (2, 4), (2, 8)])
 def predictor(request):
-    """By frames of the seed, and found at once."""
+    """Predictors by frames of the seed, and frames found at once."""
     torch.manual_seed(0)
     seed_frames, at_once = request.param
     return MarkerPredictor(seed_frames, at_once=at_once).eval()
@@ -65,7 +65,7 @@ def test_a_prior_that_is_n_0_i_may_be_left_out(predictor):
 
 
 def test_latents_are_counted_from_the_learned_prior(predictor):
-    """Shifting the prior shifts what a latent stands for; the posterior moves against it."""
+    """Shifting the prior shifts the meaning of a latent; the posterior moves against it."""
     seed, latent = torch.randn(3, predictor.seed_frames, MARKERS * 3), torch.randn(3, 1, LATENT)
     future = torch.randn(3, predictor.new_frames, MARKERS * 3)
     plain, posterior = predictor.decode(seed, latent), predictor.encode(seed, future)

@@ -114,7 +114,7 @@ def test_the_policy_moves_the_latents_as_far_as_it_is_asked_to(step, inputs):
 
 
 def test_given_latents_are_used_as_they_are(step, inputs):
-    """With a share of 0 the noise is the latent: how PPO steps the world."""
+    """The noise is the latent at a share of 0: so PPO steps the world."""
     one = inputs | {"noise": inputs["noise"][:, :1], "policy": torch.zeros(AGENTS)}
     moved = one | {"noise": one["noise"] + 1.0}
     assert not torch.allclose(run(step, one).terms, run(step, moved).terms, atol=1e-4)
@@ -164,7 +164,7 @@ def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs)
 
 
 def test_the_floor_draws_bodies_back(step):
-    """Of a height error half is gone after each primitive, and it goes without a jump."""
+    """Half of a height error is gone after each primitive, without a jump."""
     soles = torch.zeros(1, 8, 8, 3)
     soles[..., 2] = 0.1
     lift = step._ground(soles)[0]
@@ -189,7 +189,7 @@ def test_cubic_motion_is_interpolated_exactly(knots):
 
 @pytest.mark.parametrize("every", [1, 2])
 def test_new_frames_go_on_from_the_last_that_was_shown(every):
-    """What is found a constant off what was shown is drawn to it at the seam, and let go."""
+    """Frames found at a constant offset join the shown ones at the seam and end free."""
     knots = _knots(8, every)
     shown = torch.tensor([[0.0], [1.0]], dtype=torch.float64)  # one unit a frame
     found = torch.tensor(knots, dtype=torch.float64)[:, None] + 1 + 5
@@ -200,7 +200,7 @@ def test_new_frames_go_on_from_the_last_that_was_shown(every):
 
 
 def test_every_second_frame_suffices(step, inputs):
-    """Between regressed frames the motion is what it would have been, but for its finest."""
+    """Between regressed frames the motion is unchanged, except for its finest detail."""
     sparse = PrimitiveStep(
         step.predictor, step.regressor, step.body, step.sites, step.policy, every=2
     )

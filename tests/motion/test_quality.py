@@ -41,7 +41,7 @@ def candidate(
     before=None,
     obstacles=None,
 ):
-    """`before` is the velocity in m/s with which the seed came; resting, if not told."""
+    """`before` is the velocity of the seed in m/s; default: at rest."""
     sites = Sites.from_names(body.marker_names)
     velocity = torch.tensor(before or [0.0, 0.0, 0.0]).expand(1, 67, 3) / FPS
     asked = torch.tensor([goal]), torch.tensor([speed]), torch.tensor([facing])

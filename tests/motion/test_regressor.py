@@ -29,7 +29,7 @@ def test_bodies_do_not_influence_each_other():
 
 
 def watch(model, monkeypatch):
-    """Arguments and results of all passes to come."""
+    """Arguments and results of all later passes."""
     passes, correct = [], model.correct
 
     def watched(*given):
@@ -73,7 +73,7 @@ def test_with_one_network_it_is_the_paper_s(monkeypatch):
 
 
 def test_a_pass_is_told_how_far_off_the_last_one_was(monkeypatch):
-    """The untrained network says next to nothing; given its own markers the error input is zero."""
+    """The untrained network changes almost nothing; for its own markers the error is zero."""
     model, betas = regressor(), torch.randn(4, 10)
     seen = watch(model, monkeypatch)
     rest = torch.eye(3).expand(4, 1, 22, 3, 3)

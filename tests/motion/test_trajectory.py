@@ -1,4 +1,4 @@
-"""What is asked of a body, in the canonical frame of its seed."""
+"""Requests to a body, in the canonical frame of its seed."""
 
 import math
 

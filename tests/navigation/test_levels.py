@@ -1,6 +1,6 @@
-"""What strangers' levels have: domes, strays, roofs, low lintels, narrow doors, wrong axes.
+"""Properties of others' levels: domes, strays, roofs, low lintels, narrow doors, wrong axes.
 
-Each is read rightly, or told as what it is; places and lengths are of the world (metres, Z up).
+Each is read correctly or reported. Places and lengths are in the world (metres, Z up).
 """
 
 import re
@@ -60,7 +60,7 @@ def notes(scene: Scene) -> str:
 AREA = bake(level(*yard())).area
 
 
-# Domes, and what strays far away
+# Domes, and distant strays
 
 
 def sky(radius: float, sink: float = 0.1) -> trimesh.Trimesh:
@@ -225,7 +225,7 @@ def test_an_upper_storey_with_stairs_is_no_roof_and_a_cellar_makes_none_of_a_fie
     )
 
 
-# What is in the way
+# Barriers
 
 
 def refusal(scene: Scene, start: Point3, goal: Point3) -> str:

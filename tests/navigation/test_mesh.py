@@ -16,7 +16,7 @@ from wayfarer.navigation.scene_spec import Y_UP, Z_UP, MeshFile, SceneSpec, Walk
 
 ONE_WAY = (Path(__file__).parent / "levels" / "one_way_level.obj").read_bytes()
 SLACK = 0.075
-"""Metres, that of cells of 5 cm."""
+"""Metres, as for cells of 5 cm."""
 
 
 def one_way_links(mesh: NavMesh) -> set[tuple[int, int]]:
@@ -38,8 +38,8 @@ def check_ways(mesh: NavMesh, seed: int, pairs: int = 20) -> None:
 
 
 def soup(seed: int, count: int, layers: int, grain: float) -> tuple[NDArray[np.float64], ...]:
-    """Triangles that touch, overlap, repeat and degenerate: corners lie on a coarse grid, but for
-    a jitter of `grain` metres.
+    """Triangles that touch, overlap, repeat and degenerate: corners lie on a coarse grid, with a
+    jitter of `grain` metres.
     """
     random = np.random.default_rng(seed)
     corners = random.integers(0, 5, (count, 3, 2)) * 0.5
@@ -65,8 +65,8 @@ def test_links_of_any_triangles_count_both_ways(
 
 
 def test_overlapping_triangles_are_linked_in_pairs() -> None:
-    """Two lie on each other, and a third is beside both: which one has it for a neighbour counts
-    from the third one, too.
+    """Two triangles coincide, and a third is next to both: its neighbour must have it as a
+    neighbour, too.
     """
     twice = [[(0, 0), (1, 0), (0, 1)]] * 2
     mesh = build(np.array([*twice, [(1, 0), (1, 1), (0, 1)]], float), np.zeros(3, int), SLACK)
@@ -147,7 +147,7 @@ def test_every_path_in_a_hilly_level_is_found_or_told(seed: int) -> None:
     walkable = Walkable(radius=0.3, slope_deg=45, step_height=0.35)
     try:
         scene = bake(SceneSpec(mesh=MeshFile(hilly(seed), "obj", axes=Z_UP), walkable=walkable))
-    except InvalidArgument:  # too rough to stand on
+    except InvalidArgument:  # too rough for standing
         return
     check_ways(scene.mesh, seed)
     some_paths(scene, seed, 10)

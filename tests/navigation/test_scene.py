@@ -29,7 +29,7 @@ FAR_APART = {
     "slope_with_steps": ((10.0, 1.0), (10.0, 19.0)),
     "two_storeys": ((1.0, 7.0), (11.0, 7.0)),
 }
-"""A start and a goal in each that make an agent see most of it."""
+"""A start and a goal in each, with a way through most of it."""
 
 FIELD = bake(cubes_field(4, boxes=10, side=10.0))
 CORRIDOR = bake(corridor())
@@ -57,7 +57,7 @@ def test_examples_bake_to_one_island_with_a_way_across() -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.lists(boxes, min_size=1, max_size=4), st.data())
 def test_repairs_equal_a_bake_from_scratch(placed: list[Box], data: st.DataObject) -> None:
-    """Put, move and remove in any order: the ground is that of the obstacles that stand."""
+    """Put, move and remove in any order: the ground is that of the present obstacles."""
     scene, standing = FIELD, dict[str, Box]()
     for number, box in enumerate(placed):
         name = data.draw(st.sampled_from(["a", "b", "c"]), label=f"name {number}")
@@ -198,7 +198,7 @@ def test_storeys_are_told_apart_by_height() -> None:
 
 
 TABLE = Box((9.0, 4.0), (1.2, 0.8), 0.75)
-"""On the lower floor, right under the gallery."""
+"""A point on the lower floor, right under the gallery."""
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ TABLE = Box((9.0, 4.0), (1.2, 0.8), 0.75)
     ],
 )
 def test_a_height_means_the_ground_below_it(z: float, ground: float) -> None:
-    """Of hips, heads, roots of other characters; a point just in the floor is on it."""
+    """Heights of hips, heads, roots of other characters; a point just in the floor is on it."""
     assert bake(two_storeys()).nearest((9.0, 6.0, z)) == pytest.approx((9.0, 6.0, ground))
 
 

@@ -1,4 +1,4 @@
-"""Chunks, publications and subscriptions by hand, and a meter that keeps what it is told."""
+"""Chunks, publications and subscriptions by hand, and a meter that keeps its values."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""A service in which one agent of a session is at fault, or its session; others are not."""
+"""A service in which one agent of a session fails, or its session; others do not."""
 
 import asyncio
 from dataclasses import replace
@@ -21,18 +21,18 @@ from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.messages import SceneSource
 
 GUILTY, MARK = "bad", 2.5
-"""The session with an agent that has this first beta; it is the first of three."""
+"""The session whose first agent of three has this first beta."""
 
 SOURCE = SceneSource(SceneSpec((FIELD,), (BOX,)))
 POST = Cylinder((1.0, 11.0), 0.2, 1.0)
 
 
 class InjectedError(Exception):
-    """What a test injects."""
+    """The error that a test injects."""
 
 
 class Rig:
-    """A service whose session `bad` has one agent that a stage fails for, and `good` has none."""
+    """A service with a session `bad`, where a stage fails for one agent, and a session `good`."""
 
     def __init__(self, tmp_path=None, engine=None, **settings):
         self.metrics = Metrics()
@@ -91,7 +91,7 @@ class Rig:
 
 
 class Reader:
-    """Reads a stream beside the test."""
+    """Reads a stream in the background of the test."""
 
     def __init__(self, subscription):
         self.subscription = subscription
@@ -126,7 +126,7 @@ class Reader:
         ]
 
     async def more(self, count):
-        """Wait for so many more chunks of one agent."""
+        """Wait for `count` more chunks of one agent."""
         before = {name: len(seqs) for name, seqs in self.seqs.items()}
         await until(
             lambda: any(len(s) >= before.get(n, 0) + count for n, s in self.seqs.items()), 20
@@ -134,7 +134,7 @@ class Reader:
 
 
 class MarkedEngine(FakeEngine):
-    """Fails for a marked row, or for all, if it is told to."""
+    """Fails for a marked row, or for all, on request."""
 
     fails = is_down = False
 

@@ -1,4 +1,4 @@
-"""How each stage of a turn is made to fail, and what that means."""
+"""Ways to make each stage of a turn fail, and the effects."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,18 +26,18 @@ from wayfarer.world.stepping.scheduler import Scheduler
 
 @dataclass
 class Case:
-    """How a stage is made to fail, and what that means."""
+    """A way to make a stage fail, and the effect."""
 
     stage: Stage
     inject: Callable
-    of_agent: bool = True  # else of its session
+    of_agent: bool = True  # otherwise of its session
     options: dict | None = None
     goal: object = Goal((2.0, 10.0, 0.0))
     holds: bool = False  # the agent stands meanwhile
 
 
 def failing(monkeypatch, owner, name, is_guilty):
-    """Let a function fail when `is_guilty(arguments)`."""
+    """Make a function fail when `is_guilty(arguments)`."""
     real = getattr(owner, name)
 
     def wrapped(*args, **kwargs):
@@ -81,7 +81,7 @@ def rules_give_nan(rig, monkeypatch):
     real = scheduler.Seeds
 
     def seeds(markers, translation, rotations):
-        mine = np.abs(translation[:, -1, 0] - 2.0) < 1.0  # where the guilty one is
+        mine = np.abs(translation[:, -1, 0] - 2.0) < 1.0  # where the guilty agent is
         return real(np.where(mine[:, None, None], np.nan, markers), translation, rotations)
 
     monkeypatch.setattr(scheduler, "Seeds", seeds)

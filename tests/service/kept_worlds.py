@@ -50,7 +50,7 @@ def open_journal(folder: Path, body=STICK) -> Journal:
 
 
 def assert_same_poses(found, expected):
-    """Chunks equal in all that a client gets, bit for bit."""
+    """Chunks equal in everything that a client gets, bit for bit."""
     for name in ("translation", "rotations", "contacts"):
         a, b = getattr(found, name), getattr(expected, name)
         assert a.dtype == b.dtype and a.tobytes() == b.tobytes(), (name, found.seq)

@@ -29,9 +29,9 @@ class Running:
 
 
 class FastTime:
-    """The clock of a live service that runs `speed` times as fast while the motion thread waits for
-    the next moment, and stands still while it works, or its engine does: however busy the machine
-    is, nothing comes late.
+    """The clock of a live service. It runs `speed` times as fast while the motion thread waits for
+    the next moment, and stops while the thread or its engine works: however busy the machine is,
+    nothing is late.
     """
 
     def __init__(self, speed: float = 8.0) -> None:
@@ -54,7 +54,7 @@ class FastTime:
 
 
 class HeldEngine(FakeEngine):
-    """Its calls last until they are let go."""
+    """Its calls last until they are released."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -78,5 +78,5 @@ async def first(queue, count):
 
 
 def world_of(loop, method, *arguments):
-    """What a method of the loop's world gives."""
+    """The result of a method of the loop's world."""
     return loop.ask(lambda world, _: getattr(world, method)(*arguments))

@@ -1,7 +1,7 @@
-"""The motion thread on a simulated machine: its own code, but for threads and the clock.
+"""The motion thread on a simulated machine: its own code, without threads and clock.
 
-Time passes where the machine works (engine calls, turns of the thread) and where the thread waits.
-So what happens after a stall, or beside other programs, takes no real time and is the same always.
+Time passes while the machine works (engine calls, turns of the thread) and while the thread waits.
+So the aftermath of a stall, or a load of other programs, takes no real time and is reproducible.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ START = 1000.0
 """Seconds: when agents are created."""
 
 MISSED = STEP_SECONDS
-"""Seconds late: a primitive that leaves later is over."""
+"""Seconds late: a primitive that leaves later is useless."""
 
 
 class Over(BaseException):
@@ -31,7 +31,7 @@ class Over(BaseException):
 
 @dataclass
 class Machine:
-    """A clock that work moves on; `share` is what is left of the processor, by spans of time."""
+    """A clock that work advances; `share`: available part of the processor, by spans of time."""
 
     ends: float
     shares: list[tuple[float, float, float]] = field(default_factory=list)  # from, to, share
@@ -41,7 +41,7 @@ class Machine:
         return self.now
 
     def after(self, begins: float, work: float) -> float:
-        """When `work` seconds of a quiet machine are done."""
+        """The time at which `work` seconds of a quiet machine are done."""
         time = begins
         while work > 1e-12:
             share, until = next(
@@ -65,7 +65,7 @@ class Pipeline:
     """As `EnginePipeline`: calls one after the other, each as long as its rows take."""
 
     def __init__(self, machine: Machine, row: float, call: float) -> None:
-        """Seconds of the engine for a row, and for a call."""
+        """Seconds of the engine per row, and per call."""
         self._machine, self._row, self._call = machine, row, call
         self._calls: list[tuple[object, float, float]] = []
         self._last_ended = 0.0
@@ -142,10 +142,10 @@ class Left:
 
 
 class Publisher:
-    """Notes what leaves, and when."""
+    """Notes the chunks that leave, and their times."""
 
     def __init__(self, machine: Machine, chunk: float, seen: Mapping[str, Sight]) -> None:
-        """Seconds of the thread for a chunk; how well agents are seen that are not near."""
+        """Seconds of the thread per chunk; how well distant agents are seen."""
         self._machine, self._chunk, self._seen = machine, chunk, seen
         self.left: list[Left] = []
 
@@ -174,7 +174,7 @@ class Publisher:
 
 @dataclass
 class Run:
-    """What a simulation has brought."""
+    """The results of a simulation."""
 
     left: list[Left]
     levels: list[tuple[float, int]]  # of the ladder, when it changed
@@ -182,7 +182,7 @@ class Run:
     seen: dict[str, Sight]
 
     def missed(self, since: float, until: float) -> list[tuple[str, float]]:
-        """Agents and due times of the primitives that were never seen, or came when over."""
+        """Agents and due times of primitives that were never seen, or came too late."""
         found = []
         last: dict[str, float] = {}
         for chunk in self.left:
@@ -195,7 +195,7 @@ class Run:
         return [(agent, due) for agent, due in found if since <= due - START < until]
 
     def lateness(self, since: float, until: float) -> float:
-        """The greatest, of what was due within these seconds."""
+        """The greatest lateness of primitives due within these seconds."""
         return max(c.late for c in self.left if since <= c.due - START < until)
 
 
@@ -210,7 +210,7 @@ def simulated(
 ) -> Run:
     """Agents on a machine whose engine is busy for the share `load` of a quiet time.
 
-    `shares`: seconds from, to, and what is left of the machine then. A part of the agents stand.
+    `shares`: seconds from, to, and the available part of the machine then. Some agents stand.
     `sights`: how well they are seen, by turns.
     """
     machine = Machine(START + seconds, [(START + a, START + b, share) for a, b, share in shares])

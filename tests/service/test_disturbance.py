@@ -1,5 +1,5 @@
-"""The server on a machine that hiccups: what is lost, what gives way first, and how soon it is well
-again. In simulated time (`simulated.py`).
+"""The server on a machine that hiccups: the losses, what gives way first, and the recovery. In
+simulated time (`simulated.py`).
 """
 
 from itertools import pairwise
@@ -23,7 +23,7 @@ def held(run: Run) -> set[str]:
 @pytest.mark.parametrize("load", [0.6, 0.9])
 def test_after_a_stall_only_what_fell_into_it_is_lost(load):
     run = simulated(5.0, [(2.0, 3.0, 0.0)], AGENTS, load, steering=ONE)
-    over = int(1.0 / STEP_SECONDS) - 1  # the last ones can still be seen when it ends
+    over = int(1.0 / STEP_SECONDS) - 1  # the last ones can still be seen at the end
     assert len(run.missed(0.0, 4.5)) == AGENTS * over
     assert all(2.0 <= due - 1000.0 < 3.0 for _, due in run.missed(0.0, 4.5))
     assert run.lateness(3.6, 4.5) <= 0.0, "on time again, with what the engine makes ahead"
@@ -57,13 +57,13 @@ def test_in_a_burst_that_is_too_much_the_standing_are_held_and_the_rest_is_back_
     assert held(run) and not held(run) & run.walkers
     assert all(due - 1000.0 < 5.0 + STEP_SECONDS for _, due in missed)
     assert run.lateness(6.0, 7.0) < 0.03
-    # what is left of the time is used: two thirds and more of what the machine could do
+    # the remaining time is used: at least two thirds of the machine's capacity
     walked = sum(2.5 <= c.due - 1000.0 < 5.0 and not c.flags & ChunkFlag.HELD for c in run.left)
     assert walked > 0.67 * 0.4 / 0.9 * AGENTS * 2.5 / STEP_SECONDS
 
 
 SIGHTS = (Sight.NEAR, Sight.FAR, Sight.ROOT, Sight.NONE)
-"""By turns. Genders take turns as well, and have calls of their own."""
+"""By turns. Genders take turns as well, and have their own calls."""
 
 
 def by_sight(run: Run, agents: list[str]) -> list[int]:
@@ -77,14 +77,14 @@ def test_when_there_is_time_for_half_of_all_who_is_near_and_who_is_hardly_seen_i
     near, far, root, none = by_sight(run, missed)
     assert near == root == none == 0 < far, "walkers that are seen as a root need no engine"
     walked = [c.agent for c in run.left if 2.5 <= c.due - 1000.0 < 4.0]
-    assert min(by_sight(run, walked)) > 0, "nobody waits for ever"
+    assert min(by_sight(run, walked)) > 0, "no agent waits forever"
 
 
 def test_twice_the_people_when_most_are_seen_as_roots():
     mixed = [Sight.NEAR, Sight.NEAR, *[Sight.ROOT] * 8]
     run = simulated(9.0, [], 2 * AGENTS, 1.8, standing=0.0, sights=mixed, steering=ONE)
     assert not run.missed(2.0, 8.5)
-    assert 0 not in {level for at, level in run.levels if at > 1.0}, "it does not try in vain"
+    assert 0 not in {level for at, level in run.levels if at > 1.0}, "it makes no futile attempts"
     assert any(c.flags & ChunkFlag.REDUCED for c in run.left)
 
 

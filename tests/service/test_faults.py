@@ -1,4 +1,4 @@
-"""An error that one agent or session causes: everybody else goes on, and misses nothing.
+"""An error that one agent or session causes: all others continue, and miss nothing.
 
 Every stage of a turn fails here for one agent, or for its session, in the real service.
 """
@@ -59,9 +59,9 @@ async def test_a_stage_that_fails_for_one_concerns_only_that_one(name, monkeypat
         assert rig.bad.missed_nothing(), "neither the agent itself nor its fellows"
         assert set(rig.bad.seqs) >= {rig.guilty, *rig.fellows}
         assert rig.good.missed_nothing() and len(rig.good.seqs) == 2
-        assert not rig.good.told(), "nobody else hears of it"
+        assert not rig.good.told(), "no other reader hears of it"
         others = {s for s in Stage if s is not case.stage and rig.faults(s)}
-        assert not others, "it is counted where it belongs"
+        assert not others, "it is counted for its session"
         assert rig.unready == 0
         stats = await rig.service.stats()
         assert stats.failures == 0
@@ -69,7 +69,7 @@ async def test_a_stage_that_fails_for_one_concerns_only_that_one(name, monkeypat
 
 @pytest.mark.parametrize("stage", [Stage.COASTING, Stage.RESTING, Stage.STANDING, Stage.SENDING])
 async def test_stages_that_come_when_time_is_short(stage, monkeypatch):
-    """And those that come after another fault, or lose whose chunk it is."""
+    """Also errors after another fault, or that lose the chunk's owner."""
     async with Rig() as rig:
         await rig.populate()
         await rig.read()
@@ -95,7 +95,7 @@ async def test_stages_that_come_when_time_is_short(stage, monkeypatch):
         assert all(s == list(range(s[0], s[0] + len(s))) for s in fellows.values())
         assert len(fellows) == 2 and rig.good.missed_nothing()
         assert rig.bad.told()[0].agent_id == rig.guilty and rig.unready == 0
-        if stage in (Stage.STANDING, Stage.SENDING):  # nothing can be made of it any more
+        if stage in (Stage.STANDING, Stage.SENDING):  # it cannot be used any more
             assert rig.bad.seqs[rig.guilty][-1] <= before + 2
             assert any("delete it" in event.detail for event in rig.bad.told())
             await rig.service.delete_agent(rig.guilty)
@@ -206,7 +206,7 @@ async def test_a_reader_that_fails_ends_alone(monkeypatch):
 
 
 async def test_the_log_of_a_recorded_session_ends_where_its_agent_fails():
-    """What came before plays again, bit for bit; what came after does not follow from the log."""
+    """Earlier motion plays again, bit for bit; later motion does not follow from the log."""
     async with Rig() as rig:
         await rig.populate(record=True)
         await rig.read()
@@ -268,7 +268,7 @@ async def test_in_lock_step_the_others_are_stepped_and_the_caller_hears_of_it():
 
 
 async def test_a_clip_that_fails_is_an_error():
-    """Nobody else is concerned, and a clip of somebody who stands still would be a lie."""
+    """No other agent is concerned, and a clip of a motionless person would be wrong."""
     async with Rig() as rig:
         rig.engine.fails = True
         spec = replace(people(1)[0], betas=(MARK, *people(1)[0].betas[1:]))

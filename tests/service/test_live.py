@@ -1,4 +1,4 @@
-"""The loop with its real thread, for moments; what depends on time is tested in test_world."""
+"""The loop with its real thread, briefly; test_world tests time-dependent behaviour."""
 
 import asyncio
 import math
@@ -93,7 +93,7 @@ async def test_agents_may_be_deleted_at_any_moment():
             await loop.delete_agent(agent.agent_id)
             with pytest.raises(NotFound):
                 await world_of(loop, "get_agent", agent.agent_id)
-        while len((await anext(stream)).chunks) > 1:  # what was sent before
+        while len((await anext(stream)).chunks) > 1:  # chunks sent before
             pass
         batches = await first(stream, 3)
         assert {c.agent_id for b in batches for c in b.chunks} == {stay.agent_id}

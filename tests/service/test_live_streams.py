@@ -1,4 +1,4 @@
-"""What the loop's subscribers get, with its real thread."""
+"""Streams of the loop's subscribers, with its real thread."""
 
 import asyncio
 
@@ -42,7 +42,7 @@ async def test_agents_wait_for_a_stalled_holder_and_others_do_not():
         seen = await first(other, 12)  # 1.2 s
         assert (await loop.stats()).held_sessions == 1
         got += await first(holder, 12)
-        async with asyncio.timeout(10):  # a busy machine may make this reader slow once more
+        async with asyncio.timeout(10):  # a busy machine may make this reader slow again
             while (await loop.stats()).held_sessions:
                 got += await first(holder, 1)
         for stream in (got, seen):
@@ -52,4 +52,4 @@ async def test_agents_wait_for_a_stalled_holder_and_others_do_not():
                 assert [c.seq for c in own] == list(range(len(own)))
                 assert not any(c.flags & ChunkFlag.GAP for c in own)
         times = [c.scheduled_at for p in got for c in p.chunks if c.alias == 1]
-        assert max(np.diff(times)) > 0.5, "they have stood still meanwhile"
+        assert max(np.diff(times)) > 0.5, "they have stopped meanwhile"

@@ -115,7 +115,7 @@ async def test_stop_ends_streams_and_commands():
 
 
 async def occupied(loop):
-    """Keep the motion thread busy; returns what lets it go."""
+    """Keep the motion thread busy; returns the function that releases it."""
     is_busy, let_go = threading.Event(), threading.Event()
     held = asyncio.create_task(loop.ask(lambda *_: (is_busy.set(), let_go.wait(30))))
     await until(is_busy.is_set)

@@ -1,4 +1,4 @@
-"""Sessions in which time passes only when it is asked to."""
+"""Sessions in which time passes only on request."""
 
 import asyncio
 import sys
@@ -198,7 +198,7 @@ async def test_one_that_is_here_is_not_replaced():
 
 
 def record_of(count):
-    """A session in lock-step as it comes from elsewhere."""
+    """A session in lock-step, as received from another server."""
     world = fake_worlds().lock_step()
     world.create_session(SessionSpec("guest", lock_step=True), 0.0)
     world.create_agents("guest", people(count), 0.0)

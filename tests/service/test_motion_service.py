@@ -72,7 +72,7 @@ async def test_a_session_moves_to_another_server_in_mid_walk(servers):
         if old := before.get((chunk.alias, chunk.seq)):
             assert_same_poses(chunk, replace(old, agent_id=chunk.agent_id))
     assert set(firsts) == {1, 2, 3}
-    assert any((c.alias, c.seq) in before for c in found), "the old server went on for a while"
+    assert any((c.alias, c.seq) in before for c in found), "the old server continued for a while"
     for alias, chunk in firsts.items():
         end = before[alias, chunk.seq - 1]
         jump = np.linalg.norm(chunk.translation[0] - end.translation[-1])

@@ -60,7 +60,7 @@ COMMANDS = (
 
 
 def walking(now):
-    """A world with four people on their ways, one of whom has just been sent elsewhere."""
+    """A world with four walking people, one of whom has just received another goal."""
     world = fake_worlds(lead=1, phases=2).live()
     world.create_session(SessionSpec(session_id="s"), 0.0)
     specs = [AgentSpec(noise_seed=7 + i, position=(i, 0)) for i in range(4)]
@@ -74,7 +74,7 @@ def walking(now):
 
 
 def move(world, now, arrives=None):
-    """The world in which the session goes on, and what was sent at once."""
+    """The world in which the session continues, and the chunks sent at once."""
     session = world.registry.session("s")
     assert world.members.freeze(session, True)
     rest = [chunk for due in world.take_rest("s") for chunk in due.chunks]
@@ -337,7 +337,7 @@ async def test_what_was_told_right_before_a_move_is_in_the_log(servers):
 
 
 async def same_as_replayed(runtime, session, publications):
-    """What was streamed is in the session's log, bit for bit."""
+    """The streamed motion is in the session's log, bit for bit."""
     log = await runtime.export_log(session)
     played = {(c.agent_id, c.seq): c async for p in runtime.replay(log) for c in p.chunks}
     streamed = {(c.agent_id, c.seq): c for p in publications for c in p.chunks}
@@ -406,7 +406,7 @@ async def test_from_replicas_a_session_in_lock_step_lives_on_with_its_log(server
         seen += await here.step_session(session, 4)
         replica = await here.replica(session, mark)
         mark, parts = replica.mark, [*parts, replica.log_part]
-    assert not any(parts[1:]), "nothing was told since"
+    assert not any(parts[1:]), "no command came since"
     await there.adopt(replica.state, [part for part in parts if part])
     seen += await there.step_session(session, 6)
     await same_as_replayed(there, session, seen)
@@ -441,7 +441,7 @@ async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
     async with asyncio.timeout(30):
         while not (new := await names() - people) or await names() & people == people:
             await asyncio.sleep(0.1)
-    assert min(int(name.split()[-1]) for name in new) > len(people), "nobody comes twice"
+    assert min(int(name.split()[-1]) for name in new) > len(people), "no person comes twice"
     assert len(await names()) <= 6
     await there.scenes.populate(session, Crowd(0))
     async with asyncio.timeout(30):

@@ -1,4 +1,4 @@
-"""Jobs beside the real-time path: so many at a time, bounded, and gone when their reader is."""
+"""Jobs outside the real-time path: limited in number, bounded, and gone with their reader."""
 
 import asyncio
 import threading
@@ -116,7 +116,7 @@ async def test_jobs_run_beside_the_event_loop():
     assert thread != threading.get_ident()
 
 
-# What a clip is made of
+# Parts of a clip
 
 GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
 

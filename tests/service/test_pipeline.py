@@ -1,4 +1,4 @@
-"""Engine calls beside the motion thread: their order, their times, and one that fails."""
+"""Engine calls of another thread: their order, their times, and a failing one."""
 
 import threading
 import time
@@ -10,7 +10,7 @@ from wayfarer.service.pipeline import DEPTH, EnginePipeline
 
 
 class Bench:
-    """A pipeline whose calls last until they are let go, and whose time is set by hand."""
+    """A pipeline whose calls last until they are released, and whose time is set by hand."""
 
     def __init__(self):
         self.now = 0.0
@@ -18,7 +18,7 @@ class Bench:
         self.pipeline = EnginePipeline(lambda: self.now, self.woken.release)
 
     def send(self, fail=None):
-        """Begin a call; returns what lets it go."""
+        """Begin a call; returns the function that releases it."""
         let_go = threading.Event()
 
         def call():
@@ -30,7 +30,7 @@ class Bench:
         return let_go
 
     def land(self, let_go, at):
-        """Let a call end at that time."""
+        """End a call at that time."""
         self.now = at
         let_go.set()
         assert self.woken.acquire(timeout=10)

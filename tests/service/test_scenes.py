@@ -1,4 +1,4 @@
-"""Scenes through the runtime's one door: on worker threads, and kept over a restart."""
+"""Scenes through the runtime's interface: on worker threads, and kept over a restart."""
 
 import asyncio
 from dataclasses import replace

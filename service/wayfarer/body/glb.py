@@ -1,4 +1,4 @@
-"""A body as a skinned GLB (glTF 2.0 binary): what browsers and engines load once per agent.
+"""A body as a skinned GLB (glTF 2.0 binary): browsers and engines load it once per agent.
 
 The file is in the glTF basis (metres, Y up, facing +Z). Its node rest pose is the T-pose with
 identity rotations, so a streamed pose is written to the joint nodes as it comes. The mesh stays in
@@ -77,7 +77,7 @@ class GlbFile:
 
 
 def body_glb(body: BodyModel, betas: Array, style: int = 0, outfit: str = "") -> bytes:
-    """The body with this shape, standing in T-pose, in what the seed `style` chooses.
+    """The body with this shape, standing in T-pose, in clothes that the seed `style` chooses.
 
     `outfit`: see `look`.
 
@@ -94,7 +94,7 @@ def body_glb(body: BodyModel, betas: Array, style: int = 0, outfit: str = "") ->
 
 
 def about_body(body: BodyModel, betas: Array, worn: Look) -> dict[str, Any]:
-    """What the `extras` of a file say of a body in it."""
+    """The `extras` of a file that describe a body in it."""
     betas = np.asarray(betas).tolist()
     return {"body": body.name, "gender": body.gender, "betas": betas, "outfit": worn.outfit}
 
@@ -109,7 +109,7 @@ def add_body(
 ) -> tuple[list[int], int, int]:
     """Add joint nodes, mesh and skin; return the nodes of the joints, of the mesh, of the top.
 
-    `names` of the joints; none: the canonical ones. `root`: name of a bone above the hips, at the
+    `names`: of the joints; none: the canonical ones. `root`: name of a bone above the hips, at the
     origin, which moves no vertex. The nodes are in no scene yet.
     """
     shape = body.check_betas(betas)
@@ -147,7 +147,7 @@ def add_joints(file: GlbFile, body: BodyModel, betas: Array, names: Sequence[str
 def _inverse_bind(body: BodyModel, betas: Array) -> NDArray[np.float32]:
     """Bind-pose mesh → joint, so that world = [R | p] · inverse_bind · vertex. [J, 4, 4].
 
-    BodyModel.skin: v = R·B·(v_bind - j_bind) + p, hence inverse_bind = [B | -B·j_bind].
+    BodyModel.skin: v = R·B·(v_bind - j_bind) + p, so inverse_bind = [B | -B·j_bind].
     """
     joints = body.bind_joints + body.bind_joints_dirs @ betas  # [J, 3]
     matrices = np.tile(np.eye(4), (len(joints), 1, 1))
@@ -158,7 +158,7 @@ def _inverse_bind(body: BodyModel, betas: Array) -> NDArray[np.float32]:
 
 
 def _mesh(file: GlbFile, body: BodyModel, betas: Array, clothes: Look) -> gltf.Mesh:
-    """One primitive with a material for each region: skin, hair, shirt, …
+    """One primitive with a material for each region, such as skin, hair or shirt.
 
     Vertices are doubled where two regions meet, so that hems are crisp, and at texture seams.
     """
@@ -190,7 +190,7 @@ def _mesh(file: GlbFile, body: BodyModel, betas: Array, clothes: Look) -> gltf.M
         material = gltf.Material(
             name=REGIONS[number],
             pbrMetallicRoughness=surface,
-            doubleSided=number not in (SKIN, EYES, EYEBALLS),  # one looks into a sleeve
+            doubleSided=number not in (SKIN, EYES, EYEBALLS),  # the inside of a sleeve is visible
         )
         file.document.materials.append(material)
         primitives.append(primitive)
@@ -200,7 +200,7 @@ def _mesh(file: GlbFile, body: BodyModel, betas: Array, clothes: Look) -> gltf.M
 def _primitive(
     file: GlbFile, body: BodyModel, source: NDArray[np.int64], vertices: Array, normals: Array
 ) -> gltf.Primitive:
-    """Places, normals and skin of the vertices [V'] that come from these of the body."""
+    """Places, normals and skin of the vertices [V'] that come from these vertices of the body."""
     weights = body.skin_weights[source].astype(np.float32)
     weights /= weights.sum(-1, keepdims=True)
     joints = np.where(weights > 0, body.skin_joints[source], 0)  # as the standard asks

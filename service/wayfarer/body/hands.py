@@ -1,9 +1,8 @@
 """Relaxed hands: fingers that are never posed hang in a natural curl.
 
 The shipped body is modelled with its fingers spread and nearly straight, which on a walking person
-looks like a mannequin's. Fingers have no rotations of their own in a stream, so their *rest* is
-curled here: the joints of skeleton, skin, GLB and clips alike. Wrists and all joints before them
-stay as they are.
+looks like a mannequin's. Fingers have no rotations in a stream, so their *rest* is curled here: the
+joints of skeleton, skin, GLB and clips alike. Wrists and all joints before them stay as they are.
 """
 
 from collections.abc import Sequence
@@ -24,18 +23,18 @@ CURL: Final = {
     "pinky": (14.0, 19.0, 10.0),
     "thumb": (0.0, 6.0, 10.0),
 }
-"""Degrees by which the joints of each finger, from the knuckle on, are bent beyond how they are
-modelled: more from finger to finger, as in a hand that hangs."""
+"""Degrees by which the joints of each finger, from the knuckle on, are bent beyond the model: more
+from finger to finger, as in a hanging hand."""
 
 SPREAD: Final = {"index": -4.0, "middle": 2.0, "ring": 7.0, "pinky": 12.0}
 """Degrees by which a finger is turned at its knuckle towards its neighbours: positive, to the
 side of the thumb."""
 
 PALM: Final = np.array([0.0, 0.0, -1.0])
-"""Where the palms face in the T-pose."""
+"""Direction of the palms in the T-pose."""
 
 THUMB_SIDE: Final = np.array([0.0, 1.0, 0.0])
-"""Where the thumbs are in the T-pose."""
+"""Direction of the thumbs in the T-pose."""
 
 
 def relaxed(names: Sequence[str], bind_joints: Array, bind_to_rest: Array) -> Array:
@@ -61,7 +60,7 @@ def relaxed(names: Sequence[str], bind_joints: Array, bind_to_rest: Array) -> Ar
 
 
 def _inwards(finger: str, bone: Array) -> Array:
-    """The direction in which a bone of the T-pose is bent: to the palm; the thumb to the index."""
+    """The direction in which a T-pose bone bends: fingers to the palm, the thumb to the index."""
     if finger == "thumb":
         along = np.array([np.sign(bone[0]), 0.0, 0.0])
         return along - THUMB_SIDE

@@ -1,6 +1,6 @@
 """Clothes as paint, with even hems: a body's triangles are cut where one garment ends.
 
-What each vertex wears is known. Without cuts a hem would follow the edges of the mesh, in teeth.
+The garment of each vertex is known. Without cuts a hem would follow the mesh's edges, in teeth.
 """
 
 from dataclasses import replace
@@ -17,7 +17,7 @@ Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 EVEN_M: Final = 0.03
-"""A hem is evened over about this length, and over a few triangles at least."""
+"""A hem is smoothed over about this length, and at least over a few triangles."""
 
 NEAREST: Final = 0.05
 """A cut keeps this share of an edge's length from its ends: no slivers."""
@@ -29,15 +29,15 @@ PIECES: Final = {
     (False, True, True): [(2, 5, 4), (0, 1, 4), (0, 4, 5)],
     (True, True, True): [(0, 3, 5), (1, 4, 3), (2, 5, 4), (3, 4, 5)],
 }
-"""Pieces of a triangle, by which of its edges 0-1, 1-2 and 2-0 are cut. Corners 0 to 2 are its own,
-3 to 5 the cuts of these edges. A piece wears what its first corner wears."""
+"""Pieces of a triangle, by cut edges among 0-1, 1-2 and 2-0. Corners 0 to 2 are the triangle's, 3
+to 5 the cuts of these edges. A piece wears what its first corner wears."""
 
 
 @lru_cache(maxsize=16)
 def painted(body: BodyModel) -> tuple[BodyModel, Index]:
     """The body with its triangles cut along the hems, and the region that each wears [F].
 
-    Its vertices and texture coordinates are those of `body`, and after them those on the hems.
+    Its vertices and texture coordinates are those of `body`, followed by those on the hems.
     """
     share = _evened(body)
     wears = share.argmax(-1)  # [V]
@@ -47,7 +47,7 @@ def painted(body: BodyModel) -> tuple[BodyModel, Index]:
     swap = body.faces[cut] > np.roll(body.faces, -1, axis=1)[cut]
 
     def in_order(faces: Index) -> Index:
-        """The ends of all edges that are cut, [C, 2], alike for the two triangles of an edge."""
+        """The ends of all cut edges [C, 2], equal for the two triangles of an edge."""
         start, end = faces[cut], np.roll(faces, -1, axis=1)[cut]
         return np.stack([np.where(swap, end, start), np.where(swap, start, end)], -1)
 
@@ -87,7 +87,7 @@ def painted(body: BodyModel) -> tuple[BodyModel, Index]:
 
 
 def _evened(body: BodyModel) -> Array:
-    """How much of each region there is around a vertex [V, regions]; eyes count as skin."""
+    """Share of each region around a vertex [V, regions]; eyes count as skin."""
     known = regions(body)
     share = np.eye(len(REGIONS))[np.where(known == EYES, SKIN, known)]
     ends = np.sort(np.stack([body.faces, np.roll(body.faces, -1, axis=1)], -1), axis=-1)
@@ -105,7 +105,7 @@ def _evened(body: BodyModel) -> Array:
 
 
 def _pieces(cut: NDArray[np.bool_]) -> tuple[Index, Index]:
-    """Of all pieces the triangle that each is of [P], and its corners 0 to 5 there [P, 3]."""
+    """The triangle of each piece [P], and the piece's corners 0 to 5 there [P, 3]."""
     found = []
     for pattern, pieces in PIECES.items():
         mine = np.flatnonzero((cut == pattern).all(-1))
@@ -116,7 +116,7 @@ def _pieces(cut: NDArray[np.bool_]) -> tuple[Index, Index]:
 
 
 def _with(values: Array, edges: Index, at: Array) -> Array:
-    """Values of vertices [V, …], and after them those at a share of the way along edges [E, 2]."""
+    """Values of vertices [V, …], followed by values at a share of the way along edges [E, 2]."""
     at = at.reshape(-1, *[1] * (values.ndim - 1))
     return np.concatenate([values, (1 - at) * values[edges[:, 0]] + at * values[edges[:, 1]]])
 

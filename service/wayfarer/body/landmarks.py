@@ -72,10 +72,10 @@ FOOT: Final = ("LHEE", "LTOE", "LMT1", "LMT5")
 """Back of the heel, tip of the big toe, balls of the big and the little toe: extreme points."""
 
 SOLE: Final = ("HEEL", "MT1", "MT5", "TOE")
-"""Markers on the underside of each foot, LSOLE_HEEL …"""
+"""Markers on the underside of each foot, such as LSOLE_HEEL."""
 
 AROUND_SOLE: Final = ("HEE", "MT1", "MT5", "TOE")
-"""Of `FOOT`, and of MOJO's SSM2, those nearest to each of `SOLE`."""
+"""The markers of `FOOT`, and of MOJO's SSM2, that are nearest to each of `SOLE`."""
 
 
 def marker_names() -> tuple[str, ...]:
@@ -94,7 +94,7 @@ def mirrored(name: str) -> str:
 def find_markers(
     vertices: Array, faces: Index, joints: Mapping[str, Array], mirror: Index | None = None
 ) -> Index:
-    """Vertex index of each marker, [67], on a body in the T-pose that stands on z = 0.
+    """Vertex index of each marker [67], on a body in the T-pose standing on z = 0.
 
     joints: canonical name → place. `mirror` [V], each vertex's mirror image, makes the right
     markers exact mirrors of the left ones; without it they are found in the mirrored body.
@@ -130,7 +130,7 @@ def find_soles(vertices: Array, joints: Mapping[str, Array]) -> Index:
 def _central_markers(
     vertices: Array, faces: Index, joints: Mapping[str, Array], mirror: Index | None
 ) -> dict[str, int]:
-    """Points on the midline: exact for a symmetric mesh, else within a few millimetres."""
+    """Points on the midline: exact for a symmetric mesh, otherwise within a few millimetres."""
     if mirror is not None:
         middle = np.flatnonzero(mirror == np.arange(len(mirror)))
     else:
@@ -143,7 +143,7 @@ def _central_markers(
 
 def _left_markers(vertices: Array, faces: Index, joints: Mapping[str, Array]) -> dict[str, int]:
     left = np.flatnonzero(vertices[:, 0] < -1e-6)
-    left_faces = faces[(vertices[faces, 0] < MIDLINE).all(-1)]  # no ray may meet the other leg
+    left_faces = faces[(vertices[faces, 0] < MIDLINE).all(-1)]  # rays must not meet the other leg
     found = {
         name: _nearest(vertices, left, ray_exit(vertices, left_faces, origin(joints), direction))
         for name, (origin, direction) in LEFT.items()

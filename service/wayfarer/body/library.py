@@ -1,4 +1,4 @@
-"""Shipped bodies and a user's own ones, by name, gender and detail."""
+"""Shipped bodies and a user's own, by name, gender and detail."""
 
 import json
 import os
@@ -25,7 +25,7 @@ LAYOUT: Final = 1
 """Version of the arrays in a body file."""
 
 SHIPPED: Final = "anny52"
-"""The body that comes with the service."""
+"""The shipped body."""
 
 GENDERS_OF: Final[Mapping[str, tuple[str, ...]]] = {
     SHIPPED: GENDERS,
@@ -58,8 +58,8 @@ def load_body(name: str, gender: str, detail: Detail = "high") -> BodyModel:
     one mesh for both.
 
     Raises:
-        NotFound: no such body, gender or detail; the message lists those there are.
-        ArtifactError: its file is missing, damaged or of another layout.
+        NotFound: no such body, gender or detail; the message lists the known ones.
+        ArtifactError: its file is missing, damaged or has another layout.
     """
     path = body_file(name, gender)
     _check("detail", detail, DETAILS)
@@ -72,7 +72,7 @@ def texture_file(name: str) -> str:
 
 
 def body_file(name: str, gender: str) -> Path:
-    """Where a body's file lies. Raises NotFound."""
+    """The path of a body's file. Raises NotFound."""
     _check("body", name, tuple(GENDERS_OF))
     _check("gender", gender, GENDERS_OF[name])
     if name == SHIPPED:
@@ -93,7 +93,7 @@ def _check(what: str, value: str, allowed: tuple[str, ...]) -> None:
 
 @cache
 def load_arrays(path: Path) -> Mapping[str, NDArray[Any]]:
-    """All arrays of a body file, whose hash must be that of the manifest. Raises ArtifactError."""
+    """All arrays of a body file, whose hash must equal the manifest's. Raises ArtifactError."""
     expected = _manifest(path.parent).get(path.name)
     found = sha256_of(path)
     if found != expected:
@@ -136,7 +136,7 @@ def body_from_arrays(
 ) -> BodyModel:
     """A body from the arrays of its file. Raises ArtifactError when one is missing.
 
-    Texture coordinates, which are in a file of their own, may be among them.
+    They may include texture coordinates, which are in their own file.
     """
     prefix = "low_" if detail == "low" else ""
     missing = [n for n in (*_SHARED, *(prefix + n for n in _PER_DETAIL)) if n not in arrays]

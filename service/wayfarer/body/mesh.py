@@ -22,8 +22,8 @@ def vertex_normals(vertices: Array, faces: Index) -> Array:
 def split_vertices(faces: Index, *marks: Index) -> tuple[Index, list[Index], Index]:
     """Double the vertices where marks of their corners differ: colours, texture coordinates.
 
-    `marks` [F, 3], numbers from 0, are of each corner of faces [F, 3]. Returns for each new vertex
-    the vertex it comes from [V'] and its marks [V'] each, and the faces [F, 3] over new vertices.
+    `marks` [F, 3], numbers from 0, belong to the corners of faces [F, 3]. Returns the source vertex
+    of each new vertex [V'], its marks [V'] each, and the faces [F, 3] over new vertices.
     """
     key = faces.astype(np.int64)
     for values in marks:

@@ -24,7 +24,7 @@ MAX_BETA: Final = 5.0
 
 
 INFLUENCES: Final = 4
-"""Joints that move one vertex: what engines take."""
+"""Joints that move one vertex, as engines expect."""
 
 
 def largest_weights(dense: Array) -> tuple[NDArray[np.int64], Array]:
@@ -67,8 +67,8 @@ class BodyModel:
     def sole_markers(self) -> NDArray[np.int64]:
         """Indices [8] of the markers of the soles, left ones first: heel, both balls, toe.
 
-        A set with nothing under the feet (MOJO's SSM2) has those around them in their place, 1 to
-        3 cm above the floor: see `sole_vertices`.
+        A set with nothing under the feet (MOJO's SSM2) uses those around them instead, 1 to 3 cm
+        above the floor: see `sole_vertices`.
         """
         if self._has_soles:
             return np.array([i for i, n in enumerate(self.marker_names) if "SOLE" in n])
@@ -79,7 +79,7 @@ class BodyModel:
     def sole_vertices(self) -> NDArray[np.int64]:
         """Vertices [8] under the feet, in the order of `sole_markers`.
 
-        They carry those markers, or are found on the mesh. Raises ValueError when it has no feet.
+        They carry those markers, or are found on the mesh. Raises ValueError without feet.
         """
         if self._has_soles:
             return self.marker_vertices[self.sole_markers]
@@ -108,7 +108,7 @@ class BodyModel:
         return values
 
     def rest_joints(self, betas: Array) -> Array:
-        """T-pose joint places, hips at their own height above sole level. [..., J, 3]."""
+        """T-pose joint places, hips at their height above sole level. [..., J, 3]."""
         shape = np.asarray(betas)
         bind = self.bind_joints + np.einsum("jcb,...b->...jc", self.bind_joints_dirs, shape)
         rest = np.zeros_like(bind)

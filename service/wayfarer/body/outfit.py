@@ -1,4 +1,4 @@
-"""What people wear and its colours, so that they look dressed and can be told apart.
+"""Clothes of people and their colours, so that they look dressed and different.
 
 A seed chooses outfit, shoes, haircut and colours: the same seed, the same look.
 """
@@ -15,7 +15,7 @@ from wayfarer.errors import InvalidArgument
 
 Array = NDArray[np.floating[Any]]
 
-SKIN, HAIR, SHIRT, TROUSERS, SHOES, EYES = range(6)  # where two meet, the greater is outside
+SKIN, HAIR, SHIRT, TROUSERS, SHOES, EYES = range(6)  # where two meet, the greater number is outside
 JACKET, SKIRT, SOCKS, SOLES, TRIM, EYEBALLS = range(6, 12)
 
 REGIONS: Final = (
@@ -53,7 +53,7 @@ class Outfit:
     garments: Mapping[str, str]  # by gender
     shoes: tuple[str, ...]
     colours: Mapping[int, Sequence[str]]
-    share: Mapping[str, int]  # how often it is chosen, by gender
+    share: Mapping[str, int]  # relative frequency, by gender
 
 
 def _outfit(
@@ -88,14 +88,14 @@ OUTFITS: Final[Mapping[str, Outfit]] = {
     ),
     "skirt": _outfit("skirt", ("slip_ons", "oxfords"), (3, 0), shirt=PALE + SHIRTS, skirt=SKIRTS),
 }  # fmt: skip
-"""By name. A skirt is worn by whom it is asked for; a seed gives it to women."""
+"""Outfits by name. Anyone may ask for a skirt; a seed gives it to women."""
 
 SHOE_KINDS: Final[Mapping[str, tuple[str, Sequence[str]]]] = {
     "oxfords": ("oxfords", LEATHERS),
     "slip_ons": ("slip_ons", LEATHERS),
     "trainers": ("slip_ons", TRAINERS),  # with white soles
     "laced": ("laced", TRAINERS + LEATHERS),
-    "boots": ("laced", LEATHERS),  # their shafts are the others' socks
+    "boots": ("laced", LEATHERS),  # their shafts are the socks of other shoes
 }
 """Garment and colours of each kind."""
 
@@ -103,16 +103,16 @@ HAIRCUTS: Final[Mapping[str, Mapping[str, int]]] = {
     "female": {"bob": 3, "long": 3, "ponytail": 3, "afro": 1, "short": 1, "": 0},
     "male": {"short": 4, "crop": 3, "afro": 1, "": 1, "long": 0, "ponytail": 0},
 }
-"""Garments of hair, and how often each is chosen; "" is none."""
+"""Garments of hair with their frequencies; "" is none."""
 
 
 OUTFIT_TEXT: Final = f"{', '.join(OUTFITS)}, or {BARE}: the bare body; absent: as its seed has it"
-"""What an outfit's name may be."""
+"""Allowed names of outfits."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """What somebody wears."""
+    """A person's clothes."""
 
     outfit: str  # its name, or BARE
     garments: tuple[str, ...]  # of the wardrobe: clothes, shoes, hair
@@ -166,7 +166,7 @@ def look(style: int, gender: str, outfit: str = "") -> Look:
 
 
 def check_outfit(name: str) -> str:
-    """The name of an outfit, BARE or "". Raises InvalidArgument with those there are."""
+    """The name of an outfit, BARE or "". Raises InvalidArgument with the known ones."""
     if name and name != BARE and name not in OUTFITS:
         allowed = ", ".join(OUTFITS)
         raise InvalidArgument(
@@ -177,7 +177,7 @@ def check_outfit(name: str) -> str:
 
 
 def regions(body: BodyModel) -> NDArray[np.int64]:
-    """Region of each vertex [V]: the body's own, else by the joint that moves it most."""
+    """Region of each vertex [V]: the body's own, or that of the joint that moves it most."""
     if body.regions is not None:
         return body.regions.astype(np.int64)
     names = np.array(body.joint_names)
@@ -194,5 +194,5 @@ def regions(body: BodyModel) -> NDArray[np.int64]:
 
 
 def linear_colours(srgb: Array) -> Array:
-    """Convert sRGB to linear light (IEC 61966-2-1), which glTF's factors are in."""
+    """Convert sRGB to linear light (IEC 61966-2-1), as used in glTF's factors."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -1,4 +1,4 @@
-"""Betas from what people say of a body: height in metres, weight, muscle, age.
+"""Betas from a description of a body: height in metres, weight, muscle, age.
 
 A quadratic regression, fitted over the identities of the bake and stored in the body's file,
 gives the betas of an average person of that description; the height is then met exactly by a
@@ -29,7 +29,7 @@ LIMITS: Final[Mapping[str, tuple[float, float]]] = {
 """Allowed range of each phenotype value, in the order of the regression's inputs."""
 
 TOLERANCE: Final = 1e-4  # metres
-_CROWN: Final = 0.03  # metres below the top of the head where the highest vertex may lie
+_CROWN: Final = 0.03  # metres below the top of the head within which the highest vertex lies
 
 
 def betas_from_phenotype(

@@ -1,4 +1,4 @@
-"""Betas whose joints lie as far apart as a character's: a body with its legs takes its steps.
+"""Betas with a character's distances between joints: a body with its legs takes its steps.
 
 Bounded least squares over distances between joints, with a standard normal prior on the betas,
 which have unit variance. Distances within one bone do not change with the pose, so a character may
@@ -22,9 +22,9 @@ from wayfarer.spec import GENDERS, POSED_JOINTS
 Array = NDArray[np.floating[Any]]
 
 BOUND: Final = 3.0
-"""Largest fitted beta: three standard deviations. Farther away the mesh is no likely person."""
+"""Largest fitted beta: three standard deviations. Beyond it the mesh is no likely person."""
 PRIOR: Final = 0.5
-"""Weight of the prior: a character's bones need not be as an average person's."""
+"""Weight of the prior: a character's bones may differ from an average person's."""
 SAME_SIZE: Final = 0.01
 """Metres by which thigh and shin together may miss before a character counts as not human-sized."""
 SCALE_SPREAD: Final = 0.5
@@ -32,7 +32,7 @@ SCALE_SPREAD: Final = 0.5
 LEG: Final = (0.05, 20.0)
 """Least and greatest length of thigh and shin together, metres."""
 FARTHEST: Final = 100.0
-"""Metres of a joint from the others."""
+"""Greatest distance of a joint from the others, metres."""
 
 
 class Measure(NamedTuple):
@@ -56,7 +56,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
     "shoulders": Measure(0.02, (("left_shoulder", "right_shoulder"),)),
     "torso": Measure(0.02, (("hips", "shoulders"),)),
 }
-"""Legs count most, since steps depend on them; where hips and shoulders are put differs most."""
+"""Legs count most, since steps depend on them. Places of hips and shoulders differ most."""
 MIDDLES: Final = {
     "hips": ("left_hip", "right_hip"),
     "shoulders": ("left_shoulder", "right_shoulder"),
@@ -66,11 +66,11 @@ ANKLE_HEIGHT: Final = "ankle_height"
 ANKLE_SPREAD: Final = 0.005
 BAREFOOT: Final = 0.25
 """Share by which ankles may be higher or lower than those of the mean body with such legs. Beyond
-it a shoe lifts them, or the rig puts the joint elsewhere: that is no length of a leg.
+it a shoe lifts them, or the rig puts the joint in another place: that is no length of a leg.
 """
 SOFTER: Final = 5.0
-"""How many times as wide the spreads of all but thigh and shin are, where a body of scale 1 is
-sought that has the legs, whatever else it has.
+"""Factor of all spreads except thigh's and shin's, in the search for a body of scale 1 that has
+these legs, whatever its other lengths.
 """
 REQUIRED: Final = tuple(f"{s}_{b}" for s in ("left", "right") for b in ("hip", "knee", "ankle"))
 
@@ -95,7 +95,7 @@ class BodyFit:
 
     gender: str
     betas: tuple[float, ...]
-    scale: float  # size of the character by that of the body; 1: a person's size
+    scale: float  # ratio of the character's size to the body's; 1: a person's size
     lengths: tuple[FittedLength, ...] = field(repr=False)
 
 
@@ -108,9 +108,9 @@ def fit_betas(
     """The body whose bones are as long as those between these joints [3], by canonical name.
 
     Places in metres, Z up, of the character at rest; hips, knees and ankles are needed, the other
-    bones may be missing. `floor`: height under its soles; none, or where heels lift the ankles:
-    their height is left free. `gender`: none: the one that fits better. The scale is 1 where a
-    person of the gender, or of either, has such legs.
+    bones may be missing. `floor`: height under its soles; None, or if heels lift the ankles:
+    their height is free. `gender`: None: the one that fits better. The scale is 1 if a person of
+    the gender, or of either, has such legs.
     Raises InvalidArgument when a joint is unknown, missing or unlike a leg.
     """
     _check(joints)
@@ -163,7 +163,7 @@ def _check(joints: Mapping[str, Array]) -> None:
 
 
 def _ends(joints: Mapping[str, Array]) -> dict[str, Array]:
-    """The joints and, as far as they can be had, the places half way between two."""
+    """The joints and the known midpoints of pairs of joints."""
     places = dict(joints)
     for middle, (left, right) in MIDDLES.items():
         if left in joints and right in joints:
@@ -172,7 +172,7 @@ def _ends(joints: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _measured(joints: Mapping[str, Array]) -> dict[str, float]:
-    """Distances in metres, as far as their joints are there."""
+    """Distances in metres between known joints."""
     places = _ends(joints)
     found = {}
     for name, measure in MEASURES.items():
@@ -187,7 +187,7 @@ def _measured(joints: Mapping[str, Array]) -> dict[str, float]:
 class _Lengths:
     """The measures of a body: its joints are linear in the betas."""
 
-    mean: Array  # [M, P, 3] differences of the joints of up to P pairs; a lone one stands twice
+    mean: Array  # [M, P, 3] differences of the joints of up to P pairs; a single one occurs twice
     dirs: Array  # [M, P, 3, B]
 
     def at(self, betas: Array) -> tuple[Array, Array]:
@@ -216,7 +216,7 @@ def _lengths_of(name: str, gender: str, measures: tuple[str, ...]) -> _Lengths:
     places = _ends(joints)
     rows = []
     for measure in measures:
-        if measure == ANKLE_HEIGHT:  # the body stands on the floor: only what is upright counts
+        if measure == ANKLE_HEIGHT:  # the body stands on the floor: only the height counts
             ends: list[tuple[Array, Array]] = [
                 (joints[ankle] * (0, 0, 1), np.zeros(3)) for ankle in ANKLES
             ]
@@ -229,7 +229,7 @@ def _lengths_of(name: str, gender: str, measures: tuple[str, ...]) -> _Lengths:
 
 def _fit(name: str, gender: str, wanted: Mapping[str, float]) -> tuple[float, BodyFit]:
     """(cost, fit) of one gender."""
-    from scipy.optimize import least_squares  # 30 MB and .2 s that a server without fits is spared
+    from scipy.optimize import least_squares  # saves 30 MB and .2 s on a server without fits
 
     if ANKLE_HEIGHT in wanted:
         mean = dict(zip(wanted, _at_mean(name, gender, tuple(wanted)), strict=True))

@@ -1,7 +1,7 @@
 """Conversions between rotation representations, as numpy arrays: the twin of the lab's
 `training/rotation.py`.
 
-Matrices act on column vectors; quaternions are x, y, z, w; a rotation vector is axis times angle in
+Matrices act on column vectors. Quaternions are x, y, z, w. A rotation vector is axis times angle in
 radians. The core basis is Z up, facing +Y, right side +X; the glTF basis is Y up, facing +Z.
 """
 
@@ -74,7 +74,7 @@ def rotvec_from_quaternion(quaternion: Array) -> Array:
 
 
 def inverse(q: Array) -> Array:
-    """Of unit quaternions. [..., 4]"""
+    """The inverse of unit quaternions. [..., 4]"""
     return q * np.array([-1.0, -1.0, -1.0, 1.0])
 
 

@@ -74,7 +74,7 @@ def parents() -> tuple[int, ...]:
 
 
 def mirrored(name: str) -> str:
-    """The canonical name of the bone on the other side; a central bone is its own mirror."""
+    """The canonical name of the bone on the other side; a central bone is its own mirror image."""
     if name.startswith("left_"):
         return "right_" + name.removeprefix("left_")
     if name.startswith("right_"):

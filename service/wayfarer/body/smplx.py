@@ -91,7 +91,7 @@ def load_smplx(path: Path, gender: str, markers: Path | None = None) -> BodyMode
 
 
 def read_archive(path: Path) -> Mapping[str, Any]:
-    """The archive; its arrays are read one by one, so unused pickled ones do no harm."""
+    """The archive; its arrays are read one by one, so unused pickled ones are harmless."""
     try:
         file = np.load(path, allow_pickle=False)
     except (OSError, ValueError) as error:

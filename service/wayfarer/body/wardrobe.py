@@ -1,4 +1,4 @@
-"""Clothes, shoes and hair on a body: meshes of their own, bound to the same joints and betas."""
+"""Clothes, shoes and hair on a body: separate meshes with the same joints and betas."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,19 +17,19 @@ Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 BODY: Final = "body"
-"""The name of the body among what lies beneath a garment."""
+"""The name of the body among the layers beneath a garment."""
 
 LAYOUT: Final = 1
 """Version of the arrays in the file."""
 
 PLACE_M: Final = 1e-4
-"""Metres that the file's numbers of places count."""
+"""Metres per unit of the file's places."""
 
 DIRECTION_M: Final = 1e-5
-"""Metres per unit of beta that its numbers of directions count."""
+"""Metres per beta and unit of the file's directions."""
 
 IRIS: Final = 0.86
-"""Cosine of the angle around the way ahead that the iris fills."""
+"""Cosine of the angle from the forward direction that the iris fills."""
 
 
 def wardrobe_file(name: str) -> str:
@@ -39,7 +39,7 @@ def wardrobe_file(name: str) -> str:
 
 @dataclass(frozen=True)
 class Garment:
-    """A mesh for one gender and detail; arrays as of `BodyModel`."""
+    """A mesh for one gender and detail; arrays as in `BodyModel`."""
 
     bind_vertices: Array  # [V, 3]
     bind_vertices_dirs: Array  # [V, 3, B]
@@ -51,10 +51,10 @@ class Garment:
 
 @dataclass(frozen=True)
 class Cover:
-    """What a garment makes of a mesh beneath it, the body or shoes."""
+    """The effect of a garment on a mesh beneath it, the body or shoes."""
 
-    hides: Index  # vertices; what is between such vertices alone is left out
-    tucks: Index  # [N] vertices beside it, which lie deeper and move as the garment does
+    hides: Index  # vertices; faces among them are left out
+    tucks: Index  # [N] vertices at its edge, which lie deeper and move with the garment
     shifts: Array  # [N, 3] metres
     skin_joints: Index  # [N, 4]
     skin_weights: Array  # [N, 4]
@@ -77,7 +77,7 @@ def load_garment(name: str, gender: str, detail: str) -> Garment:
 
 @lru_cache(maxsize=512)
 def load_cover(name: str, below: str, detail: str) -> Cover | None:
-    """What a garment makes of shoes of that name or of the BODY; None: it is not over them."""
+    """Its effect on shoes of that name or on the BODY; None: it does not cover them."""
     arrays = load_arrays(FOLDER / wardrobe_file(SHIPPED))
     key = f"{name}/{detail}/over/{below}"
     if f"{key}/hides" not in arrays:
@@ -98,7 +98,7 @@ def _shares(weights: NDArray[Any]) -> Array:
 def dressed(body: BodyModel, look: Look) -> tuple[BodyModel, Index]:
     """The body with clothes, and the region of each face [F].
 
-    What they hide of it is left out. Texture coordinates are the body's own: `uv_faces` is -1 on
+    Its parts beneath them are left out. Texture coordinates are the body's own: `uv_faces` is -1 on
     clothes. A body without a wardrobe wears paint.
     """
     if body.name != SHIPPED:
@@ -143,7 +143,7 @@ def dressed(body: BodyModel, look: Look) -> tuple[BodyModel, Index]:
 
 
 def _beneath(part: Garment, covers: Sequence[Cover]) -> tuple[Garment, NDArray[np.bool_]]:
-    """What is left of a mesh beneath garments, and which of its faces [F]."""
+    """The visible part of a mesh beneath garments, and its faces [F]."""
     hidden = np.zeros(len(part.bind_vertices), bool)
     places = part.bind_vertices.copy()
     joints, weights = part.skin_joints.copy(), part.skin_weights.copy()

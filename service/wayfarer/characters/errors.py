@@ -1,4 +1,4 @@
-"""What the modules of this folder raise here: the service's own."""
+"""The service's errors, which the modules of this folder raise."""
 
 from wayfarer.errors import InvalidArgument
 

@@ -10,7 +10,7 @@ from wayfarer.clips.edit import RootTrack
 
 @dataclass(frozen=True)
 class Actor:
-    """`root`: motion of a bone of its own, to which `clip` is relative; none: the hips have all."""
+    """`root`: motion of a separate bone, to which `clip` is relative; none: the hips have all."""
 
     clip: Clip
     body: BodyModel = field(repr=False)
@@ -22,5 +22,5 @@ class Actor:
 
     @property
     def look(self) -> Look:
-        """What it wears."""
+        """Its clothes."""
         return look(self.style, self.body.gender, self.outfit)

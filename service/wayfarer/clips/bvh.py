@@ -1,9 +1,9 @@
 """Clips as BVH, the plain-text motion format that every animation tool reads.
 
-Written in the glTF basis (Y up, the T-pose faces +Z) in metres: the unit is not part of the
-format, and tools that take it for centimetres want `scale=100`. Rotation channels are Z, X, Y in
-degrees: local = Rz · Rx · Ry. The 22 posed joints are written; fingers are at rest and left out.
-A root joint of its own, where there is one, is above the hips.
+Written in the glTF basis (Y up, the T-pose faces +Z) in metres. The unit is not part of the format;
+tools that expect centimetres want `scale=100`. Rotation channels are Z, X, Y in degrees: local =
+Rz · Rx · Ry. The 22 posed joints are written; fingers are at rest and left out. A separate root
+joint, if there is one, is above the hips.
 """
 
 from typing import Any
@@ -92,7 +92,7 @@ def zxy_angles(matrix: Array) -> Array:
 
 
 def _end_offset(rest: Array, children: list[int], joint: int, parent: int) -> Array:
-    """Where the last bone ends: at the middle of its rest children, or half its parent's length."""
+    """The end of the last bone: the middle of its rest children, or half its parent's length."""
     if children:
         return rest[children].mean(0) - rest[joint]
     return (rest[joint] - rest[parent]) / 2

@@ -60,7 +60,7 @@ class Clip:
         return self.frames / self.fps
 
     def __getitem__(self, frames: slice) -> "Clip":
-        """The chosen frames as a clip of the same rate (steps of a slice are refused)."""
+        """The chosen frames as a clip of the same rate (slices with steps are refused)."""
         if frames.step not in (None, 1):
             raise InvalidArgument("a clip is cut without steps: its rate would change", "frames")
         return replace(

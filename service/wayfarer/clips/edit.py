@@ -125,7 +125,7 @@ def put_back(clip: Clip, root: RootTrack) -> Clip:
 
 
 def looped(clip: Clip, body: BodyModel | None = None) -> Clip:
-    """A cycle of steady walking out of the clip: its last frame is its first but for the travel.
+    """A cycle of steady walking in the clip: its last frame is its first, plus the travel.
 
     The two most alike frames that lie two steps apart are its ends, and what they differ by is
     spread over the cycle. Raises InvalidArgument when the clip has no two such frames.

@@ -1,4 +1,4 @@
-"""Motion as a file of the form that its name asks for, and back."""
+"""Motion as a file in the format of its name, and back."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ READERS = {".glb": read_glb, ".npz": read_npz}
 
 
 class FileFormat(StrEnum):
-    """What a file holds."""
+    """The format of a file."""
 
     GLB = "glb"  # bodies with skin, any number of people, a scene
     BVH = "bvh"  # bones of one person, as text
@@ -31,7 +31,7 @@ class FileFormat(StrEnum):
 
 
 class BoneNames(StrEnum):
-    """What the bones of GLB, BVH and USD are called."""
+    """Vocabulary of the bones of GLB, BVH and USD."""
 
     MIXAMO = "mixamo"  # Hips, LeftUpLeg: engines and Blender add-ons know it
     UNITY = "unity"  # Hips, LeftUpperLeg: HumanBodyBones
@@ -41,7 +41,7 @@ class BoneNames(StrEnum):
 
 
 class RootMotion(StrEnum):
-    """Where the travelled path is."""
+    """The place of the travelled path."""
 
     HIPS = "hips"  # the hips have all
     BONE = "bone"  # on a bone "root" above the hips: ground point and heading
@@ -78,7 +78,7 @@ NAMED: Final = "files with the path on a bone are glb, bvh and usd"
 
 @dataclass(frozen=True)
 class FileOptions:
-    """How motion becomes a file. Raises InvalidArgument where options contradict each other."""
+    """How motion becomes a file. Raises InvalidArgument if options contradict each other."""
 
     format: FileFormat = FileFormat.GLB
     names: BoneNames = BoneNames.MIXAMO
@@ -152,7 +152,7 @@ def _actor(person: Performance, options: FileOptions) -> Actor:
 
 
 def edited(clip: Clip, options: FileOptions) -> tuple[Clip, RootTrack | None]:
-    """The clip as the file has it, and the path that was taken out of it.
+    """The clip in the form of the file, and the path that was removed from it.
 
     Raises InvalidArgument when there is no cycle to loop.
     """
@@ -167,7 +167,7 @@ def edited(clip: Clip, options: FileOptions) -> tuple[Clip, RootTrack | None]:
 
 
 def _at_rate(clip: Clip, fps: float, is_loop: bool) -> Clip:
-    """At another rate. A cycle is stretched by less than a frame: its last frame has to be kept."""
+    """At another rate. A cycle is stretched by less than a frame, to keep its last frame."""
     if not is_loop:
         return resampled(clip, fps)
     frames = max(round((clip.frames - 1) / clip.fps * fps), 1)
@@ -176,7 +176,7 @@ def _at_rate(clip: Clip, fps: float, is_loop: bool) -> Clip:
 
 
 def format_of(path: Path) -> FileFormat:
-    """The format that a file's name asks for. Raises InvalidArgument."""
+    """The format of a file's name. Raises InvalidArgument."""
     suffix = path.suffix.lower().removeprefix(".")
     suffix = "usd" if suffix == "usdc" else suffix
     if suffix not in list(FileFormat):

@@ -36,13 +36,13 @@ from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.world import World
 
 SPEED = 1.2
-"""Metres per second of a person, if nothing else is asked for."""
+"""Default speed of a person, metres per second."""
 MOST_SECONDS = 120.0
-"""Of a clip that ends with the arrival."""
+"""Longest clip that ends with the arrival, seconds."""
 REST = 1.0
-"""Seconds that such a clip goes on after it."""
+"""Seconds that such a clip continues after the arrival."""
 NOBODY_GOES = 20.0
-"""Seconds of a clip without goals, or of one that beam search plans, if nothing else is asked."""
+"""Default seconds of a clip without goals, or of one planned by beam search."""
 
 
 class SearchKind(StrEnum):
@@ -59,11 +59,11 @@ def generate_clip(
     seconds: float | None = None,
     watch: Callable[[float], None] = lambda done: None,
 ) -> Clip:
-    """One agent visits `goals` in turn, each after it has come to a stand at the one before.
+    """One agent visits `goals` in turn; it stops at each goal before the next.
 
-    The clip has exactly `seconds` × 40 frames, whether or not all goals were reached in them. None:
-    it ends a second after the agent has come to a stand at the last one. `clip.meta` says how many
-    were reached, and after how many seconds each (`goals_reached`, `arrivals`). `watch` hears of
+    The clip has exactly `seconds` × 40 frames, whether or not all goals were reached. None: it ends
+    a second after the agent has stopped at the last goal. `clip.meta` gives the number of goals
+    reached, and the seconds after which each was (`goals_reached`, `arrivals`). `watch` receives
     the seconds done. Raises InvalidArgument on a bad spec or goal.
     """
     most = seconds
@@ -268,7 +268,7 @@ def _beam(
 
 
 def _refuse(search: SearchKind, **options: object) -> None:
-    """Options that were given, but are another search's."""
+    """Given options that belong to another search."""
     for name, value in options.items():
         if value is not None:
             raise InvalidArgument(f"--{name} works with --search {search} only", name)

@@ -19,7 +19,7 @@ from wayfarer.errors import DataError
 from wayfarer.spec import POSED_JOINTS
 
 ROOT: Final = "root"
-"""Name of the bone that has the root motion, where it is apart from the hips."""
+"""Name of the bone with the root motion, if it is apart from the hips."""
 
 
 def glb_bytes(
@@ -43,7 +43,7 @@ def glb_bytes(
         about = {"name": actor.name, "joints": joints[0]}
         if root:
             about["root"] = above
-        document.nodes[mesh].name = f"{actor.name} body"  # beside its bones, as the standard asks
+        document.nodes[mesh].name = f"{actor.name} body"  # next to its bones, by the standard
         document.nodes.append(gltf.Node(name=actor.name, children=[above]))
         top += [len(document.nodes) - 1, mesh]
         add_motion(file, animation, actor, joints, above)

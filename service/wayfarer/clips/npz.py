@@ -1,9 +1,9 @@
 """Clips as AMASS-style npz, the common exchange form of motion research.
 
 Keys as in AMASS (https://amass.is.tue.mpg.de): `poses` [N, 156] rotation vectors of 52 joints in
-SMPL-H order, `trans` [N, 3] metres, `betas`, `gender`, `mocap_framerate`; ours beside them:
-`contacts` [N, 2], `body`, `goals` [G, 3]. As in AMASS the world is Z up, while the T-pose of the
-body model is Y up, facing +Z; and `trans` moves the model, so the hips are at
+SMPL-H order, `trans` [N, 3] metres, `betas`, `gender`, `mocap_framerate`. Our own: `contacts` [N,
+2], `body`, `goals` [G, 3]. As in AMASS the world is Z up, while the T-pose of the body model is Y
+up, facing +Z. `trans` moves the model, so the hips are at
 trans + rest_hips, where rest_hips is given in the model's own (Y up) axes.
 """
 
@@ -30,7 +30,7 @@ from wayfarer.spec import GENDERS, JOINTS, POSED_JOINTS
 
 
 def npz_bytes(actor: Actor) -> bytes:
-    """The motion of one person, whose hips have all of it."""
+    """The motion of one person, all of it in the hips."""
     clip, body = actor.clip, actor.body
     rotations = np.asarray(clip.rotations, np.float64)
     local = gltf_quaternion(rotations)
@@ -55,9 +55,9 @@ def npz_bytes(actor: Actor) -> bytes:
 
 
 def read_npz(path: Path, body: BodyModel | None = None) -> Clip:
-    """Read an AMASS-style file: ours, or AMASS's own (fingers are left out; contacts absent).
+    """Read an AMASS-style file, ours or AMASS's own (without fingers and contacts).
 
-    `body` defaults to the one that the file names, or to anny52 of the file's gender; a file of
+    `body` defaults to the one named in the file, or to anny52 of the file's gender. A file of
     another body keeps its motion, but not its shape. Raises DataError when the file does not fit.
     """
     try:

@@ -17,7 +17,7 @@ from wayfarer.spec import FPS
 
 
 def read_character(path: Path, options: FileOptions) -> Character:
-    """Raises InvalidArgument when it cannot be animated, or not so; NotFound."""
+    """Raises InvalidArgument when it cannot be animated with these options; NotFound."""
     if options.format is not FileFormat.GLB:
         raise InvalidArgument("a character with its motion is written as .glb", "target")
     if options.root is RootMotion.BONE:
@@ -30,7 +30,7 @@ def read_character(path: Path, options: FileOptions) -> Character:
 def body_of(character: Character, gender: str | None = None) -> BodyFit:
     """The body with its proportions. Raises InvalidArgument."""
     joints, floor = character.joints()
-    # of glTF's axes into ours, which is the same map as back
+    # from glTF's axes into ours; the map is its own inverse
     return fit_betas({b: GLTF_FROM_CORE @ place for b, place in joints.items()}, floor, gender)
 
 
@@ -39,8 +39,8 @@ def on_character(
 ) -> bytes:
     """The character's file with the clip as its first animation. Raises InvalidArgument.
 
-    `scale`: size of the character by that of the clip's body. Lengths are multiplied by it and
-    times by its root, as pendulums swing: so do the legs of people and animals of any size.
+    `scale`: ratio of the character's size to that of the clip's body. Lengths are multiplied by it
+    and times by its square root, as pendulums swing: so do legs of people and animals of any size.
     """
     if scale != 1.0:
         clip = replace(clip, fps=clip.fps / math.sqrt(scale))

@@ -35,9 +35,9 @@ def plan_clip(
 ) -> Clip:
     """`generate_clip` by the search of `settings`, whose depth is made to fit `seconds`.
 
-    Of what the world does to motion after the model it has the foot lock only, and no guard. So a
-    plan shows what the paper's search has judged, and Table 1 compares it.
-    `body` is of the spec's gender, `start` what `World.prepare` makes of the spec. Raises
+    Of the world's corrections after the model, only the foot lock acts, and no guard. So a plan
+    shows what the paper's search has judged, and Table 1 compares it.
+    `body` is of the spec's gender, `start` comes from `World.prepare` with the spec. Raises
     InvalidArgument on a bad goal, and FailedPrecondition when the search finds no way on.
     """
     frames = round(seconds * FPS)

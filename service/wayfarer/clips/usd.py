@@ -24,7 +24,7 @@ from wayfarer.clips.glb import ROOT
 from wayfarer.errors import InvalidArgument
 
 EXTENT_M = 1.5
-"""Metres around the hips that no body leaves."""
+"""Metres around the hips that contain any body."""
 
 
 def usd_bytes(
@@ -33,7 +33,7 @@ def usd_bytes(
     title: str = "motion",
     scene: Array | None = None,
 ) -> bytes:
-    """A stage with all of them; arguments as of `glb_bytes`. Raises as `require_usd`."""
+    """A stage with all of them; arguments as for `glb_bytes`. Raises as `require_usd`."""
     require_usd()
     from pxr import Gf, Usd, UsdGeom
 
@@ -69,7 +69,7 @@ def require_usd() -> None:
 
 
 def _identifier(name: str, taken: set[str]) -> str:
-    """A name that USD allows, and that none has yet."""
+    """A new name that USD allows."""
     plain = re.sub(r"\W", "_", name, flags=re.ASCII) or "person"
     plain = f"_{plain}" if plain[0].isdigit() else plain
     found, count = plain, 1
@@ -109,7 +109,7 @@ def _add_actor(stage: Any, path: str, actor: Actor, names: str, title: str) -> N
     mesh = UsdGeom.Mesh.Define(stage, f"{path}/body")
     vertices = (body.bind_vertices + body.bind_vertices_dirs @ betas) @ GLTF_FROM_CORE.T
     _shape(mesh, vertices, body.faces)
-    mesh.CreateDoubleSidedAttr(True)  # one looks into a sleeve
+    mesh.CreateDoubleSidedAttr(True)  # the inside of a sleeve is visible
     colours = actor.look.linear[worn]
     shown = mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform)
     shown.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colours[:, :3], np.float32)))

@@ -1,6 +1,6 @@
 """Clips as VRM animations (VRMC_vrm_animation 1.0): bones and motion for any VRM, without a body.
 
-A GLB whose nodes stand in the T-pose; the extension says which node is which humanoid bone. Only
+A GLB whose nodes stand in the T-pose; the extension maps nodes to humanoid bones. Only
 the hips are moved, the others turn: players scale by the hips' height at rest.
 """
 
@@ -19,7 +19,7 @@ EXTENSION: Final = "VRMC_vrm_animation"
 
 
 def vrma_bytes(actor: Actor, title: str = "motion") -> bytes:
-    """The motion of one person, whose hips have all of it."""
+    """The motion of one person, all of it in the hips."""
     file = GlbFile()
     document = file.document
     names = bone_names("vrm")

@@ -1,8 +1,8 @@
 """Small tensors of fixed numbers: indices, axes, shares of frames.
 
-On the CPU they are made where they are used, which costs nothing, and an exporter writes them down
-as constants. On a GPU each would be a copy from pageable memory, which halts the stream and cannot
-be captured in a CUDA graph; there each is made once, and kept.
+On the CPU they are made where they are used, which costs nothing, and an exporter writes them as
+constants. On a GPU each would be a copy from pageable memory, which halts the stream and cannot be
+captured in a CUDA graph. There each is made once, and kept.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -23,7 +23,7 @@ def numbers(values: Sequence[float], like: Tensor) -> Tensor:
 
 
 def constant(like: Tensor, make: Callable[..., Tensor], *arguments: Hashable) -> Tensor:
-    """`make(*arguments)`, which gives the same every time, on the device of `like`."""
+    """`make(*arguments)`, which is always the same, on the device of `like`."""
     if like.device.type == "cpu":
         return make(*arguments)
     return _kept(like.device, make, arguments)

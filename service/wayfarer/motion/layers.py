@@ -32,7 +32,7 @@ class ResidualBlock(nn.Module):
 
 
 class Gates(NamedTuple):
-    """Further input of a recurrent unit's gates, beside frame and state; [H] or [N, H]."""
+    """Further input of a recurrent unit's gates, after frame and state; [H] or [N, H]."""
 
     reset: Tensor
     update: Tensor
@@ -44,7 +44,7 @@ class Gru(nn.Module):
 
     Written out because (1) exporters have got `nn.GRU` silently wrong (onnxscript#2852), and
     (2) a constant part of the input, a condition, can be multiplied once and added to the gates.
-    Every gate has products of its own, each added to the last: engines take longer to cut the
+    Every gate has its own products, each added to the last: engines take longer to cut the
     gates out of one product than to multiply.
     """
 
@@ -55,7 +55,7 @@ class Gru(nn.Module):
         self.from_state = nn.Linear(hidden, 3 * hidden)
 
     def fixed(self, condition: Tensor | None = None) -> Gates:
-        """What is the same for all frames: biases, and a condition's share of the gates [N, 3H]."""
+        """The part common to all frames: biases, and a condition's share of the gates [N, 3H]."""
         given = self.from_input.bias if condition is None else condition + self.from_input.bias
         reset, update, new = given.chunk(3, -1)
         of_reset, of_update, _ = self.from_state.bias.chunk(3)
@@ -72,7 +72,7 @@ class Gru(nn.Module):
         return new + update * (state - new)
 
     def begin(self, frame: Tensor, fixed: Gates) -> Tensor:
-        """`step` from a zero state, of which nothing need be multiplied."""
+        """`step` from a zero state, which needs no product."""
         gates = self._given(frame, fixed)
         new = torch.tanh(gates.new + torch.sigmoid(gates.reset) * self.from_state.bias.chunk(3)[2])
         return new - torch.sigmoid(gates.update) * new

@@ -1,8 +1,8 @@
 """Markers and joints of a body from its body parameters, in torch: differentiable, exportable.
 
-Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay as they
-are modelled, so their skinning weight is folded into the wrists. What the hands of a served body
-are curled by (`body/hands.py`) moves a finger's marker by less than 2 mm and is left out. Inside,
+Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay as
+modelled, so their skinning weight is folded into the wrists. The curl of a served body's hands
+(`body/hands.py`) moves a finger's marker by less than 2 mm and is left out. Inside,
 arrays are *poses last* (see `posing.py`): kinematics run level by level down the tree in long rows,
 and blending is one matrix product per body, since small products and gathers dominate otherwise.
 """
@@ -23,14 +23,14 @@ from wayfarer.spec import POSED_JOINTS
 
 
 class Shaped(NamedTuple):
-    """Bodies of one shape each, as `MarkerBody.blend` wants them."""
+    """Bodies of one shape each, for `MarkerBody.blend`."""
 
     offsets: Tensor  # [3, 22, 1, A] from parent to joint, rest pose
     bind: Tensor  # [A, 4 · 22, M] markers in their joints' frames, weighted; and the weights
 
 
 class Placed(NamedTuple):
-    """Joints of poses: what `MarkerBody.place` finds."""
+    """Joints of poses, from `MarkerBody.place`."""
 
     rotations: Tensor  # [3, 3, 22, F, A] world
     places: Tensor  # [3, 22, F, A]
@@ -79,7 +79,7 @@ class MarkerBody(nn.Module):
         markers = np.asarray(bind_markers, dtype=np.float64)
         markers_dirs = np.asarray(bind_markers_dirs, dtype=np.float64)
         into = turned[:posed]
-        # A marker in the frame of each joint that moves it, times the weight with which it does.
+        # A marker in the frame of each joint that moves it, times that joint's weight.
         held = np.einsum("jab,jmb,jm->ajm", into, markers - joints[:, None], dense)
         held_dirs = np.einsum("jab,jmbk,jm->kajm", into, markers_dirs - joints_dirs[:, None], dense)
         self._keep("bind", np.concatenate([held, dense[None]]).reshape(4 * posed, -1))
@@ -95,7 +95,7 @@ class MarkerBody(nn.Module):
         self.register_buffer(name, values, persistent=False)
 
     def shaped(self, betas: Tensor, markers: Sequence[int] | None = None) -> Shaped:
-        """What a shape alone decides, for these markers or all: betas [A, B]."""
+        """The part that depends only on the shape, for these markers or all: betas [A, B]."""
         mean, dirs = self.bind, self.bind_dirs
         if markers is not None:
             some = indices(markers, betas)
@@ -126,7 +126,7 @@ class MarkerBody(nn.Module):
 
     def blend(self, shape: Shaped, joints: Placed) -> Tensor:
         """Markers [A, F, 3, M]."""
-        # [3, 4 · 22, F, A]: x, y or z; the joints' axes and places
+        # [3, 4 · 22, F, A]: x, y or z of the joints' axes and places
         axes = torch.cat([joints.rotations, joints.places[:, None]], 1).flatten(1, 2)
         frames = axes.shape[2]
         rows = to_rows(axes.permute(2, 0, 1, 3)).flatten(1, 2)  # [A, F · 3, 88]
@@ -162,7 +162,7 @@ class JointLevel(NamedTuple):
     first: int
     end: int
     parents: list[int] | None
-    """Their parents' places in the level above; None where each has its own or all share one."""
+    """Their parents' places in the level above; None if each has its own or all share one."""
 
 
 def _with_zeros(held: np.ndarray) -> np.ndarray:
@@ -171,7 +171,7 @@ def _with_zeros(held: np.ndarray) -> np.ndarray:
 
 
 def _chains(parents: np.ndarray) -> np.ndarray:
-    """[J, J] 1 where the second joint is the first or hangs from it."""
+    """[J, J] 1 if the second joint is the first or hangs from it."""
     chains = np.eye(len(parents))
     for j, parent in enumerate(parents):
         if parent >= 0:

@@ -1,8 +1,8 @@
-"""What stands or walks near an agent, and how far its body comes into it.
+"""Obstacles near an agent, and how far its body comes into them.
 
 An obstacle is an upright capsule without end, seen from above: a line from a to b with a radius,
-moving evenly. A stretch of wall is one with radius 0, another person one that moves. As numbers:
-ax, ay, bx, by (metres), vx, vy (m/s), radius; below 0 it is none.
+moving evenly. A stretch of wall has radius 0; another person moves. As numbers: ax, ay, bx, by
+(metres), vx, vy (m/s), radius; a negative radius means none.
 """
 
 import torch
@@ -50,7 +50,7 @@ def intrusion(points: Tensor, obstacles: Tensor) -> Tensor:
     rows = torch.cat([place, moments.expand(*place.shape[:-1], 2)], -1).flatten(-3, -2)
 
     a, b, velocity, radius = obstacles.split((2, 2, 2, 1), -1)
-    line = b - a + numbers((LEAST, 0.0), a)  # one that is a point lies along x
+    line = b - a + numbers((LEAST, 0.0), a)  # a point lies along x
     length = torch.sqrt((line * line).sum(-1, keepdim=True))
     along = line / length
     across = torch.cat([-along[..., 1:], along[..., :1]], -1)

@@ -1,12 +1,12 @@
-"""The goal policy π(Z | s): which latents bring a body to its goal (paper Sec. 3.3.1, Fig. S4).
+"""The goal policy π(Z | s): latents that bring a body to its goal (paper Sec. 3.3.1, Fig. S4).
 
 There are two. `GoalPolicy` is the paper's: an actor and a critic over one recurrent encoder. Its
 state is that of Eq. 3: the markers of the seed and, for each, the direction to the goal. Deviations
 from the paper: the networks also get the distance to the goal, the target speed, the target facing
 and the weights of the quality terms, so that one policy walks, strolls, stops, stands and turns.
 
-`TrajectoryPolicy` serves. It is asked for a trajectory (`trajectory.py`) and was cloned from
-recorded people, who show by their own future what they were about to do.
+`TrajectoryPolicy` serves. Its input is a trajectory (`trajectory.py`). It was cloned from recorded
+people, whose own future shows what they were about to do.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ FAR = 2.0
 
 
 class Condition(NamedTuple):
-    """What is asked of the agents, canonical frame of their seed."""
+    """Requests to the agents, in the canonical frame of their seed."""
 
     goal: Tensor  # [A, 3]
     target_speed: Tensor  # [A] m/s
@@ -56,9 +56,9 @@ class Gaussian(NamedTuple):
         return -(0.5 * standard**2 + self.log_std).sum(-1)
 
     def sample(self, noise: Tensor, share: Tensor) -> Tensor:
-        """Latents [A, K, 128] from standard normal noise; share [A] 0: the prior, 1: the policy.
+        """Latents [A, K, 128] from standard normal noise; share [A]: 0 the prior, 1 the policy.
 
-        In between, mean and log σ are scaled: z = p·μ + σ^p ⊙ noise.
+        Between 0 and 1, mean and log σ are scaled: z = p·μ + σ^p ⊙ noise.
         """
         share = share[:, None, None]
         return share * self.mean[:, None] + torch.exp(share * self.log_std[:, None]) * noise
@@ -104,7 +104,7 @@ class GoalPolicy(nn.Module):
 
     @classmethod
     def fitting(cls, weights: Mapping[str, Tensor]) -> Self:
-        """A new one of the width that these weights have. Raises ArtifactError for others."""
+        """A new policy with the width of these weights. Raises ArtifactError for others."""
         if "condition.bias" not in weights:
             raise ArtifactError("these are no weights of a policy: no 'condition.bias'")
         return cls(len(weights["condition.bias"]))
@@ -124,7 +124,7 @@ class GoalPolicy(nn.Module):
         return self.critic(features).squeeze(-1)
 
     def features(self, seed: Tensor, condition: Condition) -> Tensor:
-        """Encoding of the state [A, H] (Eq. 3), and of what is asked."""
+        """Encoding of the state [A, H] (Eq. 3), and of the request."""
         encoded = self.encoder.encode(state(seed, condition.goal))
         way = condition.goal[:, :2]  # the canonical origin lies under the hips
         distance = torch.sqrt((way * way).sum(-1, keepdim=True) + 1e-6)
@@ -139,10 +139,10 @@ class GoalPolicy(nn.Module):
 
 
 CLONED_LOG_STD = (-3.0, 0.5)
-"""Limits of log σ of a cloned policy: recorded people are surer at times than a rewarded one."""
+"""Limits of log σ of a cloned policy: recorded people may be surer than a rewarded one."""
 
 VELOCITY = 0.3
-"""Seconds: velocities of markers are told as the way in this time, about as long as places."""
+"""Seconds: velocities of markers are given as the way in this time, about as long as places."""
 
 
 class TrajectoryPolicy(nn.Module):
@@ -180,7 +180,7 @@ Policy = GoalPolicy | TrajectoryPolicy
 
 
 def fitting_policy(weights: Mapping[str, Tensor]) -> Policy:
-    """A new policy of the kind and the width that these weights have. Raises ArtifactError."""
+    """A new policy with the kind and width of these weights. Raises ArtifactError."""
     if "net.0.bias" in weights:
         return TrajectoryPolicy(len(weights["net.0.bias"]))
     return GoalPolicy.fitting(weights)

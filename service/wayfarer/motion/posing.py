@@ -11,7 +11,7 @@ from torch import Tensor
 from wayfarer.motion.constants import indices
 
 SMALLEST = 1e-6
-"""Lengths below it are taken for it."""
+"""Lengths below this count as this."""
 
 
 def to_columns(rows: Tensor) -> Tensor:
@@ -22,7 +22,7 @@ def to_columns(rows: Tensor) -> Tensor:
 
 
 def to_rows(columns: Tensor) -> Tensor:
-    """[..., A] → [A, ...], likewise."""
+    """[..., A] → [A, ...], in the same way."""
     return columns.flatten(0, -2).T.unflatten(1, columns.shape[:-1])
 
 
@@ -84,8 +84,8 @@ def from_quaternion(quaternion: Tensor) -> Tensor:
 def to_quaternion(rotation: Tensor) -> Tensor:
     """[3, 3, ...] → x, y, z, w [4, ...], w ≥ 0.
 
-    Of the four ways to read the quaternion off the matrix, the one whose pivot is largest is
-    stable; it is found by comparing, so there is no branch that depends on the data.
+    A matrix gives the quaternion in four ways. The one with the largest pivot is
+    stable; comparisons find it, so no branch depends on the data.
     """
     (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = rotation
     ways = [

@@ -30,7 +30,7 @@ LOG_STD = (-5.0, 3.0)
 
 
 class Posterior(NamedTuple):
-    """Diagonal Gaussian q(Z | X, Y), counted from the prior p(Z | X); both [..., 128]."""
+    """Diagonal Gaussian q(Z | X, Y), relative to the prior p(Z | X); both [..., 128]."""
 
     mean: Tensor
     log_variance: Tensor
@@ -49,7 +49,7 @@ class MarkerPredictor(nn.Module):
     """Frames are flat markers [201] in metres, canonical frame; or `size` other numbers."""
 
     def __init__(self, seed_frames: int, size: int = SIZE, at_once: int = 1) -> None:
-        """`at_once`: frames that a step of the decoder finds; 1, as in the paper, is one by one."""
+        """`at_once`: frames per step of the decoder; 1, as in the paper, is one by one."""
         super().__init__()
         self.size = size
         self.seed_frames = seed_frames
@@ -75,7 +75,7 @@ class MarkerPredictor(nn.Module):
 
     @classmethod
     def fitting(cls, weights: Mapping[str, Tensor], seed_frames: int) -> Self:
-        """A new one of the sizes that these weights have. Raises ArtifactError for others."""
+        """A new predictor with the sizes of these weights. Raises ArtifactError for others."""
         try:
             size = weights["decoder.from_input.weight"].shape[1]
             rows = len(weights["output.1.bias"])
@@ -85,7 +85,7 @@ class MarkerPredictor(nn.Module):
 
     @property
     def has_learned_prior(self) -> bool:
-        """Whether the prior is another than N(0, I); if it is not, `uses_prior` may be false."""
+        """Whether the prior differs from N(0, I); otherwise `uses_prior` may be false."""
         return any(bool(parameter.any()) for parameter in self.prior[-1].parameters())
 
     def expected(self, hx: Tensor) -> tuple[Tensor, Tensor]:
@@ -107,8 +107,8 @@ class MarkerPredictor(nn.Module):
     def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
         """Seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201].
 
-        What depends on the seed alone is computed once for all K candidates. Numbers of a seed's
-        frame beyond its 201 are a condition (`goal_cvae.py`).
+        The part that depends only on the seed is computed once for all K candidates. Numbers of a
+        seed's frame beyond its 201 are a condition (`goal_cvae.py`).
         """
         agents, candidates = latent.shape[:2]
         hx = self.seed_encoder.encode(seed)
@@ -119,7 +119,7 @@ class MarkerPredictor(nn.Module):
         def for_all(x: Tensor) -> Tensor:  # [A, N] → [A · K, N]
             return x[:, None].expand(-1, candidates, -1).flatten(0, 1)
 
-        # Two axes only: exporters make one operator of a product and its bias then.
+        # Two axes only: exporters then make one operator of a product and its bias.
         condition = for_all(self.from_seed(hx)) + self.from_latent(latent.flatten(0, 1))
         fixed = self.decoder.fixed(condition)
         state, frame = for_all(self.first_state(hx)), for_all(seed[:, -1, : self.size])

@@ -4,7 +4,7 @@ The recursion of paper Sec. 3.3 in order: canonicalise the seed → draw K laten
 the policy → predict K candidates → score them by named quality terms → choose → regress the body
 → join it to the seed → skin its markers → set it on the floor → blend predicted and reprojected
 markers → back to the world. It is exported whole as one graph, so training, search and serving
-run the same code. Noise, goal and shape are inputs: no state, no chance.
+run the same code. Noise, goal and shape are inputs: no state, no randomness.
 """
 
 from collections.abc import Sequence
@@ -33,13 +33,13 @@ from wayfarer.motion.quality import Candidate, Sites, evaluate, foot_contacts, t
 from wayfarer.motion.regressor import BodyRegressor, Pose
 
 BLEND = 0.5
-"""Share of reprojected markers in the next seed. With 0, predicted markers part from the body."""
+"""Share of reprojected markers in the next seed. With 0, predicted markers drift from the body."""
 
 CARRY = 0.6
-"""Share of the jump of velocity at a seam that is carried on and fades out (not in the paper)."""
+"""Share of the velocity's jump at a seam that continues and fades out (not in the paper)."""
 
 GROUNDING = 0.5
-"""Share of a primitive's height error that is taken off by its end (not in the paper)."""
+"""Share of a primitive's height error that is removed by its end (not in the paper)."""
 
 EVERY = 2
 """Stride of the frames that the regressor gets (in the paper it gets every one).
@@ -138,7 +138,7 @@ class PrimitiveStep(nn.Module):
         betas: Tensor,  # [A, 10]
         future: Tensor,  # [A, F, 201] in the canonical frame of the seed
     ) -> Settled:
-        """`forward` from the moment at which the future markers are known."""
+        """`forward` from the point at which the future markers are known."""
         frame, known = self._begin(seed_translation, seed_rotations)
         seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])
         markers = future.unflatten(-1, (-1, 3))
@@ -152,7 +152,7 @@ class PrimitiveStep(nn.Module):
         return canonical_frame(translation[:, 0], root, self.floor_origin), known
 
     def predict(self, seed: Tensor, asked: Condition, noise: Tensor, share: Tensor) -> Tensor:
-        """Candidate futures [A, K, F, 201] of a seed [A, S, 201]; share [A]: of the policy."""
+        """Candidate futures [A, K, F, 201] of a seed [A, S, 201]; share [A] of the policy."""
         latents = noise
         if self.policy is not None:
             latents = self.policy(seed, asked).sample(noise, share)
@@ -254,9 +254,9 @@ class PrimitiveStep(nn.Module):
     ) -> Pose:
         """Body parameters of the new frames, canonical frame. `shown` is the seed's pose.
 
-        The regressor also sees the last seed frame. Its error there is taken off the new frames,
-        fading out over the primitive, so poses do not jump at the seam (the role of GAMMA's
-        `_blend_params`); of the jump of velocity that is left, a part is carried on likewise.
+        The regressor also sees the last seed frame. Its error there is subtracted from the new
+        frames, fading out over the primitive, so poses do not jump at the seam (the role of GAMMA's
+        `_blend_params`). Part of the remaining jump of velocity continues in the same way.
         """
         count = future.shape[1]
         knots = _knots(count, self.every)
@@ -289,10 +289,10 @@ def _knots(count: int, every: int) -> list[int]:
 
 
 def _joining(seeds: int, knots: Sequence[int], dtype: torch.dtype) -> Tensor:
-    """How new frames 1…F are made of the shown seed frames and the frames found at `knots`.
+    """Weights of new frames 1…F over the shown seed frames and the frames found at `knots`.
 
     [F, seeds + knots]: found + fade · (shown - found at the last seed frame), and `CARRY` of the
-    jump of velocity. What lies between knots is interpolated through the four nearest.
+    jump of velocity. Frames between knots are interpolated through the four nearest.
     """
     count = knots[-1]
     t = torch.arange(1, count + 1, dtype=torch.float64)

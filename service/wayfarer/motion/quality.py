@@ -70,7 +70,7 @@ class Sites:
 
 @dataclass(frozen=True)
 class Candidate:
-    """What a term is given: the new frames, with the last seed frame before them."""
+    """Input of a term: the new frames, after the last seed frame."""
 
     markers: Tensor  # [..., 1 + F, M, 3]
     velocity: Tensor  # [..., M, 3] from the frame before the last seed frame to it, metres a frame
@@ -81,7 +81,7 @@ class Candidate:
     sites: Sites
 
     def waist(self, frame: int) -> Tensor:
-        """Centre of the waist, which stands for the hips. [..., 3]"""
+        """Centre of the waist, used for the hips. [..., 3]"""
         both = self.sites.left_waist + self.sites.right_waist
         return take(self.markers[..., frame, :, :], both).mean(-2)
 
@@ -110,7 +110,7 @@ def goal_distance(c: Candidate) -> Tensor:
 def facing(c: Candidate) -> Tensor:
     """1 - cos(angle from the body's facing to the wished one, or to the goal) (Eq. 6 as a cost).
 
-    The way to a goal that is a step away says little, and less the nearer it is.
+    The way to a goal a step away says little, and less the nearer the goal is.
     """
     way = c.goal[..., :2] - c.waist(-1)[..., :2]
     to_goal = way / torch.sqrt((way * way).sum(-1, keepdim=True) + NEAR_GOAL**2)
@@ -148,8 +148,8 @@ def skating(c: Candidate) -> Tensor:
 def sliding(c: Candidate) -> Tensor:
     """Horizontal speed of each foot's lowest marker, m/s, mean over feet and frames.
 
-    It counts less the higher that marker is and not at all from 3 cm on: both feet are watched,
-    where `skating` is content with one (after the skate measure of DART).
+    It counts less the higher that marker is, and not at all from 3 cm on. Both feet are watched,
+    while `skating` watches one (after the skate measure of DART).
     """
     speeds = []
     for markers in c.soles().split(len(c.sites.left_sole), -2):
@@ -160,9 +160,9 @@ def sliding(c: Candidate) -> Tensor:
 
 
 def upright(c: Candidate) -> Tensor:
-    """`Candidate.tilt`, what is beyond `LEANING` ten times over.
+    """`Candidate.tilt`, with ten times the excess over `LEANING`.
 
-    A walk leans by a few degrees, which should cost little; someone who turns fast may lean far.
+    A walk leans by a few degrees, which should cost little; a person who turns fast may lean far.
     """
     leaning = c.tilt()
     return leaning + 9 * (leaning - LEANING).clamp(min=0)
@@ -181,7 +181,7 @@ def feet_apart(c: Candidate) -> Tensor:
 
 
 def seam(c: Candidate) -> Tensor:
-    """Mean over markers of the change of velocity across the seam, m/s: seen as a jerk."""
+    """Mean over markers of the change of velocity across the seam, m/s: it shows as a jerk."""
     first = c.markers[..., 1, :, :] - c.markers[..., 0, :, :]
     return (_length(first - c.velocity) * FPS).mean(-1)
 
@@ -220,7 +220,7 @@ def evaluate(candidate: Candidate) -> Tensor:
 CONTACT_HEIGHT: Final = 0.03
 """Metres: a sole marker lower than this touches the floor."""
 CONTACT_SPEED: Final = 0.25
-"""m/s: one slower than this, horizontally, stands still."""
+"""m/s: a marker slower than this, horizontally, stands still."""
 
 
 def foot_contacts(soles: Tensor) -> Tensor:
@@ -234,7 +234,7 @@ def foot_contacts(soles: Tensor) -> Tensor:
 
 
 def take(markers: Tensor, which: Sequence[int]) -> Tensor:
-    """Some of the markers [..., M, 3]: one plain gather, where brackets export as a chain."""
+    """Some of the markers [..., M, 3]: one plain gather; brackets would export as a chain."""
     return markers.index_select(-2, indices(which, markers))
 
 

@@ -4,12 +4,12 @@ Residual blocks, applied twice, the second pass correcting the first (as in HMR)
 inside and matrices at the output. Two networks per gender, one for each pass.
 
 Deviations from the paper, and why: every pass also sees where the markers of its estimate lie, as
-their distance from the given ones; so it learns to correct, not to guess again. The paper applies
-one network again and again. Here each pass has its own, and two suffice; the first finds only the
-first, the middle and the last frame, the others lie between. Markers are centred
-on their mean (the hips' place is found relative to it), so that neither the floor nor the
-travelled way matters; the first estimate is the T-pose rather than zeros, which 6D cannot
-orthonormalise; fingers are held at rest, so the hand term of Eq. 2 has nothing to act on with the
+their distance from the given ones, so it learns to correct, not to guess again. The paper applies
+one network repeatedly. Here each pass has its own, and two suffice; the first finds only the
+first, the middle and the last frame, the others are interpolated. Markers are centred on their mean
+(the hips' place is found relative to it), so that neither the floor nor the travelled way matters.
+The first estimate is the T-pose instead of zeros, which 6D cannot orthonormalise. Fingers are held
+at rest, so the hand term of Eq. 2 has nothing to act on with the
 default body.
 """
 
@@ -32,7 +32,7 @@ BLOCKS = 10
 NETWORKS = 2
 
 RECURSIONS = 3
-"""Passes of a regressor that has one network, as the paper's."""
+"""Passes of a regressor with one network, as in the paper."""
 
 CUBIC, FIFTH, SEVENTH = 1.3576, 0.5392, 1.3424
 """Coefficients of 4 atanh(x) = 4 x + …, fitted for the least error up to x = 2 / 3."""
@@ -46,7 +46,7 @@ class Pose(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What a pass finds."""
+    """The result of a pass."""
 
     frames: list[int]
     pose: Pose
@@ -62,7 +62,7 @@ class BodyRegressor(nn.Module):
     def __init__(self, body: MarkerBody, networks: int = NETWORKS, through: bool = False) -> None:
         """One of `networks` for each pass, or one for all; `through`: gradients flow through all.
 
-        With one network it is the paper's: `RECURSIONS` passes, all of every frame.
+        With one network, as in the paper, there are `RECURSIONS` passes, all of every frame.
         """
         super().__init__()
         self.body = body
@@ -92,10 +92,9 @@ class BodyRegressor(nn.Module):
         return self.estimates(markers, betas, shape)[-1].pose
 
     def estimates(self, markers: Tensor, betas: Tensor, shape: Shaped) -> list[Estimate]:
-        """What each pass finds; the last one finds all frames.
+        """The result of each pass; the last one finds all frames.
 
-        Unless `through`, no gradient flows from pass to pass: each learns to correct whatever it is
-        given.
+        Unless `through`, no gradient flows from pass to pass: each learns to correct its input.
         """
         axes = markers.transpose(-1, -2)
         centre = axes.mean(-1)
@@ -126,7 +125,7 @@ class BodyRegressor(nn.Module):
         return [(networks[0], knots(frames)), *((n, everything) for n in networks[1:])]
 
     def _told(self, rows: Tensor, shape: Shaped) -> tuple[Tensor, Tensor]:
-        """Estimates [A, F, 135] as a pass sees them: their markers, and they as rotations."""
+        """Estimates [A, F, 135] as a pass sees them: as markers and as rotations."""
         pose = _unpack(rows if self.through else rows.detach())
         skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))
         return skinned, _pack(pose)
@@ -134,9 +133,9 @@ class BodyRegressor(nn.Module):
     def correct(
         self, network: nn.Sequential, centred: Tensor, error: Tensor, betas: Tensor, rows: Tensor
     ) -> Tensor:
-        """What a pass adds to the estimates, [A, F, 135].
+        """The change that a pass adds to the estimates, [A, F, 135].
 
-        Markers `centred` and their `error` [A, F, 3, 67]; betas [A, 10]; `rows` are the estimates,
+        Markers `centred` and their `error` [A, F, 3, 67]; betas [A, 10]. `rows` are the estimates,
         or one for all [1, 1, 135].
         """
         first, last = cast(nn.Linear, network[0]), cast(nn.Linear, network[-1])
@@ -210,10 +209,10 @@ def _pack(pose: Pose) -> Tensor:
 
 
 def _squash(error: Tensor) -> Tensor:
-    """asinh(100 · error) / 2 of metres: millimetres count, half a metre does not drown the rest.
+    """asinh(100 · error) / 2 of metres: millimetres count, and half a metre does not hide the rest.
 
-    Engines are slow at logarithms. So the argument is halved three times (2 sinh(x / 2) =
-    2 sinh x / sqrt(2 + 2 cosh x), and 2 cosh(x / 2) is that root), until a short series will do:
+    Engines are slow at logarithms, so the argument is halved three times (2 sinh(x / 2) =
+    2 sinh x / sqrt(2 + 2 cosh x), and 2 cosh(x / 2) is that root), until a short series suffices:
     within .0003, or .02 % of the value, up to 3 m.
     """
     sinh = 200 * error  # twice

@@ -1,9 +1,9 @@
 """The trajectory that is asked of a body: where it should be, and face, a moment ahead.
 
-A recorded person shows by its own future what it was about to do; so a policy can learn from
+A recorded person's own future shows what the person was about to do. So a policy can learn from
 recordings which latent leads where (`lab/wayfarer_lab/training/cloning.py`). While it serves, the
-same numbers are made here of what the service asks: a goal, a speed and a facing. They are those
-of motion matching (Clavet, GDC 2016): velocities and headings that approach their aims
+same numbers are computed here from the request: a goal, a speed and a facing. They are those of
+motion matching (Clavet, GDC 2016): velocities and headings that approach their targets
 exponentially.
 """
 
@@ -20,23 +20,23 @@ HORIZONS: Final = (8, 20, 40)
 """Frames ahead of the last seed frame: .2, .5 and 1 s."""
 
 EASE: Final = 0.3
-"""Seconds in which a velocity comes to 1/e of its aim: recorded people set off so fast."""
+"""Seconds in which a velocity comes to 1/e of its target, as recorded people set off."""
 
 BRAKE: Final = 0.6
-"""Seconds: nobody is asked to go faster than the way to the goal divided by it."""
+"""Seconds: the requested speed is at most the way to the goal divided by this."""
 
 CREEP: Final = 0.3
-"""m/s at most of a body that stands, back to the place where it should stand."""
+"""Greatest speed of a standing body back to the place where it should stand, m/s."""
 
 TURN_MOST: Final = 2.6
-"""Radians per second at most of a turn (recorded: 83 to 230 °/s)."""
+"""Greatest speed of a turn, radians per second (recorded: 83 to 230 °/s)."""
 
 NEAR: Final = 0.3
-"""Metres: the direction of a goal that is nearer fades out as a facing."""
+"""Metres: the direction of a nearer goal fades out as a facing."""
 
 
 class Asked(NamedTuple):
-    """What a policy is asked, canonical frame of the seed. H horizons."""
+    """Input of a policy, canonical frame of the seed. H horizons."""
 
     ways: Tensor  # [A, H, 2] metres from the hips of the last seed frame
     facings: Tensor  # [A, H, 2] unit vectors
@@ -45,10 +45,10 @@ class Asked(NamedTuple):
 def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked:
     """The trajectory towards a goal.
 
-    seed [A, S, 201] markers in their canonical frame; goal [A, 3] m, in that frame; speed [A] m/s,
-    0: come to rest at the goal; facing [A, 2] unit vector, or zero: the way to the goal.
+    seed [A, S, 201]: markers in their canonical frame. goal [A, 3]: metres, in that frame. speed
+    [A]: m/s; 0: come to rest at the goal. facing [A, 2]: unit vector, or zero: the way to the goal.
     """
-    # of all markers: the swing of limbs cancels. A mean would get the name of an output on export.
+    # of all markers: the swing of limbs cancels. The export would name a mean like an output.
     points = seed.unflatten(-1, (MARKERS, 3))[..., :2].sum(2) / MARKERS
     moved = points[:, -1] - points[:, 0]
     velocity = moved * (FPS / max(1, seed.shape[1] - 1))
@@ -59,16 +59,16 @@ def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked
     seconds = numbers([h / FPS for h in HORIZONS], seed)[None, :, None]
     eased = EASE * (1 - torch.exp(-seconds / EASE))
     ways = aim[:, None] * seconds + (velocity - aim)[:, None] * eased
-    # nobody is asked to go past the goal
+    # no request leads past the goal
     along = _length(ways)
     ways = ways * torch.minimum(torch.ones_like(along), (distance[:, None] + 0.05) / along)
     return Asked(ways, _facings(seed, way, distance, facing))
 
 
 def _facings(seed: Tensor, way: Tensor, distance: Tensor, facing: Tensor) -> Tensor:
-    """Facings [A, H, 2] on the way from the seed's own, which is +Y, to the one asked for.
+    """Facings [A, H, 2] on the way from the seed's, +Y, to the requested one.
 
-    Of an angle 7/16, 3/4 and 15/16 are turned at the horizons: 1 - exp(-t / .35 s). Angles are
+    7/16, 3/4 and 15/16 of an angle are turned at the horizons: 1 - exp(-t / .35 s). Angles are
     halved and added as sines and cosines, since exported functions of angles round a row
     differently in other batches.
     """

@@ -1,5 +1,5 @@
-"""What scipy does for navigation. It is loaded with the first bake and not with the server, which
-would start a fifth of a second later and be 40 MB larger.
+"""The scipy functions of navigation. scipy is loaded with the first bake: with the server, it would
+delay the start by a fifth of a second and take 40 MB.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 
 
 def nearest_cell(marked: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """For every cell of a grid, row and column of the nearest one that is marked; two grids."""
+    """Row and column of the nearest marked cell, for every cell of a grid; two grids."""
     from scipy.ndimage import distance_transform_edt
 
     row, column = distance_transform_edt(~marked, return_distances=False, return_indices=True)
@@ -30,7 +30,7 @@ def count_pieces(mask: Mask) -> int:
 
 
 def labels(mask: Mask) -> NDArray[np.int32]:
-    """The number of the group of cells that each cell of a grid belongs to; 0 where it is none."""
+    """The number of the group that each cell of a grid belongs to; 0: none."""
     from scipy.ndimage import label
 
     number: NDArray[np.int32] = label(mask)[0]
@@ -53,7 +53,7 @@ def components(graph: "csr_array") -> tuple[int, Ints]:
 
 
 def distances(points: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
-    """From each point [n, 3] to the nearest of others [m, 3]. [n]"""
+    """Distance from each point [n, 3] to the nearest of others [m, 3]. [n]"""
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(others).query(points)[0], np.float64)

@@ -23,25 +23,25 @@ _ARC: Final = 4
 _ROUND: Final = 1 / cos(pi / 4 / _ARC)
 """A polygon's corners are this much farther out than its sides, which must keep the radius."""
 _GAP: Final = 1e-3
-"""Metres by which a hole is taken larger than needed, so that it leaves no crack."""
+"""Metres by which a hole is enlarged, so that it leaves no crack."""
 _STRAIGHT: Final = 1e-7
-"""Metres by which a corner may be off the line between its neighbours and not count as one."""
+"""A point that is this close to the line between its neighbours is no corner, metres."""
 MAX_MESH_TRIANGLES: Final = 200_000
 
 
 def open_ground(layer: Layer, radius: float) -> shapely.Geometry:
-    """Where an agent's middle may be on a layer without obstacles."""
+    """The area of a layer without obstacles where an agent's middle may be."""
     free = shapely.buffer(layer.ground, -radius * _ROUND, quad_segs=_ARC)
     return free if layer.own is layer.ground else shapely.intersection(free, layer.own)
 
 
 def grown(shape: shapely.Geometry, radius: float) -> shapely.Geometry:
-    """Where an agent's middle may not be because of a shape."""
+    """The area around a shape where an agent's middle may not be."""
     return shapely.buffer(shape, radius * _ROUND, quad_segs=_ARC)
 
 
 def blocks(obstacle: Obstacle, layer: Layer, walkable: Walkable) -> bool:
-    """Whether a body on this layer would bump into the obstacle, at its outline or its middle."""
+    """Whether a body on this layer would touch the obstacle, at its outline or its middle."""
     shape = footprint(obstacle)
     spots = np.concatenate([shapely.get_coordinates(p) for p in (shape, shape.centroid)])
     floor = layer.heights.at(spots)
@@ -75,7 +75,7 @@ def bake_mesh(spec: SceneSpec, ground: Ground, open_areas: Sequence[shapely.Geom
 
 
 def within(mesh: NavMesh, number: int, area: shapely.Geometry) -> shapely.Geometry:
-    """The parts of a layer's open area that the mesh covers: islands left out stay left out."""
+    """The parts of a layer's open area that the mesh covers: omitted islands stay omitted."""
     parts = shapely.get_parts(area)
     spots = shapely.point_on_surface(parts)
     part, triangle = mesh.tree.query(spots, "intersects")
@@ -98,7 +98,7 @@ def repair(
 ) -> NavMesh:
     """The mesh after a change on layer `number`: only triangles that meet the change are replaced.
 
-    opened, closed: grown outlines of what left and what came; others: of what stays near.
+    opened, closed: grown outlines of removed and added obstacles; others: of those nearby.
     """
     change = shapely.buffer(shapely.union(opened, closed), _GAP)
     hit = mesh.touching(change)
@@ -120,9 +120,9 @@ def repair(
 
 
 def _without_spare_corners(area: shapely.Geometry, neighbours: Array) -> shapely.Geometry:
-    """The area without corners on a straight line, but for those it shares with its neighbours.
+    """The area without corners on straight lines, except those shared with its neighbours.
 
-    What left an outline leaves such corners on it; they would pile up with every change.
+    A removed obstacle leaves such corners on outlines; they would accumulate with every change.
     """
     shared = set(map(tuple, neighbours.reshape(-1, 2).tolist()))
 
@@ -145,7 +145,7 @@ def _without_spare_corners(area: shapely.Geometry, neighbours: Array) -> shapely
 
 
 def _that_matter(mesh: NavMesh, ground: Ground, entries: tuple[Point3, ...]) -> Ints:
-    """Islands with an entry on them (or nearest to one); without entries, those large enough."""
+    """Islands with an entry on them (or nearest to one); without entries, large ones."""
     if not entries:
         return np.flatnonzero(mesh.areas >= ISLAND_SHARE * mesh.areas.max())
     middles = mesh.corners.mean(1)

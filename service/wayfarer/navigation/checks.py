@@ -86,7 +86,7 @@ def check_obstacle(obstacle: Obstacle, field: str) -> None:
 
 
 def count_points(spec: SceneSpec) -> int:
-    """Points of all outlines, a box counting four."""
+    """Number of points of all outlines; a box counts four."""
     rings = [ring for floor in spec.floors for ring in (floor.outline, *floor.holes)]
     rings += [solid.outline for solid in spec.solids if isinstance(solid, Prism)]
     return sum(map(len, rings)) + 4 * len(spec.solids)

@@ -1,7 +1,7 @@
 """The clearance field: signed distance to the nearest wall, sampled on a grid.
 
-Distances are exact to the outlines at the middles of cells (not counted in cells) and bilinear in
-between; they are cut at `REACH`, which is what makes an update local.
+Distances are exact to the outlines at the middles of cells (not counted in cells), and bilinear in
+between. They are cut at `REACH`, so that an update stays local.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from wayfarer.navigation.grid import Grid, Window, bilinear, edges_of, expand
 Array = NDArray[np.floating[Any]]
 
 REACH: Final = 3.0
-"""Metres: farther walls are not told apart."""
+"""Metres: distances to farther walls are not distinguished."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class ClearanceField:
     def changed(
         self, ground: shapely.Geometry, where: tuple[float, float, float, float]
     ) -> "ClearanceField":
-        """The field after the ground changed within the bounds `where`; the rest is kept."""
+        """The field after a change of the ground within the bounds `where`; the rest is kept."""
         inner = self.grid.window(where, REACH)
         outer = self.grid.window(where, 2 * REACH)
         distance = self.distance.copy()
@@ -75,8 +75,8 @@ def _within(inner: Window, outer: Window) -> Window:
 def _distances(ground: shapely.Geometry, grid: Grid) -> NDArray[np.float32]:
     """Signed distance of the middles of all cells, cut at ± REACH. [rows, columns]
 
-    A distance transform tells which cell with an outline in it is nearest, and so which edge; the
-    distance is then that to the edge itself. A neighbour may know a nearer edge, and passes it on.
+    A distance transform finds the nearest cell with an outline, and so the nearest edge. The
+    distance is that to the edge itself. A neighbour may know a nearer edge, and passes it on.
     """
     free = grid.fill(ground)
     starts, ends = edges_of(ground)

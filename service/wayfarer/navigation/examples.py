@@ -1,4 +1,4 @@
-"""Scenes of our own making, for tests, benchmarks, documents and the viewer."""
+"""Our own scenes, for tests, benchmarks, documents and the viewer."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -16,7 +16,7 @@ def rectangle(x0: float, y0: float, x1: float, y1: float) -> Ring:
 
 
 def cubes_field(seed: int = 0, boxes: int = 30, side: float = 20.0) -> SceneSpec:
-    """A square field with boxes of random size and turn, as the paper's synthetic scenes."""
+    """A square field with boxes of random size and heading, like the paper's synthetic scenes."""
     random = np.random.default_rng(seed)
     solids = []
     for _ in range(boxes):
@@ -94,7 +94,7 @@ _TREAD: Final = 0.35
 
 
 def slope_with_steps() -> SceneSpec:
-    """A platform that a slope of 11° leads up to and steps of 20 cm lead down from."""
+    """A platform with a slope of 11° up to it and steps of 20 cm down from it."""
     rise = PLATFORM / STEPS
     steps = [
         Box((10.0, 13.0 + (k + 0.5) * _TREAD), (3.0, _TREAD), PLATFORM - (k + 1) * rise)
@@ -130,7 +130,7 @@ EXAMPLES: Final[Mapping[str, Callable[[], SceneSpec]]] = {
 
 
 def is_example(spec: SceneSpec) -> bool:
-    """Whether it is the content of one of them, whatever it is called."""
+    """Whether a scene has the content of an example, under any name."""
     return spec.content_hash in _hashes()
 
 

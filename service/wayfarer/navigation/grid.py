@@ -1,4 +1,4 @@
-"""A regular grid over the floor: where its cells are, filling polygons into it, sampling it."""
+"""A regular grid over the floor: its cells, filled polygons, sampling."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -46,7 +46,7 @@ class Grid:
         return x, y
 
     def window(self, bounds: tuple[float, float, float, float], margin: float) -> Window:
-        """The part that covers `bounds` and a margin, cut to the grid."""
+        """The part of the grid that covers `bounds` and a margin."""
         low = np.floor(self.places(np.array(bounds[:2]) - margin)).astype(int)
         high = np.ceil(self.places(np.array(bounds[2:]) + margin)).astype(int) + 1
         c0, r0 = np.clip(low, 0, (self.columns, self.rows))

@@ -26,7 +26,7 @@ class MeshPoint:
 
     @property
     def point(self) -> Point3:
-        """In world space."""
+        """The point in world space."""
         return *self.spot, self.height
 
 
@@ -39,10 +39,10 @@ def nearest_place(
 ) -> MeshPoint:
     """The place under the point, or else the nearest one; of the mesh, or of some triangles.
 
-    A point with a height means the storey below it, even where that is not free: hips and table
-    tops belong to the floor that people and tables stand on. So every storey offers its nearest
-    place, a metre of height counts as one along, and ground more than a step above the point as
-    farther by a body's height. A point without a height means the lowest storey there.
+    A point with a height means the storey below it, even if that place is not free: hips and table
+    tops belong to the floor below them. So every storey offers its nearest place, and a metre of
+    height counts as a metre along. Ground more than a step above the point counts as farther by a
+    body's height. A point without a height means the lowest storey there.
     """
     among = np.arange(len(mesh.corners)) if among is None else among
 

@@ -1,4 +1,4 @@
-"""The navigation mesh: triangles of ground where an agent's middle may be, and how they connect."""
+"""The navigation mesh: connected triangles of ground for an agent's middle."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -17,16 +17,16 @@ Portal: TypeAlias = tuple[int, float, float, float, float]
 """(triangle behind it, left x, left y, right x, right y), as seen on the way out."""
 
 _GRAIN = 1e-5
-"""Metres: corners closer than this are one."""
+"""Metres: corners closer than this are merged."""
 _ALONG = 0.94
-"""Cosine: edges of two layers that run along each other."""
+"""Cosine from which edges of two layers count as parallel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavMesh:
-    """corners [T, 3, 2], anticlockwise; layer, island [T]; areas [islands] in m².
+    """corners [T, 3, 2], anticlockwise. layer, island [T]. areas [islands] in m².
 
-    Every portal has one that leads back: a way exists between any two triangles of an island.
+    Every portal has one back, so a way exists between any two triangles of an island.
     """
 
     corners: Array
@@ -37,7 +37,7 @@ class NavMesh:
     tree: shapely.STRtree
 
     def under(self, point: tuple[float, float]) -> Ints:
-        """Triangles that hold the point, border included: of several layers, or of neighbours."""
+        """Triangles that contain the point, border included, of several layers or neighbours."""
         return self.tree.query(shapely.Point(point), "intersects")
 
     def touching(self, area: shapely.Geometry) -> Ints:
@@ -45,7 +45,7 @@ class NavMesh:
         return self.tree.query(area, "intersects")
 
     def closest(self, point: tuple[float, float], among: Ints) -> tuple[int, tuple[float, float]]:
-        """The nearest of some triangles that do not hold the point, and its nearest point."""
+        """The nearest of some triangles that do not contain the point, and its nearest point."""
         a = self.corners[among]
         d = np.roll(a, -1, 1) - a
         share = ((point - a) * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12)

@@ -1,4 +1,4 @@
-"""Why no way leads from one island to another: headroom, a step, a slope or width, and how much."""
+"""Why no way leads from one island to another: headroom, a step, a slope or width."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -22,12 +22,12 @@ Array = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
 NARROWEST: Final = 0.05
-"""Metres to either side of a middle: narrower passages are not told of."""
+"""Metres to either side of a middle: narrower passages are not reported."""
 HALVINGS: Final = 5
 
 
 def notes_on(scene: "Scene") -> list[Text]:
-    """What the author of a level should know of its ground as it was baked."""
+    """Remarks on the baked ground for a level's author."""
     asked = Metres(scene.spec.walkable.height)
     notes = [
         Text(
@@ -44,7 +44,7 @@ def notes_on(scene: "Scene") -> list[Text]:
 
 
 def why_apart(scene: "Scene", one: int, other: int) -> Text | None:
-    """A clause that says what is in the way between two islands; None: it is not known.
+    """A clause that names the barrier between two islands; None: it is unknown.
 
     It takes some tenths of a second in a large scene.
     """
@@ -61,7 +61,7 @@ def why_apart(scene: "Scene", one: int, other: int) -> Text | None:
 
 
 def _told(barrier: Barrier, walkable: Walkable) -> Text:
-    """A clause that says what it is, where, and what is allowed."""
+    """A clause that names the barrier, its place, and the allowed value."""
     length = Metres(round(barrier.value, 2))
     if barrier.kind is Kind.HEADROOM:
         return Text(
@@ -81,8 +81,8 @@ def _told(barrier: Barrier, walkable: Walkable) -> Text:
 
 
 def _worst(scene: "Scene", one: int, other: int) -> Barrier | None:
-    """The greatest trouble on the way through the fewest barriers, of one kind if that leads
-    there.
+    """The greatest barrier on the way through the fewest barriers, of one kind if such a way
+    exists.
     """
     for kinds in ({Kind.HEADROOM}, {Kind.SLOPE}, {Kind.STEP}, set(Kind)):
         if (worst := _worst_of(scene, one, other, kinds)) is not None:
@@ -138,8 +138,8 @@ def _narrowest(scene: "Scene", one: int, other: int) -> tuple[float, Point3] | N
 
 
 def _half_width(scene: "Scene", number: int, x: float, y: float) -> float:
-    """Metres from the middle of a passage to its sides, near a cell of the field, which may have
-    missed the middle by half a cell.
+    """Metres from the middle of a passage to its sides, near a cell of the field, which may miss
+    the middle by half a cell.
     """
     cell = scene.fields[number].grid.cell
     near = shapely.box(x - REACH, y - REACH, x + REACH, y + REACH)
@@ -161,7 +161,7 @@ def _meet(free: Mask, ends: Sequence[Mask]) -> bool:
 
 
 def _between(distance: Array, low: float, high: float, ends: Sequence[Mask]) -> tuple[int, int]:
-    """The cell of the gap: free at `low`, not at `high`, and nearest to what is free on both
+    """The cell of the gap: free at `low`, not at `high`, and nearest to the free cells on both
     sides.
     """
     number = labels(distance >= high)

@@ -1,4 +1,4 @@
-"""Islands that lie over other ones: roofs, and whatever else can be stood on up there."""
+"""Islands that lie over other ones: roofs and similar surfaces."""
 
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -14,9 +14,9 @@ from wayfarer.navigation.scene_spec import Point3
 Array = NDArray[np.floating[Any]]
 
 SHARE: Final = 0.5
-"""Share of an island's area below which there is another one, from which on it is a roof."""
+"""An island is a roof if at least this share of its area lies over another one."""
 SAMPLES: Final = 40
-"""Triangles of an island that are looked below, the largest ones."""
+"""Most triangles of an island that are checked, the largest first."""
 
 
 class Roof(NamedTuple):
@@ -47,7 +47,7 @@ def roofs_of(mesh: NavMesh, ground: Ground) -> list[Roof]:
 
 
 def told_roofs(roofs: Sequence[Roof], islands: int) -> list[Text]:
-    """What is said of them to a level's author who has named no entry."""
+    """A remark on roofs for the author of a level without entries."""
     if not roofs:
         return []
     return [

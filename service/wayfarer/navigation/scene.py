@@ -1,4 +1,4 @@
-"""The door: a baked scene, which never changes, and its next version when an obstacle does.
+"""The entrance: a baked scene, which never changes, and its next version when an obstacle changes.
 
     scene = bake(SceneSpec(floors=(Floor(square),), solids=(Box(...),)))
     path = scene.path((1.0, 1.0), (18.0, 17.0))  # keeps `walkable.radius` free of walls
@@ -56,9 +56,9 @@ class Scene:
     open_areas: tuple[shapely.Geometry, ...]
     """Per layer: where an agent's middle may be without obstacles."""
     notes: tuple[Text, ...] = ()
-    """What the level's author should know."""
+    """Remarks for the level's author."""
     main_island: int = 0
-    """The island that people come to when nothing else is said: the largest that is no roof."""
+    """The island where people appear by default: the largest that is no roof."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "obstacles": dict(self.obstacles)}  # a view cannot be pickled
@@ -103,9 +103,9 @@ class Scene:
     def path(self, start: Point2 | Point3, goal: Point2 | Point3) -> GroundPath:
         """A short way that keeps the radius free, and more around corners where there is room.
 
-        A start or goal off the free ground is moved to the nearest that is (of the goal: that can
-        be reached), and the path says how far. Raises Unreachable when the goal is free ground that
-        no way leads to, InvalidArgument on malformed points.
+        A start or goal off the free ground is moved to the nearest free ground (for a goal: that
+        can be reached), and the path gives the distance. Raises Unreachable when no way leads to a
+        goal on free ground, InvalidArgument on malformed points.
         """
         first, last = self._ends(start, goal)
         points = shortest(self.mesh, self.ground, first, last)
@@ -118,12 +118,12 @@ class Scene:
         return self._ends(start, goal)[1].point
 
     def nearest(self, point: Point2 | Point3) -> Point3:
-        """The nearest free ground, which is the point itself where it is free."""
+        """The nearest free ground; the point itself if it is free."""
         check_point(point, "point")
         return self.place(point).point
 
     def island_of(self, places: Sequence[Point3]) -> int | None:
-        """The island on which the first of some places is that is on one; None: none is."""
+        """The island of the first place that is on one; None: none is."""
         for x, y, z in places:
             for triangle in self.mesh.under((x, y)).tolist():
                 heights = self.ground.layers[self.mesh.layer[triangle]].heights
@@ -132,7 +132,7 @@ class Scene:
         return None
 
     def place(self, point: Point2 | Point3) -> MeshPoint:
-        """The same on the navigation mesh, of a point that has been checked."""
+        """The nearest place on the navigation mesh, for a checked point."""
         return nearest_place(self.mesh, self.ground, point, self.spec.walkable)
 
     def is_clear(self, points: Array) -> bool:
@@ -169,7 +169,7 @@ class Scene:
 
     @property
     def _tight(self) -> float:
-        """The clearance of a way that just keeps the radius, as the field may show it.
+        """The clearance that the field may show for a way that just keeps the radius.
 
         In the middle of a passage the field has a ridge, which samples half a cell apart may miss.
         """
@@ -183,9 +183,9 @@ class Scene:
         return np.stack([layer.heights.at(points[..., :2]) for layer in self.ground.layers])
 
     def _storey(self, points: Array, heights: Array) -> NDArray[np.int64]:
-        """The layer that each point is on: the nearest in height of those with ground there.
+        """The layer of each point: the nearest in height with ground there.
 
-        Where two layers know the same ground, the one that sees farther there owns it.
+        If two layers know the same ground, the one that reaches farther there owns it.
         """
         seen = np.stack([field.at(points[..., :2]) for field in self.fields])
         wanted = points[..., 2] if points.shape[-1] == 3 else heights.min(0)

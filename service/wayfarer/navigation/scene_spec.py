@@ -1,6 +1,6 @@
-"""What a scene is made of: plain data, in world space (metres, right-handed, Z up).
+"""The parts of a scene: plain data, in world space (metres, right-handed, Z up).
 
-Nothing here is checked when it is made; `checks.check_spec` does that, once, and names the field.
+Nothing is checked at construction; `checks.check_spec` checks once, and names the field.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ MAX_OBSTACLE_RING: Final = 64
 MAX_TRIANGLES: Final = 500_000
 MAX_MESH_BYTES: Final = 64 * 2**20
 MAX_EXTENT: Final = 500.0
-"""Metres, either side of a scene: beyond it a cell of the ground would be too coarse."""
+"""Longest side of a scene, metres: beyond it a cell of the ground would be too coarse."""
 MIN_SIZE: Final = 0.01
 """Metres: the smallest side of a solid."""
 
@@ -129,8 +129,8 @@ class SceneSpec:
     mesh: MeshFile | None = None
     walkable: Walkable = Walkable()
     entries: tuple[Point3, ...] = ()
-    """Where agents enter. Given: only ground reachable from there is kept. Empty: all islands are
-    kept that have at least a twentieth of the largest one's area."""
+    """Where agents enter. Given: only ground reachable from there is kept. Empty: all islands with
+    at least a twentieth of the largest one's area are kept."""
 
     @property
     def content_hash(self) -> str:
@@ -143,7 +143,7 @@ class SceneSpec:
 
 
 def _parts(value: Any) -> Iterator[bytes]:
-    """The value as byte strings, in an order that depends on nothing but the value."""
+    """The value as byte strings, in an order that depends only on the value."""
     if is_dataclass(value):
         yield type(value).__name__.encode()
         for field in fields(value):

@@ -17,7 +17,7 @@ _UPHILL: Final = np.array([0.0, 0.0, 1.0, 1.0, 0.0])
 
 
 def footprint(solid: Solid) -> shapely.Polygon:
-    """What the solid covers, from above. A cylinder's polygon lies around its circle."""
+    """The outline of the solid, from above. A cylinder's polygon lies around its circle."""
     if isinstance(solid, Cylinder):
         reach = solid.radius / cos(pi / 4 / _ARC)
         return shapely.Point(solid.center).buffer(reach, quad_segs=_ARC)
@@ -36,7 +36,7 @@ def floor_polygon(floor: Floor) -> shapely.Geometry:
 
 
 def solid_triangles(solid: Solid) -> NDArray[np.float64]:
-    """Top and sides, by their corners. [T, 3, 3]. Nobody walks on an underside: it is left out."""
+    """Triangles of top and sides [T, 3, 3]. The underside cannot be walked on and is left out."""
     area = shapely.orient_polygons(footprint(solid))
     ring = shapely.get_coordinates(area.exterior)
     rise = solid.height * (_UPHILL if isinstance(solid, Ramp) else np.ones(len(ring)))

@@ -1,4 +1,4 @@
-"""What can be stood on: flat scenes exactly, all others within a cell."""
+"""Ground to stand on: flat scenes exactly, all others within a cell."""
 
 from dataclasses import replace
 
@@ -162,7 +162,7 @@ def test_too_many_surfaces_above_each_other_are_refused(monkeypatch: pytest.Monk
 
 
 def strips(count: int) -> SceneSpec:
-    """Thin walls that cross each other: holes in square of their number."""
+    """Thin walls that cross each other: the holes grow with the square of their number."""
     places = [(k + 0.5) * 10 / count for k in range(count)]
     upright = [Box((x, 5.0), (0.12, 9.8), 2.0) for x in places]
     level = [Box((5.0, y), (9.8, 0.12), 2.0) for y in places]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 LEVELS = Path(__file__).parents[1] / "levels"
-"""Files that strangers' levels taught us, made by hand."""
+"""Cases from levels of others, made by hand."""
 
 TYPES = {
     "int8": 5120,
@@ -45,7 +45,7 @@ class Packer:
         return len(self.views) - 1
 
     def accessor(self, values: np.ndarray, **changes: Any) -> int:
-        """`changes`: of the accessor's JSON; None takes a key away."""
+        """`changes`: of the accessor's JSON; None removes a key."""
         view = self.view(np.ascontiguousarray(values).tobytes())
         return self.describe(values, bufferView=view, **changes)
 
@@ -61,7 +61,7 @@ class Packer:
         return len(self.accessors) - 1
 
     def file(self, **document: Any) -> bytes:
-        """With one mesh of accessor 0 at one node, where the document says nothing else."""
+        """Has one mesh of accessor 0 at one node, unless the document says otherwise."""
         usual: dict[str, Any] = {
             "asset": {"version": "2.0"},
             "nodes": [{"mesh": 0}],

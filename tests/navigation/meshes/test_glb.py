@@ -1,4 +1,4 @@
-"""What exporters put into a GLB: extensions, copies, packed data, skins, buffers of any kind."""
+"""Contents of exported GLBs: extensions, copies, packed data, skins, buffers of any kind."""
 
 import base64
 from typing import Any
@@ -296,7 +296,7 @@ def test_a_text_gltf_is_told_from_a_glb() -> None:
 
 
 def skinned(joint: dict[str, Any], inverse: np.ndarray | None, kind: str = "float32") -> np.ndarray:
-    """The triangle, in centimetres, on one joint; its own node is elsewhere and does not count."""
+    """The triangle, in centimetres, on one joint; its own node's place does not count."""
     packer = Packer()
     packer.accessor((TRIANGLE * 100).astype(np.float32))
     packer.accessor(np.zeros((3, 4), np.uint8))

@@ -1,4 +1,4 @@
-"""Nothing lost: what the journal keeps of a world, and what becomes of bad days."""
+"""Nothing is lost: the journal of a world, and failures of all kinds."""
 
 import asyncio
 import os
@@ -31,7 +31,7 @@ SPEC = SessionSpec("s", seed=7, attributes={"basis": "unity"})
 
 
 class Kept:
-    """A world with a journal, and what is read back from it."""
+    """A world with a journal, and the content read back from it."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -44,7 +44,7 @@ class Kept:
         self.journal.stop()
 
     def restored(self):
-        """Sessions by id, read by a server that comes after."""
+        """Sessions by id, read by a later server."""
         return {record.session_id: record for record in read(self.folder)}
 
 
@@ -172,7 +172,7 @@ asyncio.run(main())
 
 
 def life(folder, seconds):
-    """Run a server in a process of its own and kill it; the last places it told of."""
+    """Run a server in its own process and kill it; returns the last places that it printed."""
     child = subprocess.Popen(
         [sys.executable, "-c", CHILD, str(folder)], stdout=subprocess.PIPE, text=True
     )
@@ -339,7 +339,7 @@ async def test_a_full_disk_is_told_once_and_waited_for(kept, caplog):
     populate(kept.world, 60, "t")
     await asyncio.wait_for(kept.journal.durable(), 5)
     assert kept.journal.failing
-    for number in range(3):  # the service goes on
+    for number in range(3):  # the service continues
         populate(kept.world, 2, f"u{number}")
         await asyncio.wait_for(kept.journal.durable(), 5)
     kept.world.delete_session("u1")
@@ -359,7 +359,7 @@ async def test_a_full_disk_is_told_once_and_waited_for(kept, caplog):
 
 
 def limit_pages(journal, pages):
-    """As a disk that has no room for more: SQLite takes the size that there is, if that is more."""
+    """Like a full disk: SQLite takes the present size if it is larger."""
     journal._file._connection.execute(f"PRAGMA max_page_count = {pages}")
 
 

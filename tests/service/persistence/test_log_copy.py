@@ -1,4 +1,4 @@
-"""A log is copied part by part while it grows; a server goes on from the copy with all of it."""
+"""A log is copied part by part while it grows; a server resumes from the complete copy."""
 
 import random
 
@@ -28,7 +28,7 @@ ENTRIES = 2000
 
 
 class Copied:
-    """The log of a session, copied whenever it is asked to."""
+    """The log of a session, copied on request."""
 
     def __init__(self, worlds):
         self.worlds, self.mark, self.parts = worlds, UNCOPIED, []
@@ -58,7 +58,7 @@ def begun(worlds, count=5):
 
 
 def sent_only(track, end):
-    """What counts for chunks before `end`."""
+    """The entries that apply to chunks before `end`."""
     return (
         track.start,
         [entry for entry in track.entries if entry.seq < end],
@@ -99,7 +99,7 @@ def test_where_nothing_happens_nothing_is_copied():
 
 
 def adopted(world, copied, now):
-    """The session in another server, and what it had come to."""
+    """The session in another server, and its state there."""
     session, agents = capture_session(world, "s")
     copied.copy()
     data = encode_session(session, [m.part for m in agents.members], agents.rows, STICK)
@@ -146,7 +146,7 @@ def test_the_copy_begins_again_with_a_new_log_under_the_same_id():
     copied = Copied(worlds)
     copied.copy()
     world.delete_session("s")
-    world.members.put_session(record, 1.0)  # within a second: nobody has seen it gone
+    world.members.put_session(record, 1.0)  # within a second: its absence was not noticed
     run(world, 1.0, [], start=1.0)
     copied.parts.clear()
     copied.copy()

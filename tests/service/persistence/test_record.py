@@ -1,4 +1,4 @@
-"""What a log keeps, how much of it, and that a log made up by a client is refused."""
+"""The content and size of a log, and the refusal of a log forged by a client."""
 
 import json
 from functools import cache

@@ -63,7 +63,7 @@ def assert_same(publications, sent):
 
 
 def busy_plan(world, ids):
-    """All that agents can be told, some of it at awkward moments."""
+    """All commands of agents, some at awkward moments."""
     a, b, c = ids[:3]
     through = Goal((3.0, 3.0, 0.0), stop=False)
     beats = Patrol((through, Goal((1.0, 1.0, 0.0)), Goal((4.0, 0.0, 0.0))), to_and_fro=True)
@@ -161,7 +161,7 @@ def test_twenty_seconds_of_the_shipped_model_come_out_bit_for_bit():
 
 
 class Striding(FakeEngine):
-    """Another model: it walks twice as fast as it is asked to."""
+    """Another model: it walks twice as fast as requested."""
 
     name = "striding"
     graphs = ("2" * 64, "3" * 64)

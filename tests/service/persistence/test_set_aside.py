@@ -180,7 +180,7 @@ async def test_a_loop_that_fails_for_good_says_so(server, monkeypatch):
 
 
 async def test_a_session_that_ends_the_loop_at_every_start_is_found(server, monkeypatch):
-    """By an error that cannot be told whose it is: here the schedule of all fails."""
+    """By an error without a known culprit: here the schedule of all fails."""
     real = Scheduler.begin
 
     def begin(self, *args):
@@ -204,7 +204,7 @@ async def test_a_session_that_ends_the_loop_at_every_start_is_found(server, monk
 
 def test_a_session_during_whose_trials_the_process_ends_is_set_aside(tmp_path):
     class Killed(BaseException):
-        """What becomes of the process."""
+        """The end of the process."""
 
     def die():
         raise Killed
@@ -246,7 +246,7 @@ def test_without_a_folder_nothing_is_counted():
 
 
 async def test_a_scene_that_ends_the_process_as_it_is_restored_is_left_out(server):
-    """With its session; the next start tries both again."""
+    """With its session. The next start tries both again."""
     async with server as service:
         [scene] = await service.scenes.list_scenes()
     kept = {"starts": EARLY, "ended": {scene.scene_id: 2}}

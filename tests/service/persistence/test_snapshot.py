@@ -1,4 +1,4 @@
-"""Sessions as bytes: they go on where they were, and nothing that a client makes up gets in."""
+"""Sessions as bytes: they resume where they were, and forgeries of clients are refused."""
 
 import json
 import struct
@@ -71,7 +71,7 @@ def decode(data, body=STICK, limits=LIMITS):
 
 
 def changed(data, edit=lambda header: None, rows=lambda rows: rows):
-    """A snapshot made up by somebody who knows the format: dicts and packed rows are edited."""
+    """A snapshot forged with knowledge of the format: dicts and packed rows are edited."""
     content = unseal(ContainerKind.SNAPSHOT, data, most_bytes(LIMITS))
     header = json.loads(content.header)
     edit(header)
@@ -304,7 +304,7 @@ def test_no_change_of_bytes_does_more_than_be_refused(data):
         except WayfarerError as error:
             assert str(error)
         else:
-            list(world.advance(0.7))  # whatever got in can be stepped
+            list(world.advance(0.7))  # an accepted snapshot can be stepped
 
 
 def test_the_header_names_every_part_of_a_record():

@@ -1,4 +1,4 @@
-"""A publisher whose clock is turned by hand, and what its readers take."""
+"""A publisher with a manual clock, and its readers' batches."""
 
 import asyncio
 
@@ -15,7 +15,7 @@ HOLD = SlowReader.HOLD
 
 
 class Stage:
-    """A publisher and a clock by hand; the test stands for the motion thread, too."""
+    """A publisher with a manual clock; the test plays the motion thread, too."""
 
     def __init__(self, **settings):
         self.settings = Limits(**settings)
@@ -40,7 +40,7 @@ class Stage:
         return made
 
     async def walk(self, count, *agents, session="s"):
-        """So many chunks of each agent, one publication each, and deliver them."""
+        """Publish `count` chunks of each agent, one publication each, and deliver them."""
         for _ in range(count):
             chunks = together(*(chunk(self.seq, agent) for agent in agents or ("a",)))
             self.now = chunks[0].scheduled_at

@@ -1,4 +1,4 @@
-"""Goals reached, paths done, and other events, as readers are told of them."""
+"""Events to readers: goals reached, paths done, and others."""
 
 import pytest
 
@@ -107,7 +107,7 @@ def record(mode, arrived=True, stop=True):
     [
         (record(Mode.STOPPING), True),
         (record(Mode.TURNING), True),
-        (record(Mode.STANDING), False),  # told before it came here
+        (record(Mode.STANDING), False),  # reported before it moved to this server
         (record(Mode.WALKING, arrived=False), False),
         (record(Mode.STOPPING, stop=False), False),
     ],

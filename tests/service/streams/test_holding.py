@@ -1,4 +1,4 @@
-"""Agents who wait for a reader that has stalled."""
+"""Agents that wait for a stalled reader."""
 
 import pytest
 
@@ -27,7 +27,7 @@ async def test_two_holders_hold_only_together():
     for seq in range(4, 24):
         await stage.live(0.2)
         assert seqs(await take(other, 1)) == [seq]
-    assert one.dropped > 0, "one that reads prevents it, and then the oldest are lost"
+    assert one.dropped > 0, "an active reader prevents it, and then the oldest are lost"
     await stage.live(5.0)
     assert other.dropped == 0 and seqs(await take(other, 3)) == [24, 25, 26]
 
@@ -56,7 +56,7 @@ async def test_agents_do_not_wait_for_longer_than_agreed():
     assert reader.dropped > 0
     await take(reader, 4)
     await stage.live(2.0)
-    assert await stage.live(1.0) == 0, "who reads again may hold again"
+    assert await stage.live(1.0) == 0, "a reader that reads again may hold again"
 
 
 async def test_nobody_waits_for_readers_who_have_gone():
@@ -79,7 +79,7 @@ async def test_a_playhead_that_stands_holds_the_agents():
     [got] = await take(reader, 1)
     reader.ack(got.position, stage.now)
     await stage.live(2.0)
-    assert await stage.live(2.0) == 0, "a game that pauses lets its people wait"
+    assert await stage.live(2.0) == 0, "a paused game makes its people wait"
     reader.ack(got.position, stage.now)
     assert seqs(await take(reader, 2)) == [1, 2]
     assert await stage.live(1.0) > 0

@@ -106,7 +106,7 @@ async def test_what_is_no_longer_held_is_told():
     assert not again.resumed and again.epoch == first.epoch
     assert kinds(opening) == [EventKind.GAP] and not opening.chunks
     assert "17 publications were lost" in opening.events[0].detail
-    assert opening.position == 3, "who goes away now has still got no more"
+    assert opening.position == 3, "a reader that leaves now has received no more"
     assert live.position == 21 and live.chunks[0].flags == ChunkFlag.FIRST
     assert stage.meter.resumes == {ResumeResult.GAP: 1}
 
@@ -217,7 +217,7 @@ async def test_whatever_readers_do_nothing_is_lost_without_a_word(seed):
             for each in got.chunks:
                 follows = last.get(each.agent_id) == each.seq - 1
                 marked = bool(each.flags & (ChunkFlag.FIRST | ChunkFlag.GAP))
-                assert follows or marked, "a gap that nobody was told of"
+                assert follows or marked, "an unreported gap"
                 assert not (follows and each.flags & ChunkFlag.GAP)
                 last[each.agent_id] = each.seq
         assert reader._span() <= 2.0 + 0.5 + 0.2
@@ -281,7 +281,7 @@ async def test_an_agent_is_seen_as_well_as_by_the_reader_that_sees_it_best():
     one.see([(ord("a"), Sight.ROOT), (ord("b"), Sight.NONE), (ord("c"), Sight.FAR)])
     other.see([(ord("a"), Sight.NONE), (ord("b"), Sight.NONE), (ord("d"), Sight.NONE)])
     chunks = together(*(chunk(0, agent) for agent in "abcd"))
-    assert stage.publisher.sights("s", chunks) is Sight.NEAR, "nobody reads it, or will later"
+    assert stage.publisher.sights("s", chunks) is Sight.NEAR, "it may be read later"
     await stage.subscribe(events_only=True)
     kept = [await stage.subscribe(sights=one), await stage.subscribe(sights=other)]
     expected = [Sight.ROOT, Sight.NONE, Sight.NEAR, Sight.NEAR]  # not seen yet: it may be near

@@ -62,7 +62,7 @@ def test_rows_do_not_depend_on_each_other():
 
 
 def test_the_phase_is_that_of_the_legs():
-    """Of a walk that a server sent: strikes are seen in the contacts."""
+    """A walk sent by a server: strikes show in the contacts."""
     axes = Basis.GLTF.axes
     hips = axes.points_to_core(doubled(np.array(WALK["hips"])))
     rotations = axes.quaternions_to_core(doubled(np.array(WALK["rotations"]).reshape(-1, 22, 4)))

@@ -26,7 +26,7 @@ def put(queue, entries, spare=False):
 
 
 async def is_empty(queue):
-    """Nothing may be had now."""
+    """Nothing is available now."""
     reader = asyncio.ensure_future(anext(queue))
     await asyncio.sleep(0)
     idle = not reader.done()
@@ -63,7 +63,7 @@ async def test_a_slow_reader_loses_the_oldest_and_is_told():
     told, *rest = await take(queue, 7)
     assert seqs(rest) == [14, 15, 16, 17, 18, 19], "one second of motion is kept"
     assert flags(rest) == [[ChunkFlag.GAP]] + [[ChunkFlag.NONE]] * 5
-    assert told.position == 1 and not told.chunks, "who resumes there may still get them"
+    assert told.position == 1 and not told.chunks, "a reader that resumes there may still get them"
     assert [e.kind for e in told.events] == [EventKind.GAP]
     assert "13 publications" in told.events[0].detail
     assert queue.dropped == 13 == meter.dropped[SlowReader.DROP_OLDEST]
@@ -88,14 +88,14 @@ async def test_publications_far_apart_are_kept_all_the_same():
 
 
 async def test_a_reader_that_waits_loses_nothing_when_much_comes_at_once():
-    """The process got no CPU for seconds, and then delivers all of it before the reader runs."""
+    """The process got no CPU for seconds, and then delivers everything before the reader runs."""
     queue = subscription(queue_s=0.5)
     reading = asyncio.create_task(take(queue, 20))
     await asyncio.sleep(0)
     put(queue, map(entry, range(20)))
     assert seqs(await reading) == list(range(20)) and queue.dropped == 0
     put(queue, map(entry, range(20, 40)))
-    assert queue.dropped > 0, "bounded when nobody waits"
+    assert queue.dropped > 0, "bounded without a waiting reader"
 
 
 async def test_a_reader_that_waits_for_its_own_playhead_is_bounded():
@@ -311,7 +311,7 @@ async def test_a_holder_loses_nothing_while_it_is_spared():
     put(queue, map(entry, range(8)), spare=True)
     assert seqs(await take(queue, 8)) == list(range(8)) and queue.dropped == 0
     put(queue, map(entry, range(8, 16)), spare=False)
-    assert queue.dropped == 5, "others read on"
+    assert queue.dropped == 5, "others continue to read"
 
 
 # Ends

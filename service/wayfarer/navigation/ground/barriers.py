@@ -1,5 +1,5 @@
-"""What parts the ground where no other way joins it: too little headroom, too high a step, too
-steep a slope. How much of it, and where.
+"""Barriers between parts of the ground: too little headroom, too high a step, too steep a slope.
+Their size and their places.
 """
 
 from collections.abc import Callable
@@ -24,21 +24,21 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 LOWEST: Final = 0.5
-"""Share of the headroom asked for down to which ways are looked for."""
+"""Ways are searched down to this share of the required headroom."""
 HIGHEST: Final = 1.0
-"""Metres of a step up to which they are."""
+"""Ways are searched up to steps of this height, metres."""
 STEEPEST: Final = 70.0
-"""Degrees of a slope up to which they are."""
+"""Ways are searched up to slopes of this angle, degrees."""
 GRAIN: Final = 0.01
 """Metres."""
 MOST: Final = 8
-"""Barriers of a kind that are told of."""
+"""Most barriers of a kind that are reported."""
 SPOTS: Final = 40
-"""Places that stand for a part of the ground."""
+"""Number of places that stand for a part of the ground."""
 
 
 class Kind(Enum):
-    """What there is too little or too much of."""
+    """The kind of a barrier."""
 
     HEADROOM = auto()
     SLOPE = auto()  # before steps: over the ground below a ramp there is a step to its upper end
@@ -47,13 +47,13 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Barrier:
-    """What is in the way between two parts of the ground."""
+    """A barrier between two parts of the ground."""
 
     kind: Kind
     value: float
-    """Metres, of a slope degrees, on the way that has the least trouble with it."""
+    """Metres (degrees for a slope) on the way with the least of it."""
     excess: float
-    """How many times as much trouble it is as what is allowed."""
+    """Its ratio to the allowed value."""
     at: Point3
     sides: tuple[tuple[Point3, ...], tuple[Point3, ...]]
     """Some places of each part, the larger one first."""
@@ -64,7 +64,7 @@ class Barrier:
 def barriers(
     corners: Array, grid: Grid, found: Floors, walkable: Walkable, share: float
 ) -> list[Barrier]:
-    """Between parts of at least `share` of the largest one. `found`: floors of the corners."""
+    """Barriers between parts of at least `share` of the largest. `found`: floors of the corners."""
     stood = found.room >= walkable.height
     places = found.stands(stood, walkable.step_height)
     if len(_that_matter(places.components(), share)) < 2:
@@ -78,22 +78,22 @@ def barriers(
 
 @dataclass(frozen=True, slots=True)
 class _Ways:
-    """Ways through a kind of barrier: over which places and links they lead, at levels of trouble
-    that are sorted, the most first.
+    """Ways through a kind of barrier: the places and links that they use, at sorted levels of
+    trouble, the highest first.
     """
 
     kind: Kind
     places: Stands
-    part: Ints  # of the ground, that each place belongs to; -1: nobody can stand there
+    part: Ints  # of the ground that each place belongs to; -1: no standing room
     levels: Array
     allowed: float
     open_at: Callable[[float], tuple[Ints, "csr_array"]]
-    """The places that are open at a level, and links between these."""
+    """The places that are open at a level, and the links between them."""
     hard_at: Callable[[float], Ints]
-    """Places that have as much trouble as a level says."""
+    """Places with the trouble of a level."""
 
     def barriers(self, share: float) -> list[Barrier]:
-        """Between parts that are joined where all of these ways are open."""
+        """Barriers between parts that these ways would join."""
         order = _that_matter(self.part, share)
         if not len(self.levels) or len(order) < 2:
             return []
@@ -107,7 +107,7 @@ class _Ways:
         return told
 
     def _joined(self, level: int) -> Ints:
-        """The component of each place; -1 where it is closed. [n]"""
+        """The component of each place; -1: it is closed. [n]"""
         which, links = self.open_at(float(self.levels[level]))
         number = np.full(len(self.part), -1)
         number[which] = components(links)[1]
@@ -128,7 +128,7 @@ class _Ways:
         hard = hard[number[hard] == number[first[one]]]
         where = self._where()
         sides = [where[self.part == side] for side in (one, other)]
-        # of several that are as hard, the one between the two
+        # of several equally hard ones, the one in the middle
         away = distances(where[hard], sides[0]) + distances(where[hard], sides[1])
         near = where[hard[away <= away.min() + 2 * self.places.grid.cell]]
         at = near[np.linalg.norm(near - near.mean(0), axis=1).argmin()]
@@ -152,7 +152,7 @@ class _Ways:
 
 
 def _low(found: Floors, walkable: Walkable, share: float) -> list[Barrier]:
-    """Where a lower body could go on."""
+    """Ways that a lower body could take."""
     reach = found.room >= LOWEST * walkable.height
     places, room = found.stands(reach, walkable.step_height), found.room[reach]
     levels = np.unique(np.floor(room[room < walkable.height] / GRAIN)) * GRAIN
@@ -168,7 +168,7 @@ def _low(found: Floors, walkable: Walkable, share: float) -> list[Barrier]:
 
 
 def _steep(corners: Array, grid: Grid, walkable: Walkable, share: float) -> list[Barrier]:
-    """Where somebody who climbs could go on."""
+    """Ways that a climber could take."""
     angle = slopes(corners)
     if not ((angle > walkable.slope_deg) & (angle <= STEEPEST)).any():
         return []
@@ -192,10 +192,10 @@ def _steep(corners: Array, grid: Grid, walkable: Walkable, share: float) -> list
 def _high(
     corners: Array, grid: Grid, stood: Mask, walkable: Walkable, share: float
 ) -> list[Barrier]:
-    """Where a body of longer legs could go on. `stood`: of the floors, where one can stand."""
+    """Ways that a body with longer legs could take. `stood`: floors where one can stand."""
     from scipy.sparse import csr_array
 
-    # the sides of what can be stepped on are no walls
+    # the sides of a step that can be taken are no walls
     found = floors(corners, grid, replace(walkable, step_height=HIGHEST))
     free = found.room >= walkable.height
     places = found.stands(free, HIGHEST)
@@ -226,7 +226,7 @@ def _picked(places: Stands, which: Mask) -> tuple[Ints, "csr_array"]:
 
 
 def _parts(places: Stands, which: Mask) -> Ints:
-    """The component of each place among those that are meant; -1 of others. [n]"""
+    """The component of each selected place; -1 for others. [n]"""
     number, links = _picked(places, which)
     part = np.full(len(which), -1)
     part[number] = components(links)[1]
@@ -234,7 +234,7 @@ def _parts(places: Stands, which: Mask) -> Ints:
 
 
 def _that_matter(part: Ints, share: float) -> Ints:
-    """Numbers of the parts that are large enough, the largest first."""
+    """Numbers of the large parts, the largest first."""
     sizes = np.bincount(part[part >= 0])
     matter = np.flatnonzero(sizes >= share * sizes.max(initial=1))
     return matter[np.argsort(-sizes[matter], kind="stable")]

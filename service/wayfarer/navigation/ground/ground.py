@@ -1,8 +1,8 @@
 """The ground of a scene, before any radius: layers of polygons with heights.
 
 A flat scene (level floors of one height, nothing on them low enough to step on) keeps its exact
-outlines. All others go through a grid of cells of 5 cm, larger beyond some 70 x 70 m (35 cm at the
-largest, 500 x 500 m): outlines may be off by a cell, mostly to the safe side; a gap is lost when
+outlines. All others go through a grid of cells of 5 cm, larger beyond some 70 x 70 m (at most
+35 cm, at 500 x 500 m). Outlines may be off by a cell, mostly to the safe side. A gap is lost when
 it is less than two cells wider than an agent.
 """
 
@@ -36,8 +36,8 @@ FINEST_CELL: Final = 0.05
 MAX_CELLS: Final = 2_000_000
 MAX_EXACT_POINTS: Final = 1_500
 MAX_EXACT_CORNERS: Final = 20_000
-"""Flat scenes of more detail go through cells: outlines may cross each other in square of number,
-cells stay cells."""
+"""Flat scenes of more detail go through cells: crossings of outlines may grow with the square of
+their number, cells do not."""
 MAX_CORNERS: Final = 50_000
 
 
@@ -72,7 +72,7 @@ class Heights:
 class Layer:
     """Ground that covers a point of the plan at most once.
 
-    `own`: the part that belongs to this layer alone; `ground`: with the surroundings that other
+    `own`: the part of this layer alone; `ground`: also surroundings that other
     layers continue, so that a border between layers is no wall.
     """
 
@@ -83,9 +83,9 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """All layers, lowest first. `cell`: metres that outlines may be off, 0 where they are exact.
+    """All layers, lowest first. `cell`: metres that outlines may be off; 0: exact.
 
-    `notes`: what the level's author should know. `barriers`: what parts its ground.
+    `notes`: remarks for the level's author. `barriers`: what separates parts of its ground.
     """
 
     layers: tuple[Layer, ...]
@@ -93,7 +93,7 @@ class Ground:
     notes: tuple[Text, ...] = ()
     barriers: tuple[Barrier, ...] = ()
     size: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Metres along x, y and z that a level's mesh takes; 0 without one."""
+    """Size of a level's mesh along x, y and z, metres; 0 without one."""
 
 
 def find_ground(spec: SceneSpec) -> Ground:
@@ -118,7 +118,7 @@ def find_ground(spec: SceneSpec) -> Ground:
 
 
 def size_pattern(spec: SceneSpec, ground: Ground) -> str:
-    """What an error about a level's mesh says of its size, and of how it lies."""
+    """The part of an error that gives the size and the orientation of a level's mesh."""
     if spec.mesh is None:
         return ""
     told = "".join(f"; {note.pattern}" for note in ground.notes if not note.parts)
@@ -129,7 +129,7 @@ def size_pattern(spec: SceneSpec, ground: Ground) -> str:
 
 
 def size_parts(ground: Ground) -> tuple[Metres, ...]:
-    """The lengths in it."""
+    """The lengths in that text."""
     return tuple(Metres(float(f"{length:.2g}")) for length in ground.size if ground.size[0])
 
 
@@ -169,7 +169,7 @@ def _flat(spec: SceneSpec) -> Ground:
 
 
 def _barriers_of_flat(spec: SceneSpec, level: float, free: shapely.Geometry) -> tuple[Barrier, ...]:
-    """Of a flat scene: there are some only below solids that hang in the air, or over low ones."""
+    """Barriers of a flat scene: only below solids in the air, or over low ones."""
     walkable = spec.walkable
     above = [solid.bottom - level for solid in spec.solids]
     tops = [solid.bottom + solid.height - level for solid in spec.solids]
@@ -184,12 +184,12 @@ def _barriers_of_flat(spec: SceneSpec, level: float, free: shapely.Geometry) -> 
 
 
 def triangles(spec: SceneSpec) -> NDArray[np.float64]:
-    """All that a scene is made of [T, 3, 3], metres. Raises InvalidArgument for a bad mesh."""
+    """All triangles of a scene [T, 3, 3], metres. Raises InvalidArgument for a bad mesh."""
     return _corners_of(spec)[0]
 
 
 def _corners_of(spec: SceneSpec) -> tuple[NDArray[np.float64], tuple[Text, ...]]:
-    """The same, and what is to be told of the level's mesh."""
+    """The same, and remarks about the level's mesh."""
     level, notes = (
         read_level(spec.mesh, spec.walkable, spec.entries)
         if spec.mesh

@@ -2,7 +2,7 @@
 
 A component that lies above itself (a house with stairs, a spiral) is cut into bands of height no
 thicker than a body, where no two floors can be above each other. Cuts go where the fewest places
-are, hence through stairs and not through floors.
+are: through stairs, not through floors.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ MAX_LAYERS: Final = 16
 MAX_PIECES: Final = 10_000
 """Pieces of ground and holes in them, of one layer."""
 ISLAND_SHARE: Final = 0.05
-"""Islands smaller than this part of the largest are left out, unless an entry stands on them."""
+"""Islands smaller than this share of the largest are left out, unless an entry is on them."""
 _MARGIN: Final = 1.0
 """Metres that a layer knows of its neighbours beyond its own border."""
 
@@ -44,7 +44,7 @@ class Sheet:
 
 
 def sheets(places: Stands, entries: tuple[Point3, ...], walkable: Walkable) -> list[Sheet]:
-    """The layers of all components that matter, lowest first."""
+    """The layers of all relevant components, lowest first."""
     component = places.components()
     kept = np.isin(component, _that_matter(places, component, entries))
     places, component = places.pick(kept), component[kept]
@@ -59,7 +59,7 @@ def sheets(places: Stands, entries: tuple[Point3, ...], walkable: Walkable) -> l
 def outline(mask: Mask, grid: Grid) -> shapely.Geometry:
     """The cells as polygons: along their edges, with corners cut and steps of one cell smoothed.
 
-    Raises InvalidArgument when there are too many of them.
+    Raises InvalidArgument when there are too many polygons.
     """
     pieces_and_holes = count_pieces(mask) + count_pieces(~mask)
     if pieces_and_holes > MAX_PIECES:
@@ -81,7 +81,7 @@ def outline(mask: Mask, grid: Grid) -> shapely.Geometry:
 
 
 def _that_matter(places: Stands, component: Ints, entries: tuple[Point3, ...]) -> Ints:
-    """Components with an entry on them; without entries, those large enough."""
+    """Components with an entry on them; without entries, large ones."""
     sizes = np.bincount(component)
     if not entries:
         return np.flatnonzero(sizes >= ISLAND_SHARE * sizes.max(initial=1))
@@ -107,7 +107,7 @@ def _bands(places: Stands, component: Ints, walkable: Walkable) -> Ints:
 
 
 def _cuts(z: Array, height: float) -> Array:
-    """Heights at which to cut, at most a body's height apart, each where few places are."""
+    """Heights of the cuts, at most a body's height apart, each through few places."""
     step = height / 20
     bins = np.floor((z - z.min()) / step).astype(int)
     count = np.bincount(bins)
@@ -120,7 +120,7 @@ def _cuts(z: Array, height: float) -> Array:
 
 
 def _packed(places: Stands, band: Ints) -> Ints:
-    """Bands into as few layers as need be, lowest first; bands of a layer do not overlap."""
+    """Sorts bands into the fewest layers, lowest first; bands of a layer do not overlap."""
     layer = np.zeros(len(band), np.int64)
     taken: list[Mask] = []
     cells = places.grid.rows * places.grid.columns

@@ -1,4 +1,4 @@
-"""Which cells can be stood on, at which heights, and how they hang together."""
+"""Cells that can be stood on, their heights, and their connections."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ TOLERANCE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Stands:
-    """Places to stand, sorted by cell and height. cell, z [n]; links [n, n]: one step apart."""
+    """Places to stand, sorted by cell and height. cell, z [n]; links [n, n] are one step."""
 
     grid: Grid
     cell: Ints
@@ -33,7 +33,7 @@ class Stands:
     links: "csr_array"
 
     def pick(self, which: Mask | Ints) -> "Stands":
-        """Some of them."""
+        """A selection of them."""
         return Stands(self.grid, self.cell[which], self.z[which], self.links[which][:, which])
 
     def components(self) -> Ints:
@@ -46,7 +46,7 @@ class Floors:
     """All surfaces that are flat enough, sorted by cell and height: cell, z, headroom [n].
 
     `room`: metres from the floor up to whatever is in a body's way; infinite under the sky.
-    `triangle`: of which each is.
+    `triangle`: the one that each belongs to.
     """
 
     grid: Grid
@@ -56,7 +56,7 @@ class Floors:
     triangle: Ints
 
     def stands(self, which: Mask, step: float) -> Stands:
-        """Some of them, as places to stand."""
+        """A selection of them, as places to stand."""
         cell, z = self.cell[which], self.z[which]
         return Stands(self.grid, cell, z, _links(cell, z, self.grid, step + TOLERANCE))
 
@@ -64,7 +64,7 @@ class Floors:
 def floors(corners: Array, grid: Grid, walkable: Walkable) -> Floors:
     """All surfaces of a scene that are not too steep, and the room above each.
 
-    Whatever is no higher than a step is not in a body's way.
+    Surfaces no higher than a step are not in a body's way.
     """
     flat = is_level(corners, walkable)
     level = covered(corners[flat], grid)
@@ -105,7 +105,7 @@ def _links(cell: Ints, z: Array, grid: Grid, step: float) -> "csr_array":
 def without_edges(places: Stands, step: float) -> Mask:
     """Places that stay when no two neighbours of a layer may differ by more than a step. [n]
 
-    At the foot of a drop, the lower one goes.
+    At the foot of a drop, the lower place is removed.
     """
     sheet = np.full(places.grid.rows * places.grid.columns, np.nan)
     sheet[places.cell] = places.z

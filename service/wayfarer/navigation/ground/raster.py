@@ -13,13 +13,13 @@ Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
 MAX_SAMPLES: Final = 8_000_000
-"""Cells touched by all triangles together: what a bake may take in memory and time."""
+"""Most cells touched by all triangles: limits memory and time of a bake."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spans:
-    """Cells (flat index), the heights between which something is there, and which triangle it is
-    of. Each [n].
+    """Cells (flat index), the heights between which each is filled, and the triangle that fills it.
+    Each [n].
     """
 
     cell: Ints

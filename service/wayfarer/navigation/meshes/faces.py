@@ -1,4 +1,4 @@
-"""What the readers share."""
+"""Shared by the readers."""
 
 import numpy as np
 from numpy.typing import NDArray

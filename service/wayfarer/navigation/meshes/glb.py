@@ -1,9 +1,9 @@
 """GLB (glTF 2.0 binary): triangles of the default scene, nodes' transforms applied.
 
-Only what is inside the file is read, and only where the file has the bytes it claims. Copies of a
-mesh count, quantized data and what Draco or meshopt has packed are read, and skins are in the pose
-of the nodes; materials, images and animations are never looked at. What changes triangles and is
-not read is refused by name.
+Only data inside the file is read, and only as far as the file has the bytes it claims. Copies of a
+mesh count, quantized and packed data (Draco, meshopt) are read, and skins are in the pose of the
+nodes. Materials, images and animations are ignored. Extensions that change triangles and are not
+read are refused by name.
 """
 
 from typing import Final
@@ -121,13 +121,13 @@ class _Document:
         return found
 
     def _order(self, primitive: Json) -> NDArray[np.int64]:
-        """Numbers of vertices."""
+        """Indices of vertices."""
         if "indices" in primitive:
             return self._data.whole(index(primitive["indices"]), ("SCALAR",))[:, 0]
         return np.arange(self._data.count(index(primitive["attributes"]["POSITION"])))
 
     def _skinned(self, attributes: dict[str, Array], number: int) -> Array:
-        """Vertices [V, 3] where the joints of a skin have them now."""
+        """Vertices [V, 3] in the present pose of a skin's joints."""
         skin = self.json["skins"][number]
         joints = np.stack([self._world[index(joint)] for joint in skin["joints"]])
         if "inverseBindMatrices" in skin:

@@ -54,8 +54,8 @@ class GlbData:
         self._unpacked: dict[int, bytes] = {}
 
     def numbers(self, number: int, kinds: tuple[str, ...]) -> NDArray[np.float64]:
-        """Values [count, width] of an accessor of one of these types; normalized ones as what
-        they stand for.
+        """Values [count, width] of an accessor of one of these types; normalized ones as the
+        numbers that they represent.
         """
         accessor = self.json["accessors"][number]
         values = self.raw(number, kinds)
@@ -64,7 +64,7 @@ class GlbData:
         return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
 
     def whole(self, number: int, kinds: tuple[str, ...]) -> NDArray[np.int64]:
-        """The same of an accessor of unsigned whole numbers."""
+        """Values of an accessor of unsigned whole numbers."""
         values = self.raw(number, kinds)
         if values.dtype.kind != "u":
             raise bad(f"accessor {number} holds no unsigned whole numbers")
@@ -94,14 +94,14 @@ class GlbData:
         return np.ndarray((count, width), kind, buffer, start, (stride, np.dtype(kind).itemsize))
 
     def layout(self, number: int, kinds: tuple[str, ...]) -> tuple[str, int]:
-        """Type of a number, and how many make an element."""
+        """Type of a number, and numbers per element."""
         accessor = self.json["accessors"][number]
         if accessor["type"] not in kinds or accessor["componentType"] not in _TYPES:
             raise bad(f"accessor {number} is not of the type {' or '.join(kinds)}")
         return _TYPES[accessor["componentType"]], _WIDTHS[accessor["type"]]
 
     def bytes_of(self, number: int) -> bytes:
-        """What a buffer view holds."""
+        """The data of a buffer view."""
         view, buffer = self._view(number)
         start, length = index(view.get("byteOffset", 0)), index(view["byteLength"])
         if start + length > len(buffer):
@@ -109,7 +109,7 @@ class GlbData:
         return buffer[start : start + length]
 
     def _view(self, number: int) -> tuple[Json, bytes]:
-        """A buffer view and its buffer; what meshopt has packed is a buffer of its own."""
+        """A buffer view and its buffer; data packed by meshopt have their own buffer."""
         view = self.json["bufferViews"][number]
         packed = next(
             (view["extensions"][n] for n in MESHOPT if n in view.get("extensions", {})), None
@@ -124,7 +124,7 @@ class GlbData:
         return plain, self._unpacked[number]
 
     def _unpack(self, number: int, packed: Json) -> bytes:
-        """Raises InvalidArgument; before anything is unpacked, where it would be too much."""
+        """Raises InvalidArgument, before anything is unpacked if it would be too large."""
         count, stride = index(packed["count"]), index(packed["byteStride"])
         size = count * stride
         if size + sum(map(len, self._unpacked.values())) > _MOST_UNPACKED:
@@ -147,7 +147,7 @@ class GlbData:
         return found.tobytes()
 
     def _has_bytes(self, number: int) -> bool:
-        """Whether the file has a buffer, which it need not have where all of it is packed."""
+        """Whether the file has the buffer, which is optional if all of it is packed."""
         return "uri" in self.json["buffers"][number] or (number == 0 and self._chunk is not None)
 
     def _buffer(self, number: int) -> bytes:

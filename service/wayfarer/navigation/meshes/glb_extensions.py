@@ -1,4 +1,4 @@
-"""glTF's extensions, as far as they change where triangles are."""
+"""glTF's extensions that change triangles."""
 
 import re
 from collections.abc import Mapping
@@ -21,11 +21,11 @@ _LOOKS: Final = re.compile(
     r"|outline|visibility|interactivity|selectab|hover|physics|collider|vrm|lod",
     re.IGNORECASE,
 )
-"""Extensions of these names concern how a level looks, sounds or moves, and no triangle."""
+"""Extensions of these names concern the look, sound or motion of a level, and no triangle."""
 
 
 def check_required(document: Mapping[str, Any]) -> None:
-    """Raise InvalidArgument where triangles cannot be read without an extension that is unknown."""
+    """Raise InvalidArgument if triangles need an unknown extension."""
     for name in map(str, document.get("extensionsRequired", [])):
         if name not in READ and not _LOOKS.search(name):
             raise bad(
@@ -57,10 +57,10 @@ def instances(data: GlbData, node: Mapping[str, Any]) -> NDArray[np.float64]:
 def draco(
     data: GlbData, primitive: Mapping[str, Any]
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int64]] | None:
-    """Attributes by name, and triangles' vertices in a row, of a primitive that Draco has packed;
-    None where the file has them unpacked.
+    """Attributes by name, and the triangles' vertices in a row, of a primitive packed by Draco.
+    None: the file has them unpacked.
 
-    The limits of the file hold for what comes out, too.
+    The limits of the file also hold for the result.
     """
     packed = primitive.get("extensions", {}).get(DRACO)
     position = index(primitive["attributes"]["POSITION"])
@@ -91,7 +91,7 @@ def draco(
 
 
 def _meant(data: GlbData, number: int, values: NDArray[Any]) -> NDArray[np.float64]:
-    """Values as an accessor means them: it may be normalized."""
+    """Values of an accessor, which may be normalized."""
     accessor = data.json["accessors"][number]
     if values.dtype.kind == "f" or not accessor.get("normalized", False):
         return values.astype(np.float64)

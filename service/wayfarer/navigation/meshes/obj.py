@@ -1,4 +1,4 @@
-"""Wavefront OBJ: `v` and `f` lines; all others (materials, normals, groups) are passed over."""
+"""Wavefront OBJ: `v` and `f` lines. All others (materials, normals, groups) are skipped."""
 
 import io
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ def read_obj(data: bytes) -> NDArray[np.float64]:
 
 
 def _lines(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    """Number and words of each line, one by one; with a backslash at its end it goes on below."""
+    """Number and words of each line, one by one; a backslash at its end continues it below."""
     lines = io.BytesIO(data if b"\n" in data else data.replace(b"\r", b"\n"))
     words: list[bytes] = []
     for number, line in enumerate(chain(lines, [b""]), 1):

@@ -18,30 +18,30 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 APART: Final = 3.0
-"""Metres between parts that have nothing to do with each other, more in large scenes."""
+"""Metres between unrelated parts, more in large scenes."""
 SHARE: Final = 0.01
 """The same, as a share of the scene's extent."""
 WIDER: Final = 1.5
 """A dome is wider than what lies below it by this factor, either side."""
 LOOKS_UP: Final = (10.0, 25.0, 45.0, 65.0)
 SEEN: Final = 0.75
-"""Degrees above the horizon at which a dome is looked for, all around, and the share of looks that
-meet it: many domes are open at the top."""
+"""A dome is looked for at this elevation (degrees), all around; it covers at least this share of
+the looks, since many domes are open at the top."""
 SMALL: Final = 0.05
-"""What is left out has at most this share of the largest part's level surface."""
+"""A part that is left out has at most this share of the largest part's level surface."""
 FINE_AREA: Final = 5_000.0
 """Square metres up to which a scene has the finest cells."""
 _MOST: Final = 3_000_000
-"""Points that triangles are sampled at."""
+"""Number of points at which triangles are sampled."""
 
 
 def without_outliers(
     corners: Array, level: Mask, entries: tuple[Point3, ...]
 ) -> tuple[Mask, list[Text]]:
-    """Which triangles [T, 3, 3] stay, and what is told of the others. `level` [T]: flat enough to
+    """Which triangles [T, 3, 3] stay, and remarks about the others. `level` [T]: flat enough to
     stand on.
 
-    Domes are left out always, other parts only where they make the scene larger than it need be.
+    Domes are always left out, other parts only if they enlarge the scene needlessly.
     """
     kept, notes = np.ones(len(corners), bool), list[Text]()
     part = parts(corners)
@@ -71,7 +71,7 @@ def without_outliers(
 def parts(corners: Array) -> Ints:
     """The number of the part that each triangle belongs to. [T]
 
-    Parts are what cells hold together that touch each other, triangles being sampled densely.
+    Cells that touch form one part; triangles are sampled densely.
     """
     low = corners.min((0, 1))
     extent = float((corners.max((0, 1)) - low).max())
@@ -162,7 +162,7 @@ def _plan_area(corners: Array) -> Array:
 
 
 def _shrinks(whole: Array, rest: Array) -> bool:
-    """Whether a scene of the rest has finer cells than the whole, or fits where the whole does
+    """Whether the rest of a scene has finer cells than the whole, or fits although the whole does
     not.
     """
     before, after = (np.ptp(c.reshape(-1, 3)[:, :2], axis=0) for c in (whole, rest))
@@ -173,14 +173,14 @@ def _shrinks(whole: Array, rest: Array) -> bool:
 
 
 def _widest(low: Array, high: Array, there: Mask) -> Mask:
-    """Parts that reach as far as all others do, to each side: what a dome does. [P]"""
+    """Parts that reach as far as all others to each side, as a dome does. [P]"""
     reach = (low <= low[there].min(0))[:, :2] & (high >= high[there].max(0))[:, :2]
     found: Mask = there & reach.all(1)
     return found
 
 
 def _entered(low: Array, high: Array, entries: tuple[Point3, ...]) -> Mask:
-    """Parts that an entry is at. [P]"""
+    """Parts with an entry. [P]"""
     found = np.zeros(len(low), bool)
     for entry in entries:
         found |= ((low - APART <= entry) & (entry <= high + APART)).all(1)

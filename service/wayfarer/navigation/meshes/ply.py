@@ -1,4 +1,4 @@
-"""PLY, ASCII and binary: positions and faces; what else the file holds is stepped over."""
+"""PLY, ASCII and binary: positions and faces. Everything else in the file is skipped."""
 
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
@@ -126,7 +126,7 @@ def _header(lines: list[str]) -> tuple[str, list[_Element]]:
 
 
 _Places: TypeAlias = tuple[dict[str, NDArray[np.int64]], dict[str, NDArray[np.int64]], int]
-"""Where each column's cells are, how long its lists are, and where the next element starts."""
+"""Places of each column's cells, lengths of its lists, and the start of the next element."""
 
 
 def _walk(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
@@ -141,7 +141,7 @@ def _walk(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
 
 
 def _even(element: _Element, cells: _Text | _Binary, start: int) -> _Places | None:
-    """The same if all rows have lists as long as the first row has, as those of triangles have."""
+    """The places if all rows have lists as long as the first row's, as triangles do."""
     first, lengths, stride = _row(element, cells, start)
     steps = np.arange(element.count) * stride
     for name, length in lengths.items():
@@ -158,7 +158,7 @@ def _even(element: _Element, cells: _Text | _Binary, start: int) -> _Places | No
 
 
 def _uneven(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
-    """The same row by row."""
+    """The places, found row by row."""
     check_count(element.count * len(element.columns), "cells with lists among them", _MAX_CELLS)
     found: dict[str, list[int]] = {name: [] for name in element.columns}
     sizes: dict[str, list[int]] = {name: [] for name in element.columns}
@@ -176,8 +176,8 @@ def _uneven(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
 def _row(
     element: _Element, cells: _Text | _Binary, start: int
 ) -> tuple[dict[str, int], dict[str, int], int]:
-    """Of the row at `start`: the offset of each column's cells, the lengths of its lists, and its
-    own length.
+    """The row at `start`: the offset of each column's cells, the lengths of its lists, and the
+    row's length.
     """
     offsets, lengths, at = dict[str, int](), dict[str, int](), start
     for name, (size, kind) in element.columns.items():

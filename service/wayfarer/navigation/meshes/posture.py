@@ -1,4 +1,4 @@
-"""How a level's surfaces lie: which can be stood on, and whether the level lies on its side."""
+"""Orientation of a level's surfaces: which can be stood on, and whether it lies on its side."""
 
 from typing import Any, Final
 
@@ -11,27 +11,27 @@ from wayfarer.navigation.scene_spec import MeshAxes, Walkable
 Array = NDArray[np.floating[Any]]
 
 TIPPED: Final = 1.5
-"""A level lies on its side when the surface across a horizontal axis is larger by this factor than
-what is level, and than what faces along the other horizontal axis."""
+"""A level lies on its side when the surface across a horizontal axis is larger, by this factor,
+than the level surface and than the surface across the other horizontal axis."""
 _CURES: Final = {
     1: "if the file is Y up, send mesh.basis gltf",
     2: "if the file is Z up, send mesh.basis blender",
 }
-"""By the file's axis that seems to be up."""
+"""Advice, by the file's axis that seems to be up."""
 
 
 def is_level(corners: Array, walkable: Walkable) -> NDArray[np.bool_]:
     """Whether triangles [T, 3, 3] are flat enough to stand on. [T]"""
     normals = _normals(corners)
     # either side may be the upper one: many files have inconsistent windings, and the underside of
-    # a slab is no floor anyhow, since the slab's top is too close above it
+    # a slab is no floor in any case, since the slab's top is too close above it
     steepest = np.cos(np.radians(walkable.slope_deg))
     found: NDArray[np.bool_] = np.abs(normals[:, 2]) >= steepest * np.linalg.norm(normals, axis=1)
     return found
 
 
 def slopes(corners: Array) -> Array:
-    """Degrees of triangles [T, 3, 3] off level, 0 to 90. [T]"""
+    """Slope of triangles [T, 3, 3], degrees, 0 to 90. [T]"""
     normals = _normals(corners)
     length = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
     found: Array = np.degrees(np.arccos(np.minimum(np.abs(normals[:, 2]) / length, 1.0)))
@@ -39,7 +39,7 @@ def slopes(corners: Array) -> Array:
 
 
 def lies_on_its_side(corners: Array, walkable: Walkable, axes: MeshAxes) -> list[Text]:
-    """What is told of a level whose walls seem to be its floors; empty for all others."""
+    """Remarks on a level whose walls seem to be its floors; empty for all others."""
     normals = np.abs(_normals(corners))
     area = np.linalg.norm(normals, axis=1)
     steepest = np.cos(np.radians(walkable.slope_deg))

@@ -22,7 +22,7 @@ from wayfarer.navigation.scene_spec import (
 from wayfarer.spec import MAX_COORDINATE
 
 FARTHEST: Final = 1e7
-"""Metres: nothing is measured farther away. What is left of a level must be much nearer."""
+"""Metres: nothing farther away is measured. The remaining level must be much nearer."""
 
 READERS: Final[dict[MeshFormat, Callable[[bytes], NDArray[np.float64]]]] = {
     "glb": read_glb,
@@ -44,8 +44,8 @@ def read_mesh(mesh: MeshFile) -> NDArray[np.float64]:
 def read_level(
     mesh: MeshFile, walkable: Walkable, entries: tuple[Point3, ...]
 ) -> tuple[NDArray[np.float64], list[Text]]:
-    """The same of what belongs to a level, and what its author should know: domes and what
-    strays far away are left out, and a level may lie on its side.
+    """The triangles that belong to a level, and remarks for its author. Domes and distant stray
+    parts are left out, and the level may lie on its side.
     """
     corners = _read(mesh)
     kept, notes = without_outliers(corners, is_level(corners, walkable), entries)
@@ -56,7 +56,7 @@ def read_level(
 
 def _read(mesh: MeshFile) -> NDArray[np.float64]:
     """Finite triangles with an area, wherever they are."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is caught below
+    with np.errstate(over="ignore", invalid="ignore"):  # overflows are caught below
         corners = READERS[mesh.format](mesh.data) @ (np.array(mesh.axes).T * mesh.unit)
         if len(corners) > MAX_TRIANGLES:
             raise InvalidArgument(

@@ -21,7 +21,7 @@ Spot = tuple[float, float]
 
 
 class Clearance(Protocol):
-    """What widening asks of a scene, at points [..., 3]."""
+    """The part of a scene that widening uses, at points [..., 3]."""
 
     def distance(self, points: Array) -> Array:
         """Distance to the nearest wall. [...]"""
@@ -33,17 +33,17 @@ class Clearance(Protocol):
 COMFORT: Final = (0.2, 0.1, 0.05)
 """Metres beyond the radius that a path keeps from corners where it can, the most first."""
 DETOUR: Final = 1.025
-"""How much longer a path may become by it."""
+"""How much longer this may make a path, as a factor."""
 _SPACING: Final = 0.1
 _SURE: Final = 1.013
-"""Share of the radius that the clearance field must show; between its samples it may be slightly
-too large. The funnel's own corners pass: they are 2 % farther out."""
+"""Share of the radius that the clearance field must show, since it may be slightly too large
+between its samples. The funnel's own corners pass: they are 2 % farther out."""
 
 
 def shortest(mesh: NavMesh, ground: Ground, start: MeshPoint, goal: MeshPoint) -> Array:
     """Waypoints [P, 3] of a short way between two places of one island.
 
-    The best of three searches, which are the same three from goal to start: there and back are
+    The best of three searches, the same three from goal to start: there and back are
     equally long.
     """
     one, other = sorted((start, goal), key=lambda place: place.spot)
@@ -77,7 +77,7 @@ def _lifted(
 
 
 def widened(points: Array, scene: Clearance, radius: float) -> Array:
-    """The path with its corners moved away from walls where there is room, at little detour."""
+    """The path with its corners moved away from walls where there is room, with little detour."""
     if len(points) < 3:
         return points
     near, away = scene.clearance(points[1:-1])
@@ -92,7 +92,7 @@ def widened(points: Array, scene: Clearance, radius: float) -> Array:
 
 
 def _valid(points: Array, moved: Array, scene: Clearance, radius: float) -> Array:
-    """Moved corners; those back in place whose ways to their neighbours come too near a wall."""
+    """Moved corners, without moves whose ways to the neighbours come too near a wall."""
     for _ in range(len(points)):
         bad = _tightness(moved, scene) < radius * _SURE
         back = np.zeros(len(points), bool)
@@ -129,7 +129,7 @@ def _length(points: Array) -> float:
 def pull(start: Spot, goal: Spot, portals: Sequence[Portal]) -> list[tuple[Spot, int]]:
     """The corners of the taut string from start to goal, both included.
 
-    With each corner the number of portals passed before or at it.
+    Each corner comes with the number of portals passed before or at it.
     """
     lefts = [*((p[1], p[2]) for p in portals), goal]
     rights = [*((p[3], p[4]) for p in portals), goal]
@@ -173,17 +173,17 @@ def corridor(
 ) -> list[Portal]:
     """The portals of a short way from triangle `first` to `last`, both of one island.
 
-    How far a way is can only be guessed before its string is pulled. It is measured through one
-    point of each portal: with `aim` the one where the straight line to the goal crosses it (or the
-    end nearest to that), without it the one nearest to the point before. Each guess overlooks
-    short ways that the other finds.
+    The length of a way can only be guessed before its string is pulled. It is measured through one
+    point of each portal. With `aim` that is its crossing with the straight line to the goal (or the
+    nearest end); without it, the point nearest to the one before. Each guess misses short ways that
+    the other finds.
     """
     gx, gy = goal
     portals = mesh.portals
     best = {first: 0.0}
     came: dict[int, tuple[int, Portal]] = {}
     queue = [(hypot(gx - start[0], gy - start[1]), 0.0, first, start[0], start[1])]
-    while True:  # until `last` comes: every portal leads back, so an island hangs together
+    while True:  # until `last` comes: every portal leads back, so an island is connected
         _, cost, here, x, y = heappop(queue)
         if here == last:
             return _trace(came, first, last)
@@ -195,7 +195,7 @@ def corridor(
             least = best.get(there, inf)
             if least <= cost:
                 continue
-            # the crossing is not a function of its own: this is where the time goes
+            # the crossing is inlined: most of the time is spent here
             ex, ey = lx - rx, ly - ry
             if aim:
                 across = dx * ey - dy * ex

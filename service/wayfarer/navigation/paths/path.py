@@ -19,12 +19,12 @@ class GroundPath:
     points: Array
     """Waypoints from start to goal, on the floor. [P, 3], P ≥ 1"""
     start_moved: float
-    """Metres between the start asked for and the first point: 0 where it was free ground."""
+    """Metres between the requested start and the first point; 0: it was free ground."""
     goal_moved: float
-    """The same of the goal: the nearest free ground that can be reached was taken."""
+    """The same for the goal: the nearest free ground that can be reached."""
     scene_hash: str
     scene_version: int
-    """The scene that it was found in. A later one may block it: `Scene.is_clear`."""
+    """The scene in which it was found. A later one may block it: `Scene.is_clear`."""
 
     @cached_property
     def along(self) -> Array:
