@@ -336,7 +336,7 @@ def walked(
 def straight(metres: float, seconds: float) -> Clip:
     """The mean woman, who walks straight ahead to a goal."""
     bundle = cached_bundle(command.DEFAULT_MODEL, 1)
-    world = bundle.world(1, Steering().with_search(candidates=4))
+    world = bundle.world(1, Steering())
     spec = AgentSpec(gender="female", betas=(0.0,) * BETAS)
     goals = [Goal((0.0, metres, 0.0), speed=command.SPEED)]
     return command.generate_clip(world, spec, goals, seconds)

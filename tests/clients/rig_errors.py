@@ -111,7 +111,10 @@ def errors(retarget: Retarget, walk: Walk) -> Errors:
                 began.pop(leg, None)
                 continue
             turned = multiply(pose.rotations[ankle], inverse(retarget.rest[ankle]))
-            low, ball = _sole(retarget.foot[leg], turned, turns[toe])
+            bent = turns[toe]
+            if toe in pose.rotations:
+                bent = multiply(pose.rotations[toe], inverse(retarget.rest[toe]))
+            low, ball = _sole(retarget.foot[leg], turned, bent)
             own_low, own_ball = _sole(retarget.source_foot[leg], turns[ankle], turns[toe])
             own_height = retarget.ratio * max(0.0, places[ankle][1] + own_low)
             feet.append(abs(found[ankle][1] + low - own_height))

@@ -12,9 +12,11 @@ from tests.golden.rigs import Body, cases, foreign_rigs, offsets_of
 from wayfarer_client.bases import BASES
 from wayfarer_client.bone_map import map_bones
 from wayfarer_client.errors import InvalidArgument
+from wayfarer_client.joints import LEGS
 from wayfarer_client.quaternions import arc, from_axes, inverse, multiply, rotate
 from wayfarer_client.retarget import Retarget
 from wayfarer_client.rig import BONES, PARENTS, Node, Rig
+from wayfarer_client.soles import Soles
 
 WALK_FILE = Path(__file__).parents[1] / "golden" / "walk.json"
 WALK = json.loads(WALK_FILE.read_text())
@@ -79,8 +81,45 @@ def test_a_leg_that_is_too_short_does_not_jump():
     assert 0.05 < np.max(rises) < 0.25
 
 
+def test_a_knee_does_not_snap_where_its_foot_comes_within_reach():
+    """Legs that are 10 % shorter than the agent's: a knee turns within a frame by hardly more than
+    the agent's does.
+    """
+    walk, retarget = Walk.golden(), Retarget(RIGS["mixamo"], OFFSETS)
+    knees = []
+    for frame, (hips, turns, _) in enumerate(FRAMES):
+        found = retarget.pose(hips, turns, ground=0.0).places
+        knees.append([[bend(at, leg) for leg in LEGS] for at in (found, walk.places(frame)[0])])
+    own, agents = np.abs(np.diff(knees, axis=0)).max((0, 2))
+    assert own < agents + 5, (own, agents)
+
+
+def bend(places, leg) -> float:
+    """Degrees of a knee."""
+    hip, knee, ankle, _ = (places[bone] for bone in leg)
+    thigh, shin = knee - hip, ankle - knee
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(thigh, shin)), thigh @ shin)))
+
+
+@pytest.mark.parametrize("longer", [0.0, 0.06])
+def test_a_long_shoe_bends_at_the_ball(longer):
+    """Its ankle is hardly higher for it; what is not longer does not bend."""
+    bones, walk = RIGS["own"], Walk.golden()
+    plain = Retarget(bones, OFFSETS)
+    feet = [(foot.fixed, foot.toes + longer * BASES["gltf"].forward) for foot in plain.foot]
+    retarget = Retarget(bones, OFFSETS, soles=Soles(0.0, (feet[0], feet[1])))
+    bent, lifted = [0.0], [0.0]
+    for frame, (hips, turns, _) in enumerate(FRAMES):
+        pose, other = (made.pose(hips, turns, ground=0.0) for made in (retarget, plain))
+        for *_, ankle, toe in LEGS:
+            bent.append(risen(pose, retarget, walk.places(frame)[1], toe))
+            lifted.append(float(pose.places[ankle][1] - other.places[ankle][1]))
+    assert max(lifted) < 0.5 * longer + 1e-6
+    assert (max(bent) < 0.01) if longer == 0 else (0.2 < max(bent) < 0.51)
+
+
 def risen(pose, retarget, worlds, ankle) -> float:
-    """Radians by which a foot is turned otherwise than the agent's."""
+    """Radians by which a foot, or its toes, is turned otherwise than the agent's."""
     turned = multiply(pose.rotations[ankle], inverse(retarget.rest[ankle]))
     between = multiply(turned, inverse(worlds[ankle]))
     return float(2 * np.arctan2(np.linalg.norm(between[:3]), abs(between[3])))

@@ -16,6 +16,7 @@ constexpr double SINKS = 0.018;  // of a leg's length: how far hips sink at most
 // by nothing when it is above the second
 constexpr double STANDS = 0.02, LEAVES = 0.06;
 constexpr double TIPTOE = 0.25;   // radians: how far a heel rises at most for a foot to reach its print
+constexpr double FLEX = 0.5;     // radians: how far toes turn up at most where a shoe is longer than the agent's foot
 constexpr double BEND = 0.1;     // of the thigh's length: a knee that bends less than this bends forwards
 constexpr double HEEL = 0.34;    // of the way from ankle to ball: how far the heel is behind the ankle
 constexpr double TIP = 0.38;     // of the way from ankle to ball: how far the tip of the toes is before the ball
@@ -200,6 +201,14 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
       for (Vec3& point : sole.fixed) point = rotate(correct[at(ankle)], point);
       for (Vec3& point : sole.toes) point = rotate(correct[at(ankle)], point);
     }
+    const Sole& sole = legs_[k].sole;
+    double before = -std::numeric_limits<double>::infinity(), low = -before;
+    for (const Vec3& point : sole.toes) {
+      before = std::max(before, dot(point, basis_.forward));
+      low = std::min(low, dot(point, up));
+    }
+    if (!sole.toes.empty()) legs_[k].tip = before * basis_.forward + low * up;
+    legs_[k].length = length(offset_[at(knee)]) + length(offset_[at(ankle)]);
     const Vec3 beside = stand[at(ankle)] + own - thighs - (source[at(toe)] - source_thighs);
     legs_[k].stance = dot(beside, basis_.left) * basis_.left;
   }
@@ -220,6 +229,7 @@ void Retarget::pose(const float* frame, double ground) {
     double low;
     lowest(legs_[at(leg)].source_sole, leg, low);
     legs_[at(leg)].clear = dot(source_[at(LEGS[leg].ankle)], up) + low;
+    flex(leg, low);
   }
   if (ground != ground) ground = std::min(legs_[0].clear, legs_[1].clear);
   ground_ = ground;
@@ -232,6 +242,7 @@ void Retarget::pose(const float* frame, double ground) {
   for (int leg = 0; leg < 2; ++leg) {
     const double high = std::max(0.0, legs_[at(leg)].clear - ground) * ratio_;
     legs_[at(leg)].goal = goal_of(leg, ground + high);
+    legs_[at(leg)].most = reach(leg);
     sunk = std::max(sunk, lacks(leg, high));
   }
   for (const int b : mapped_) places_[at(b)] = places_[at(b)] - sunk * up;
@@ -292,23 +303,51 @@ Vec3 Retarget::goal_of(int leg, double sole) const {
   return basis_.level(print + beside - ball) + (sole - low) * up;
 }
 
+/// Turn up the toes of a long shoe, so that the ankle is as high over where it stands as the agent's, scaled; `low`: the
+/// agent's lowest point from its ankle.
+void Retarget::flex(int leg, double low) {
+  const Leg& own = legs_[at(leg)];
+  const Quat& foot = turns_[at(LEGS[leg].ankle)];
+  Quat& toe = turns_[at(LEGS[leg].toe)];
+  Vec3 axis = -basis_.handed * basis_.level(rotate(foot, basis_.left));
+  const double wide = length(axis);
+  if (!has(LEGS[leg].toe) || own.sole.toes.empty() || wide < 0.1) return;
+  axis = 1 / wide * axis;
+  const double stands = dot(ratio_ * own.source_sole.ball - own.sole.ball, basis_.up);
+  const double deep = std::min(0.0, ratio_ * low - stands - dot(rotate(foot, own.sole.joint), basis_.up));
+  const Vec3 tip = rotate(toe, own.tip);
+  const double high = dot(tip, basis_.up), rises = dot(cross(axis, tip), basis_.up);
+  const double share = deep / std::max(std::hypot(high, rises), 1e-9);
+  const double angle = std::asin(std::max(-1.0, share)) - std::atan2(high, rises);
+  const double half = std::clamp(angle, 0.0, FLEX) / 2, sine = std::sin(half);
+  toe = multiply({sine * axis.x, sine * axis.y, sine * axis.z, std::cos(half)}, toe);
+}
+
+/// How far an ankle may be from its thigh joint: as straight as the agent's leg is, and from there smoothly less of what
+/// the goal asks for.
+double Retarget::reach(int leg) const {
+  const auto& [hip, knee, ankle, toe] = LEGS[leg];
+  const Leg& own = legs_[at(leg)];
+  const double bones = length(offsets_[at(knee)]) + length(offsets_[at(ankle)]);
+  const double agents = length(source_[at(ankle)] - source_[at(hip)]) / bones;
+  const double over = length(own.goal - places_[at(hip)]) / own.length - agents;
+  const double room = std::max(REACH - agents, 1e-6);
+  return std::min(REACH, agents + room * (1 - std::exp(-std::max(0.0, over) / room))) * own.length;
+}
+
 /// How far the hips must sink for a foot to reach its print; `high`: of the sole over the ground.
 double Retarget::lacks(int leg, double high) const {
-  const auto& [hip, knee, ankle, toe] = LEGS[leg];
-  const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
-  const double most = REACH * (length(bend - start) + length(end - bend));
-  const Vec3 way = start - legs_[at(leg)].goal;
+  const Leg& own = legs_[at(leg)];
+  const Vec3 way = places_[at(LEGS[leg].hip)] - own.goal;
   const double away = length(basis_.level(way));
-  const double lacking = dot(way, basis_.up) - std::sqrt(std::max(0.0, most * most - away * away));
-  const double share = std::clamp((LEAVES - high / most) / (LEAVES - STANDS), 0.0, 1.0);
-  return std::min(SINKS * most, std::max(0.0, lacking) * share);
+  const double lacking = dot(way, basis_.up) - std::sqrt(std::max(0.0, own.most * own.most - away * away));
+  const double share = std::clamp((LEAVES - high / own.length) / (LEAVES - STANDS), 0.0, 1.0);
+  return std::min(SINKS * own.length, std::max(0.0, lacking) * share);
 }
 
 /// Lift the heel so far that the leg reaches its goal: the foot turns about its ball, as far as the ball bears it.
 void Retarget::raise(int leg) {
-  const auto& [hip, knee, ankle, toe] = LEGS[leg];
-  const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
-  const double most = REACH * (length(bend - start) + length(end - bend));
+  const int ankle = LEGS[leg].ankle;
   Leg& own = legs_[at(leg)];
   const Quat& foot = turns_[at(ankle)];
   const Vec3 heel = rotate(foot, own.sole.heel), ball = rotate(foot, own.sole.ball);
@@ -319,12 +358,12 @@ void Retarget::raise(int leg) {
     axis = -axis;
     raises = -raises;
   }
-  const Vec3 thigh = start - own.goal - ball, aside = dot(axis, ball) * axis;  // from the ball
+  const Vec3 thigh = places_[at(LEGS[leg].hip)] - own.goal - ball, aside = dot(axis, ball) * axis;  // from the ball
   const double near = dot(thigh, aside - ball), ahead = dot(thigh, raises);
-  const double wanted = (dot(thigh, thigh) + dot(ball, ball) - most * most) / 2 + dot(thigh, aside);
+  const double wanted = (dot(thigh, thigh) + dot(ball, ball) - own.most * own.most) / 2 + dot(thigh, aside);
   const double share = wanted / std::max(std::hypot(near, ahead), 1e-9);
   const double lacking = std::atan2(ahead, near) - std::acos(std::clamp(share, -1.0, 1.0));
-  const double bears = std::clamp(1 - dot(ball - heel, basis_.up) / (STANDS * most), 0.0, 1.0);
+  const double bears = std::clamp(1 - dot(ball - heel, basis_.up) / (STANDS * own.length), 0.0, 1.0);
   const double half = bears * std::clamp(lacking, 0.0, TIPTOE) / 2, sine = std::sin(half);
   const Quat turn{sine * axis.x, sine * axis.y, sine * axis.z, std::cos(half)};
   world_[at(ankle)] = multiply(turn, world_[at(ankle)]);
@@ -336,7 +375,7 @@ void Retarget::bend(int leg) {
   const auto& [hip, knee, ankle, toe] = LEGS[leg];
   const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
   const double thigh = length(bend - start), shin = length(end - bend);
-  const Vec3 goal = within(start, legs_[at(leg)].goal, REACH * (thigh + shin), 1.001 * std::abs(thigh - shin));
+  const Vec3 goal = within(start, legs_[at(leg)].goal, legs_[at(leg)].most, 1.001 * std::abs(thigh - shin));
   const double far = length(goal - start);
   const Vec3 along = (1 / far) * (goal - start);
   Vec3 side = without(bend - start, along);

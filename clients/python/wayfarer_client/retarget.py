@@ -28,6 +28,8 @@ lacks while it is below the first, by nothing when it is above the second.
 """
 TIPTOE: Final = 0.25
 """Most that a heel rises for a foot to reach its print: radians about the ball."""
+FLEX: Final = 0.5
+"""Most that toes turn up where a shoe is longer than the agent's foot: radians."""
 BEND: Final = 0.1
 """Share of the thigh's length; a knee that bends less than this bends forwards."""
 HEEL: Final = 0.34
@@ -176,7 +178,13 @@ class Retarget:
             sole = min(source[b] @ up for leg in LEGS for b in leg[2:])
             floor = lowest_joint(place, up) - scale * sole
         floor = floor or 0.0
+        self.length = [
+            float(sum(np.linalg.norm(self._offset[b]) for b in bones[1:3])) for bones in LEGS
+        ]
+        """Of each leg, from thigh joint to ankle along its bones."""
         self.foot, self.source_foot, self.stance, high = [], [], [], 0.0
+        self.tip = []
+        """Of each foot's toes [3], from their joint: as far before it and as low as they reach."""
         for k, (_, _, ankle, toe) in enumerate(LEGS):
             ball = source[toe] - source[ankle]
             self.source_foot.append(self._sole(ball, source[ankle] @ up))
@@ -195,6 +203,11 @@ class Retarget:
                     toes = np.zeros((0, 3))
                 foot = replace(foot, joint=own, fixed=fixed, toes=toes)
             self.foot.append(foot)
+            tip = np.zeros(3)
+            if len(foot.toes):
+                forward = self.basis.forward
+                tip = (foot.toes @ forward).max() * forward + (foot.toes @ up).min() * up
+            self.tip.append(tip)
             beside = (stand[ankle] + own - thighs - (source[toe] - source_thighs)) @ self.basis.left
             self.stance.append(beside * self.basis.left)
         self.ratio = float((legs / len(LEGS) + high) / (source_thighs @ up))
@@ -221,12 +234,16 @@ class Retarget:
         """
         basis, up = self.basis, self.basis.up
         turns, places = self._source_pose(np.asarray(hips, float), np.asarray(rotations, float))
-        clear = [
-            float(places[bones[2]] @ up + self._lowest(points, turns, bones)[0])
+        lows = [
+            self._lowest(points, turns, bones)[0]
             for bones, points in zip(LEGS, self.source_foot, strict=True)
         ]
+        clear = [float(places[bones[2]] @ up) + low for bones, low in zip(LEGS, lows, strict=True)]
         if ground is None:
             ground = min(clear)
+        for leg, (*_, ankle, toe) in enumerate(LEGS):
+            if toe in self.nodes:
+                turns[toe] = self._flexed(leg, lows[leg], turns[ankle], turns[toe])
         world: dict[int, Array] = {b: multiply(turns[b], self.rest[b]) for b in self.nodes}
         thighs = middle(places)
         lifted = ground + (thighs @ up - ground) * self.ratio
@@ -235,12 +252,15 @@ class Retarget:
         self._put(world, found)
         high = [max(0.0, height - ground) * self.ratio for height in clear]
         goals = [self._goal(leg, turns, places, ground + high[leg]) for leg in range(len(LEGS))]
-        sunk = max(self._lacks(LEGS[leg], goals[leg], high[leg], found) for leg in range(len(LEGS)))
+        most = [self._reach(leg, goals[leg], places, found) for leg in range(len(LEGS))]
+        sunk = max(
+            self._lacks(leg, goals[leg], most[leg], high[leg], found) for leg in range(len(LEGS))
+        )
         for b in found:
             found[b] = found[b] - sunk * up
         for leg, bones in enumerate(LEGS):
-            goal = self._raised(leg, goals[leg], turns, world, found)
-            self._bend(bones, goal, turns, world, found)
+            goal = self._raised(leg, goals[leg], most[leg], turns, world, found)
+            self._bend(bones, goal, most[leg], turns, world, found)
         self._put(world, found)
         return CharacterPose(world, found, *self._local(world, found), ground)
 
@@ -288,23 +308,54 @@ class Retarget:
         beside = rotate(arc(basis.forward, ahead), self.stance[leg])
         return np.asarray(basis.level(print_at + beside - ball) + (sole - low) * up)
 
+    def _flexed(self, leg: int, low: float, ankle: Array, toe: Array) -> Array:
+        """The turn [4] of toes that a long shoe bends up, so that the ankle is as high over where
+        it stands as the agent's, scaled; `low`: the agent's lowest point from its ankle.
+        """
+        basis, up, sole = self.basis, self.basis.up, self.foot[leg]
+        axis = -basis.level(rotate(ankle, basis.left)) * basis.handed
+        wide = float(np.linalg.norm(axis))
+        if not len(sole.toes) or wide < 0.1:
+            return toe
+        axis /= wide
+        stands = float((self.ratio * self.source_foot[leg].ball - sole.ball) @ up)
+        deep = min(0.0, self.ratio * low - stands - float(rotate(ankle, sole.joint) @ up))
+        tip = rotate(toe, self.tip[leg])
+        high, rises = float(tip @ up), float(np.cross(axis, tip) @ up)
+        share = deep / max(float(np.hypot(high, rises)), 1e-9)
+        angle = float(np.arcsin(max(-1.0, share)) - np.arctan2(high, rises))
+        angle = min(FLEX, max(0.0, angle))
+        return multiply(np.array([*(np.sin(angle / 2) * axis), np.cos(angle / 2)]), toe)
+
+    def _reach(self, leg: int, goal: Array, source: list[Array], places: dict[int, Array]) -> float:
+        """How far an ankle may be from its thigh joint: as straight as the agent's leg is, and
+        from there smoothly less of what the goal asks for.
+        """
+        hip, knee, ankle, _ = LEGS[leg]
+        parts = np.linalg.norm(self.offsets[knee]) + np.linalg.norm(self.offsets[ankle])
+        own = float(np.linalg.norm(source[ankle] - source[hip]) / parts)
+        over = float(np.linalg.norm(goal - places[hip])) / self.length[leg] - own
+        room = max(REACH - own, 1e-6)
+        soft = own + room * (1 - np.exp(-max(0.0, over) / room))
+        return float(min(REACH, soft) * self.length[leg])
+
     def _lacks(
-        self, bones: tuple[int, ...], goal: Array, high: float, places: dict[int, Array]
+        self, leg: int, goal: Array, most: float, high: float, places: dict[int, Array]
     ) -> float:
         """How far the hips must sink for a foot to reach its print; `high`: of the sole over the
         ground.
         """
-        start, bend, end = (places[b] for b in bones[:3])
-        most = REACH * float(np.linalg.norm(bend - start) + np.linalg.norm(end - bend))
+        start, length = places[LEGS[leg][0]], self.length[leg]
         away = float(np.linalg.norm(self.basis.level(goal - start)))
         lacks = float((start - goal) @ self.basis.up) - np.sqrt(max(0.0, most**2 - away**2))
-        share = (LEAVES - high / most) / (LEAVES - STANDS)
-        return float(min(SINKS * most, max(0.0, lacks) * min(1.0, max(0.0, share))))
+        share = (LEAVES - high / length) / (LEAVES - STANDS)
+        return float(min(SINKS * length, max(0.0, lacks) * min(1.0, max(0.0, share))))
 
     def _raised(
         self,
         leg: int,
         goal: Array,
+        most: float,
         turns: list[Array],
         world: dict[int, Array],
         places: dict[int, Array],
@@ -312,9 +363,8 @@ class Retarget:
         """The goal of an ankle [3] with the heel up so far that the leg reaches it: the foot turns
         about its ball, as far as the ball bears it.
         """
-        hip, knee, ankle, _ = LEGS[leg]
-        start, bend, end = (places[b] for b in (hip, knee, ankle))
-        most = REACH * float(np.linalg.norm(bend - start) + np.linalg.norm(end - bend))
+        hip, _, ankle, _ = LEGS[leg]
+        start = places[hip]
         basis, up, foot = self.basis, self.basis.up, turns[ankle]
         sole = self.foot[leg]
         heel, ball = rotate(foot, sole.heel), rotate(foot, sole.ball)
@@ -329,7 +379,7 @@ class Retarget:
         wanted = float(thigh @ thigh + ball @ ball - most**2) / 2 + float(thigh @ aside)
         share = wanted / max(float(np.hypot(near, ahead)), 1e-9)
         lacking = float(np.arctan2(ahead, near) - np.arccos(min(1.0, max(-1.0, share))))
-        bears = min(1.0, max(0.0, 1 - float((ball - heel) @ up) / (STANDS * most)))
+        bears = min(1.0, max(0.0, 1 - float((ball - heel) @ up) / (STANDS * self.length[leg])))
         angle = bears * min(TIPTOE, max(0.0, lacking))
         turn = np.array([*(np.sin(angle / 2) * axis), np.cos(angle / 2)])
         world[ankle] = multiply(turn, world[ankle])
@@ -339,6 +389,7 @@ class Retarget:
         self,
         bones: tuple[int, ...],
         goal: Array,
+        most: float,
         turns: list[Array],
         world: dict[int, Array],
         places: dict[int, Array],
@@ -349,7 +400,7 @@ class Retarget:
         start, bend, end = places[hip], places[knee], places[ankle]
         thigh = float(np.linalg.norm(bend - start))
         shin = float(np.linalg.norm(end - bend))
-        goal = self._within(start, goal, REACH * (thigh + shin), 1.001 * abs(thigh - shin))
+        goal = self._within(start, goal, most, 1.001 * abs(thigh - shin))
         far = float(np.linalg.norm(goal - start))
         along = (goal - start) / far
         side = (bend - start) - ((bend - start) @ along) * along

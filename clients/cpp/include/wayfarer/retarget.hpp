@@ -64,8 +64,11 @@ class Retarget {
   struct Leg {
     Sole sole, source_sole;
     Vec3 stance;       // how much wider than the agent's
+    Vec3 tip;          // from the toes' joint: as far before it and as low as the toes reach
+    double length = 0;  // from thigh joint to ankle along the bones
     double clear = 0;  // height of the agent's sole
     Vec3 goal;         // where the ankle goes
+    double most = 0;   // how far it may be from the thigh joint
   };
 
   static std::size_t at(int bone) { return static_cast<std::size_t>(bone); }
@@ -77,6 +80,8 @@ class Retarget {
   Vec3 lowest(const Sole& sole, int leg, double& height) const;
   void put();
   Vec3 goal_of(int leg, double sole) const;
+  void flex(int leg, double low);
+  double reach(int leg) const;
   double lacks(int leg, double high) const;
   void raise(int leg);
   void bend(int leg);

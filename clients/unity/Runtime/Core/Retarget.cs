@@ -16,6 +16,7 @@ namespace Wayfarer
         // first, by nothing when it is above the second
         private const double Stands = 0.02, Leaves = 0.06;
         private const double Tiptoe = 0.25; // radians: how far a heel rises at most for a foot to reach its print
+        private const double Flex = 0.5; // radians: how far toes turn up at most where a shoe is longer than the agent's foot
         private const double Bend = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
 
         // places in the scratch array: of vectors, then of numbers
@@ -36,6 +37,7 @@ namespace Wayfarer
         private readonly double[] source = new double[3 * Bones.Count];
         private readonly double[] scratch = new double[More + 3];
         private readonly double[] clear = new double[2]; // height of each of the agent's soles
+        private readonly double[] reaches = new double[2]; // how far each ankle may be from its thigh joint
 
         /// <param name="boneMap">Which node of the character is which bone.</param>
         /// <param name="restOffsets">Of the agent, three numbers a bone, in the stream's basis and unit.</param>
@@ -104,8 +106,9 @@ namespace Wayfarer
             for (int leg = 0; leg < 2; leg++)
             {
                 int ankle = 3 * RetargetRest.Legs[leg][2];
-                clear[leg] = Lowest(rest.SourceSoles[leg], leg)
-                    + source[ankle] * up[0] + source[ankle + 1] * up[1] + source[ankle + 2] * up[2];
+                double low = Lowest(rest.SourceSoles[leg], leg);
+                clear[leg] = low + source[ankle] * up[0] + source[ankle + 1] * up[1] + source[ankle + 2] * up[2];
+                FlexToes(leg, low);
             }
             if (double.IsNaN(ground))
             {
@@ -136,6 +139,7 @@ namespace Wayfarer
             {
                 double lifted = Math.Max(0, clear[leg] - ground) * rest.Ratio;
                 FindGoal(leg, ground + lifted);
+                reaches[leg] = FindReach(leg);
                 sunk = Math.Max(sunk, Lacks(leg, lifted));
             }
             for (int n = 0; n < mapped.Length; n++)
@@ -225,13 +229,65 @@ namespace Wayfarer
             }
         }
 
+        /// <summary>
+        /// Turn up the toes of a long shoe, so that the ankle is as high over where it stands as the agent's, scaled.
+        /// agentsLow: the agent's lowest point from its ankle.
+        /// </summary>
+        private void FlexToes(int leg, double agentsLow)
+        {
+            double[] s = scratch;
+            RetargetRest.Sole sole = rest.Soles[leg];
+            int ankle = 4 * RetargetRest.Legs[leg][2], toe = 4 * RetargetRest.Legs[leg][3];
+            Quaternions.Rotate(turns, ankle, left, 0, s, Ahead); // the axis
+            Without(Ahead, up, 0);
+            double length = Size(Ahead);
+            if (rest.Nodes[RetargetRest.Legs[leg][3]] < 0 || sole.Toes.Length == 0 || length < 0.1)
+            {
+                return;
+            }
+            Quaternions.Rotate(turns, ankle, sole.Joint, 0, s, From);
+            Quaternions.Rotate(turns, toe, rest.Tips[leg], 0, s, To);
+            double deep = rest.Ratio * agentsLow - High(From), high = High(To);
+            for (int n = 0; n < 3; n++)
+            {
+                deep -= (rest.Ratio * rest.SourceSoles[leg].Ball[n] - sole.Ball[n]) * up[n];
+                s[Ahead + n] /= -Basis.Handed * length;
+            }
+            s[Side] = s[Ahead + 1] * s[To + 2] - s[Ahead + 2] * s[To + 1]; // which way the tip goes
+            s[Side + 1] = s[Ahead + 2] * s[To] - s[Ahead] * s[To + 2];
+            s[Side + 2] = s[Ahead] * s[To + 1] - s[Ahead + 1] * s[To];
+            double rises = High(Side);
+            double share = Math.Min(0, deep) / Math.Max(Math.Sqrt(high * high + rises * rises), 1e-9);
+            double angle = Math.Asin(Math.Max(-1, share)) - Math.Atan2(high, rises);
+            double half = Math.Min(Flex, Math.Max(0, angle)) / 2, sine = Math.Sin(half);
+            for (int n = 0; n < 3; n++)
+            {
+                s[Turn + n] = sine * s[Ahead + n];
+            }
+            s[Turn + 3] = Math.Cos(half);
+            Quaternions.Multiply(s, Turn, turns, toe, turns, toe);
+        }
+
+        /// <summary>
+        /// How far an ankle may be from its thigh joint: as straight as the agent's leg is, and from there smoothly less of
+        /// what the goal asks for.
+        /// </summary>
+        private double FindReach(int leg)
+        {
+            int start = 3 * RetargetRest.Legs[leg][0], end = 3 * RetargetRest.Legs[leg][2];
+            double agents = Gap(source, end, source, start) / rest.SourceLengths[leg];
+            double over = Gap(scratch, Goals + 3 * leg, places, start) / rest.Lengths[leg] - agents;
+            double room = Math.Max(Reach - agents, 1e-6);
+            double soft = agents + room * (1 - Math.Exp(-Math.Max(0, over) / room));
+            return Math.Min(Reach, soft) * rest.Lengths[leg];
+        }
+
         /// <summary>How far the hips must sink for a foot to reach its print; lifted: of the sole over the ground.</summary>
         private double Lacks(int leg, double lifted)
         {
             double[] s = scratch;
-            int[] bones = RetargetRest.Legs[leg];
-            int start = 3 * bones[0], bend = 3 * bones[1], end = 3 * bones[2];
-            double most = Reach * (Gap(places, bend, places, start) + Gap(places, end, places, bend));
+            int start = 3 * RetargetRest.Legs[leg][0];
+            double length = rest.Lengths[leg], most = reaches[leg];
             for (int n = 0; n < 3; n++)
             {
                 s[Side + n] = places[start + n] - s[Goals + 3 * leg + n];
@@ -240,8 +296,8 @@ namespace Wayfarer
             Without(Side, up, 0);
             double away = Size(Side);
             double lacking = down - Math.Sqrt(Math.Max(0, most * most - away * away));
-            double share = Math.Min(1, Math.Max(0, (Leaves - lifted / most) / (Leaves - Stands)));
-            return Math.Min(Sinks * most, Math.Max(0, lacking) * share);
+            double share = Math.Min(1, Math.Max(0, (Leaves - lifted / length) / (Leaves - Stands)));
+            return Math.Min(Sinks * length, Math.Max(0, lacking) * share);
         }
 
         /// <summary>
@@ -251,9 +307,8 @@ namespace Wayfarer
         {
             double[] s = scratch;
             RetargetRest.Sole sole = rest.Soles[leg];
-            int[] bones = RetargetRest.Legs[leg];
-            int start = 3 * bones[0], bend = 3 * bones[1], ankle = bones[2], goal = Goals + 3 * leg;
-            double most = Reach * (Gap(places, bend, places, start) + Gap(places, 3 * ankle, places, bend));
+            int start = 3 * RetargetRest.Legs[leg][0], ankle = RetargetRest.Legs[leg][2], goal = Goals + 3 * leg;
+            double most = reaches[leg];
             Quaternions.Rotate(turns, 4 * ankle, sole.Heel, 0, s, From);
             Quaternions.Rotate(turns, 4 * ankle, sole.Ball, 0, s, Ball);
             Quaternions.Rotate(turns, 4 * ankle, left, 0, s, Ahead); // the axis
@@ -280,7 +335,7 @@ namespace Wayfarer
             double wanted = (square - most * most) / 2 + beside;
             double share = wanted / Math.Max(Math.Sqrt(near * near + ahead * ahead), 1e-9);
             double lacking = Math.Atan2(ahead, near) - Math.Acos(Math.Min(1, Math.Max(-1, share)));
-            double bears = Math.Min(1, Math.Max(0, 1 - (High(Ball) - High(From)) / (Stands * most)));
+            double bears = Math.Min(1, Math.Max(0, 1 - (High(Ball) - High(From)) / (Stands * rest.Lengths[leg])));
             double half = bears * Math.Min(Tiptoe, Math.Max(0, lacking)) / 2, sine = sign * Math.Sin(half);
             for (int n = 0; n < 3; n++)
             {
@@ -304,7 +359,7 @@ namespace Wayfarer
             int start = 3 * hip, bend = 3 * knee, end = 3 * ankle;
             double thigh = Gap(places, bend, places, start);
             double shin = Gap(places, end, places, bend);
-            Limit(start, goal, Reach * (thigh + shin), 1.001 * Math.Abs(thigh - shin));
+            Limit(start, goal, reaches[leg], 1.001 * Math.Abs(thigh - shin));
             double far = Gap(s, goal, places, start);
             for (int n = 0; n < 3; n++)
             {

@@ -52,6 +52,14 @@ namespace Wayfarer
 
         public readonly Sole[] SourceSoles = new Sole[2];
 
+        /// <summary>Of each foot's toes, from their joint: as far before it and as low as they reach.</summary>
+        public readonly double[][] Tips = { new double[3], new double[3] };
+
+        /// <summary>Of the legs, from thigh joint to ankle along the bones: the character's, and the agent's.</summary>
+        public readonly double[] Lengths = new double[2];
+
+        public readonly double[] SourceLengths = new double[2];
+
         /// <summary>How far the balls stand beside the agent's.</summary>
         public readonly double[][] Stance = new double[2][];
 
@@ -205,6 +213,19 @@ namespace Wayfarer
                     Soles[leg].Fixed = AllTurned(correct[ankle], soles.Fixed[leg]);
                     Soles[leg].Toes = place[toe] == null ? new double[0] : AllTurned(correct[ankle], soles.Toes[leg]);
                 }
+                double[] toes = Soles[leg].Toes;
+                if (toes.Length > 0)
+                {
+                    var points = Enumerable.Range(0, toes.Length / 3).Select(k => toes.Skip(3 * k).Take(3).ToArray()).ToList();
+                    double before = points.Max(point => Vectors.Dot(point, basis.ForwardAxis));
+                    double low = points.Min(point => Vectors.Dot(point, up));
+                    Tips[leg] = Vectors.Plus(Vectors.Times(before, basis.ForwardAxis), Vectors.Times(low, up));
+                }
+                foreach (int b in new[] { Legs[leg][1], ankle })
+                {
+                    Lengths[leg] += Length(Offsets, b);
+                    SourceLengths[leg] += Length(SourceOffsets, b);
+                }
                 double[] beside = Vectors.Minus(
                     Vectors.Minus(Vectors.Plus(stand[ankle], own), thighs), Vectors.Minus(source[toe], sourceThighs));
                 Stance[leg] = Vectors.Times(Vectors.Dot(beside, basis.LeftAxis), basis.LeftAxis);
@@ -228,6 +249,11 @@ namespace Wayfarer
             {
                 Ball = ball, Heel = heel, Joint = toe, Fixed = heel.Concat(ball).ToArray(), Toes = under.Concat(tip).ToArray(),
             };
+        }
+
+        private static double Length(double[] offsets, int b)
+        {
+            return Math.Sqrt(offsets.Skip(3 * b).Take(3).Sum(value => value * value));
         }
 
         private static double[] AllTurned(double[] turn, double[] points)

@@ -12,12 +12,13 @@ const SINKS = 0.018; // of a leg's length: how far hips sink at most for a stand
 // by nothing when it is above the second
 const STANDS = 0.02, LEAVES = 0.06;
 const TIPTOE = 0.25; // radians: how far a heel rises at most for a foot to reach its print
+const FLEX = 0.5; // radians: how far toes turn up at most where a shoe is longer than the agent's foot
 const BEND = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
 
 // places in the scratch array of vectors
 const AHEAD = 0, BESIDE = 3, GOALS = 6, ALONG = 12, SIDE = 15, FRONT = 18, FROM = 21, TO = 24, BALL = 27, TURN = 30, MORE = 34;
-const GROUND = 37, LOW = 38, SOLE = 39, MOST = 40, LEAST = 41, LENGTH = 42, SUNK = 43; // and of numbers
-// (those that a function returned would be boxed; GOALS: one a leg)
+const GROUND = 37, LOW = 38, SOLE = 39, MOST = 40, LEAST = 41, LENGTH = 42, SUNK = 43, REACHES = 44; // and of numbers
+// (those that a function returned would be boxed; GOALS and REACHES: one a leg)
 
 /** Turns frames of an agent into poses of a character. */
 export class Retarget {
@@ -59,7 +60,7 @@ export class Retarget {
     this.turns = new Float64Array(4 * COUNT);
     this.source = new Float64Array(3 * COUNT);
     this.clear = new Float64Array(2);
-    this.scratch = new Float64Array(SUNK + 1);
+    this.scratch = new Float64Array(REACHES + 2);
     /** Height of the ground that the last pose stands on, in an array of one. */
     this.ground = this.scratch.subarray(GROUND, GROUND + 1);
   }
@@ -84,6 +85,7 @@ export class Retarget {
       const ankle = 3 * LEGS[leg][2];
       this.#lowest(sourceSoles[leg], leg);
       clear[leg] = s[LOW] + source[ankle] * up[0] + source[ankle + 1] * up[1] + source[ankle + 2] * up[2];
+      this.#flex(leg);
     }
     if (s[GROUND] !== s[GROUND]) s[GROUND] = Math.min(clear[0], clear[1]);
     for (let n = 0; n < mapped.length; n += 1) {
@@ -101,6 +103,7 @@ export class Retarget {
     for (let leg = 0; leg < 2; leg += 1) {
       s[SOLE] = Math.max(0, clear[leg] - s[GROUND]) * ratio;
       this.#goal(leg);
+      this.#reach(leg);
       this.#sink(leg);
     }
     for (let n = 0; n < mapped.length; n += 1) {
@@ -187,21 +190,68 @@ export class Retarget {
     for (let n = 0; n < 3; n += 1) s[goal + n] += (s[GROUND] + s[SOLE] - s[LOW]) * up[n];
   }
 
+  /**
+   * Turn up the toes of a long shoe, so that the ankle is as high over where it stands as the agent's, scaled.
+   * LOW: the agent's lowest point from its ankle.
+   * @param {number} leg
+   */
+  #flex(leg) {
+    const { nodes, turns, ratio, scratch: s } = this;
+    const { soles, sourceSoles, tips } = this.#rest;
+    const { up, left, handed } = this.basis;
+    const ankle = 4 * LEGS[leg][2], toe = 4 * LEGS[leg][3];
+    rotate(turns, ankle, left, 0, s, AHEAD); // the axis
+    flatten(s, AHEAD, up);
+    size(s, AHEAD, LENGTH);
+    if (nodes[LEGS[leg][3]] < 0 || !soles[leg].toes.length || s[LENGTH] < 0.1) return;
+    const { ball } = soles[leg], source = sourceSoles[leg].ball;
+    rotate(turns, ankle, soles[leg].joint, 0, s, FROM);
+    rotate(turns, toe, tips[leg], 0, s, TO);
+    let deep = ratio * s[LOW], high = 0;
+    for (let n = 0; n < 3; n += 1) {
+      deep -= (ratio * source[n] - ball[n] + s[FROM + n]) * up[n];
+      high += s[TO + n] * up[n];
+      s[AHEAD + n] /= -handed * s[LENGTH];
+    }
+    const rises = (s[AHEAD + 1] * s[TO + 2] - s[AHEAD + 2] * s[TO + 1]) * up[0]
+      + (s[AHEAD + 2] * s[TO] - s[AHEAD] * s[TO + 2]) * up[1]
+      + (s[AHEAD] * s[TO + 1] - s[AHEAD + 1] * s[TO]) * up[2];
+    const share = Math.min(0, deep) / Math.max(Math.sqrt(high * high + rises * rises), 1e-9);
+    const angle = Math.asin(Math.max(-1, share)) - Math.atan2(high, rises);
+    const half = Math.min(FLEX, Math.max(0, angle)) / 2, sine = Math.sin(half);
+    for (let n = 0; n < 3; n += 1) s[TURN + n] = sine * s[AHEAD + n];
+    s[TURN + 3] = Math.cos(half);
+    multiply(s, TURN, turns, toe, turns, toe);
+  }
+
+  /**
+   * REACHES: how far an ankle may be from its thigh joint: as straight as the agent's leg is, and from there smoothly
+   * less of what the goal asks for.
+   * @param {number} leg
+   */
+  #reach(leg) {
+    const { source, places, scratch: s } = this;
+    const { lengths, sourceLengths } = this.#rest;
+    const start = 3 * LEGS[leg][0], length = lengths[leg];
+    gap(source, 3 * LEGS[leg][2], source, start, s, LENGTH);
+    gap(s, GOALS + 3 * leg, places, start, s, MOST);
+    const agents = s[LENGTH] / sourceLengths[leg], over = s[MOST] / length - agents;
+    const room = Math.max(REACH - agents, 1e-6);
+    s[REACHES + leg] = length * Math.min(REACH, agents + room * (1 - Math.exp(-Math.max(0, over) / room)));
+  }
+
   /** SUNK: how far the hips must sink for a foot to reach its print, at least. @param {number} leg */
   #sink(leg) {
     const { places, scratch: s } = this;
     const { up } = this.basis;
-    const start = 3 * LEGS[leg][0], bend = 3 * LEGS[leg][1], end = 3 * LEGS[leg][2];
-    gap(places, bend, places, start, s, LENGTH);
-    gap(places, end, places, bend, s, MOST);
-    const most = REACH * (s[LENGTH] + s[MOST]);
+    const start = 3 * LEGS[leg][0], length = this.#rest.lengths[leg], most = s[REACHES + leg];
     for (let n = 0; n < 3; n += 1) s[SIDE + n] = places[start + n] - s[GOALS + 3 * leg + n];
     const down = s[SIDE] * up[0] + s[SIDE + 1] * up[1] + s[SIDE + 2] * up[2];
     flatten(s, SIDE, up);
     const away = s[SIDE] * s[SIDE] + s[SIDE + 1] * s[SIDE + 1] + s[SIDE + 2] * s[SIDE + 2];
     const lacks = Math.max(0, down - Math.sqrt(Math.max(0, most * most - away)));
-    const share = Math.min(1, Math.max(0, (LEAVES - s[SOLE] / most) / (LEAVES - STANDS)));
-    s[SUNK] = Math.max(s[SUNK], Math.min(SINKS * most, lacks * share));
+    const share = Math.min(1, Math.max(0, (LEAVES - s[SOLE] / length) / (LEAVES - STANDS)));
+    s[SUNK] = Math.max(s[SUNK], Math.min(SINKS * length, lacks * share));
   }
 
   /**
@@ -212,11 +262,7 @@ export class Retarget {
     const { turns, rotations, places, scratch: s } = this;
     const { up, left } = this.basis;
     const sole = this.#rest.soles[leg];
-    const ankle = LEGS[leg][2], goal = GOALS + 3 * leg;
-    const start = 3 * LEGS[leg][0], bend = 3 * LEGS[leg][1], end = 3 * ankle;
-    gap(places, bend, places, start, s, LENGTH);
-    gap(places, end, places, bend, s, MOST);
-    const most = REACH * (s[LENGTH] + s[MOST]);
+    const ankle = LEGS[leg][2], goal = GOALS + 3 * leg, start = 3 * LEGS[leg][0], most = s[REACHES + leg];
     rotate(turns, 4 * ankle, sole.heel, 0, s, FROM);
     rotate(turns, 4 * ankle, sole.ball, 0, s, BALL);
     rotate(turns, 4 * ankle, left, 0, s, AHEAD); // the axis
@@ -241,7 +287,7 @@ export class Retarget {
     const wanted = (square - most * most) / 2 + beside;
     const share = wanted / Math.max(Math.sqrt(near * near + ahead * ahead), 1e-9);
     const lacking = Math.atan2(ahead, near) - Math.acos(Math.min(1, Math.max(-1, share)));
-    const bears = Math.min(1, Math.max(0, 1 - over / (STANDS * most)));
+    const bears = Math.min(1, Math.max(0, 1 - over / (STANDS * this.#rest.lengths[leg])));
     const half = (bears * Math.min(TIPTOE, Math.max(0, lacking))) / 2, sine = sign * Math.sin(half);
     for (let n = 0; n < 3; n += 1) s[TURN + n] = sine * s[AHEAD + n];
     s[TURN + 3] = Math.cos(half);
@@ -260,7 +306,7 @@ export class Retarget {
     const thigh = s[LENGTH];
     gap(places, end, places, bend, s, LENGTH);
     const shin = s[LENGTH];
-    s[MOST] = REACH * (thigh + shin);
+    s[MOST] = s[REACHES + leg];
     s[LEAST] = 1.001 * Math.abs(thigh - shin);
     this.#within(start, goal);
     gap(s, goal, places, start, s, LENGTH);

@@ -80,6 +80,9 @@ export class Rest {
     /** @type {Sole[]} */
     this.sourceSoles = []; // of the agent
     this.stance = [new Float64Array(3), new Float64Array(3)]; // how far the balls stand beside the agent's
+    this.tips = [new Float64Array(3), new Float64Array(3)]; // from the toes' joints: as far before them and as low as toes reach
+    this.lengths = new Float64Array(2); // of the legs, from thigh joint to ankle along the bones
+    this.sourceLengths = new Float64Array(2);
     /** Height of the character's soles at rest, and the point of the ground below it, upright in the basis. */
     this.floor = 0;
     this.origin = new Float64Array(3);
@@ -127,7 +130,7 @@ export class Rest {
    * @param {import("./soles.js").Soles | null} soles
    */
   #legs(place, correct, floor, soles) {
-    const { up, left } = this.basis;
+    const { up, left, forward } = this.basis;
     /** @type {Float64Array[]} */
     const stand = [place[0]]; // joint places in the T-pose
     for (const b of this.mapped) {
@@ -156,7 +159,7 @@ export class Rest {
     this.origin = plus(this.#level(thighsOf(place)), up.map((value) => floor * value));
     const thighs = thighsOf(stand), sourceThighs = thighsOf(source);
     let high = 0;
-    LEGS.forEach(([, , ankle, toe], leg) => {
+    LEGS.forEach(([, knee, ankle, toe], leg) => {
       const ball = minus(source[toe], source[ankle]);
       this.sourceSoles.push(this.#sole(ball, dot(source[ankle], up)));
       // without toes, where a foot of this size would have them
@@ -170,6 +173,15 @@ export class Rest {
         fixed: allTurned(correct[ankle], soles.feet[leg].fixed),
         toes: place[toe] ? allTurned(correct[ankle], soles.feet[leg].toes) : new Float64Array(),
       } : foot);
+      const { toes } = this.soles[leg];
+      const points = Array.from({ length: toes.length / 3 }, (_, k) => toes.subarray(3 * k, 3 * k + 3));
+      const before = Math.max(...points.map((point) => dot(point, forward)));
+      const low = Math.min(...points.map((point) => dot(point, up)));
+      if (points.length) this.tips[leg].set(forward.map((value, n) => before * value + low * up[n]));
+      for (const b of [knee, ankle]) {
+        this.lengths[leg] += Math.hypot(...this.offset.subarray(3 * b, 3 * b + 3));
+        this.sourceLengths[leg] += Math.hypot(...this.offsets.subarray(3 * b, 3 * b + 3));
+      }
       const beside = dot(minus(minus(plus(stand[ankle], own), thighs), minus(source[toe], sourceThighs)), left);
       this.stance[leg].set(left.map((value) => beside * value));
     });

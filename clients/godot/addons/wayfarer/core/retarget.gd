@@ -16,6 +16,8 @@ const _STANDS := 0.02
 const _LEAVES := 0.06
 ## Radians: how far a heel rises at most for a foot to reach its print.
 const _TIPTOE := 0.25
+## Radians: how far toes turn up at most where a shoe is longer than the agent's foot.
+const _FLEX := 0.5
 const _BEND := 0.1  # of the thigh's length: a knee that bends less than this bends forwards
 const _HEEL := 0.34  # of the way from ankle to ball: how far the heel is behind the ankle
 const _TIP := 0.38  # of the way from ankle to ball: how far the tip is before the ball
@@ -55,6 +57,11 @@ var _thighs := Vector3.ZERO  # the middle of the thigh joints from the hips' nod
 var _soles: Array[Sole] = []
 var _source_soles: Array[Sole] = []
 var _stance := PackedVector3Array()
+## Of each foot's toes, from their joint: as far before it and as low as they reach.
+var _tips := PackedVector3Array()
+## Of the legs, from thigh joint to ankle along the bones: the character's, and the agent's.
+var _lengths := PackedFloat64Array()
+var _source_lengths := PackedFloat64Array()
 var _turns: Array[Quaternion] = []  # of the agent, in the world
 var _source := PackedVector3Array()
 
@@ -115,7 +122,9 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	_find_agent(frame)
 	var clear := PackedFloat64Array()
 	for leg in 2:
-		clear.append(_source[LEGS[leg][2]].dot(_up) + _lowest(_source_soles[leg], leg))
+		var low := _lowest(_source_soles[leg], leg)
+		clear.append(_source[LEGS[leg][2]].dot(_up) + low)
+		_flex(leg, low)
 	ground = minf(clear[0], clear[1]) if is_nan(at_ground) else at_ground
 	for b in mapped:
 		rotations[b] = _turns[b] * _rest[b]
@@ -124,15 +133,17 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	places[0] = basis.level(thighs) + lifted * _up - rotations[0] * _thighs
 	_put()
 	var goals := PackedVector3Array()
+	var most := PackedFloat64Array()
 	var sunk := 0.0
 	for leg in 2:
 		var high := maxf(0.0, clear[leg] - ground) * ratio
 		goals.append(_goal(leg, ground + high))
-		sunk = maxf(sunk, _lacks(leg, goals[leg], high))
+		most.append(_reach(leg, goals[leg]))
+		sunk = maxf(sunk, _lacks(leg, goals[leg], most[leg], high))
 	for b in mapped:
 		places[b] -= sunk * _up
 	for leg in 2:
-		_bend(leg, _raised(leg, goals[leg]))
+		_bend(leg, _raised(leg, goals[leg], most[leg]), most[leg])
 	_put()
 	_relate()
 
@@ -260,6 +271,15 @@ func _find_legs(
 			if place.has(toe):
 				foot.toes = _turned(turn, soles.toes[_soles.size()])
 		_soles.append(foot)
+		var before := -INF
+		var low := INF
+		for point in foot.toes:
+			before = maxf(before, point.dot(basis.forward))
+			low = minf(low, point.dot(_up))
+		var tip := before * basis.forward + low * _up
+		_tips.append(Vector3.ZERO if foot.toes.is_empty() else tip)
+		_lengths.append(_offset[leg[1]].length() + _offset[ankle].length())
+		_source_lengths.append(_source_offset[leg[1]].length() + _source_offset[ankle].length())
 		var beside: Vector3 = stand[ankle] + own - thighs - (source[toe] - source_thighs)
 		_stance.append(beside.dot(basis.left) * basis.left)
 	ratio = (legs / 2.0 + high) / source_thighs.dot(_up)
@@ -327,24 +347,54 @@ func _goal(leg: int, sole: float) -> Vector3:
 	return goal + (sole - _lowest(_soles[leg], leg)) * _up
 
 
+## Turn up the toes of a long shoe, so that the ankle is as high over where it stands as the
+## agent's, scaled; `low`: the agent's lowest point from its ankle.
+func _flex(leg: int, low: float) -> void:
+	var foot := _turns[LEGS[leg][2]]
+	var toe: int = LEGS[leg][3]
+	var sole := _soles[leg]
+	var axis := -basis.handed * basis.level(foot * basis.left)
+	if map.node(toe) < 0 or sole.toes.is_empty() or axis.length() < 0.1:
+		return
+	axis = axis.normalized()
+	var stands := (ratio * _source_soles[leg].ball - sole.ball).dot(_up)
+	var deep := minf(0.0, ratio * low - stands - (foot * sole.joint).dot(_up))
+	var tip := _turns[toe] * _tips[leg]
+	var high := tip.dot(_up)
+	var rises := axis.cross(tip).dot(_up)
+	var share := deep / maxf(sqrt(high * high + rises * rises), 1e-9)
+	var angle := asin(maxf(-1.0, share)) - atan2(high, rises)
+	var half := clampf(angle, 0.0, _FLEX) / 2.0
+	var about := sin(half) * axis
+	_turns[toe] = Quaternion(about.x, about.y, about.z, cos(half)) * _turns[toe]
+
+
+## How far an ankle may be from its thigh joint: as straight as the agent's leg is, and from there
+## smoothly less of what the goal asks for.
+func _reach(leg: int, goal: Vector3) -> float:
+	var hip: int = LEGS[leg][0]
+	var agents := _source[LEGS[leg][2]].distance_to(_source[hip]) / _source_lengths[leg]
+	var over := goal.distance_to(places[hip]) / _lengths[leg] - agents
+	var room := maxf(_REACH - agents, 1e-6)
+	var soft := agents + room * (1.0 - exp(-maxf(0.0, over) / room))
+	return minf(_REACH, soft) * _lengths[leg]
+
+
 ## How far the hips must sink for a foot to reach its print; `high`: of the sole over the ground.
-func _lacks(leg: int, goal: Vector3, high: float) -> float:
+func _lacks(leg: int, goal: Vector3, most: float, high: float) -> float:
 	var start := places[LEGS[leg][0]]
-	var knee := places[LEGS[leg][1]]
-	var most := _REACH * (start.distance_to(knee) + knee.distance_to(places[LEGS[leg][2]]))
+	var length := _lengths[leg]
 	var away := basis.level(goal - start).length()
 	var lacking := (start - goal).dot(_up) - sqrt(maxf(0.0, most * most - away * away))
-	var share := clampf((_LEAVES - high / most) / (_LEAVES - _STANDS), 0.0, 1.0)
-	return minf(_SINKS * most, maxf(0.0, lacking) * share)
+	var share := clampf((_LEAVES - high / length) / (_LEAVES - _STANDS), 0.0, 1.0)
+	return minf(_SINKS * length, maxf(0.0, lacking) * share)
 
 
 ## The goal with the heel up so far that the leg reaches it: the foot turns about its ball, as far
 ## as the ball bears it.
-func _raised(leg: int, goal: Vector3) -> Vector3:
+func _raised(leg: int, goal: Vector3, most: float) -> Vector3:
 	var ankle: int = LEGS[leg][2]
 	var start := places[LEGS[leg][0]]
-	var knee := places[LEGS[leg][1]]
-	var most := _REACH * (start.distance_to(knee) + knee.distance_to(places[ankle]))
 	var heel := _turns[ankle] * _soles[leg].heel
 	var ball := _turns[ankle] * _soles[leg].ball
 	var axis := basis.level(_turns[ankle] * basis.left).normalized()
@@ -360,7 +410,7 @@ func _raised(leg: int, goal: Vector3) -> Vector3:
 	var wanted := (square - most * most) / 2.0 + thigh.dot(aside)
 	var share := wanted / maxf(sqrt(near * near + ahead * ahead), 1e-9)
 	var lacking := atan2(ahead, near) - acos(clampf(share, -1.0, 1.0))
-	var bears := clampf(1.0 - (ball - heel).dot(_up) / (_STANDS * most), 0.0, 1.0)
+	var bears := clampf(1.0 - (ball - heel).dot(_up) / (_STANDS * _lengths[leg]), 0.0, 1.0)
 	var half := bears * clampf(lacking, 0.0, _TIPTOE) / 2.0
 	var about := sin(half) * axis
 	var turn := Quaternion(about.x, about.y, about.z, cos(half))
@@ -369,7 +419,7 @@ func _raised(leg: int, goal: Vector3) -> Vector3:
 
 
 ## Turn thigh and shin so that the ankle is at the goal, or as near as the leg reaches.
-func _bend(leg: int, goal: Vector3) -> void:
+func _bend(leg: int, goal: Vector3, most: float) -> void:
 	var hip: int = LEGS[leg][0]
 	var knee: int = LEGS[leg][1]
 	var ankle: int = LEGS[leg][2]
@@ -378,7 +428,7 @@ func _bend(leg: int, goal: Vector3) -> void:
 	var shank := places[ankle] - places[knee]
 	var thigh := bend.length()
 	var shin := shank.length()
-	goal = _within(start, goal, _REACH * (thigh + shin), 1.001 * absf(thigh - shin))
+	goal = _within(start, goal, most, 1.001 * absf(thigh - shin))
 	var far := start.distance_to(goal)
 	var along := (goal - start) / far
 	var side := bend - bend.dot(along) * along
