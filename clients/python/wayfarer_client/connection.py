@@ -100,7 +100,7 @@ class Connection:
         self.address = address
         self.timeout = timeout
         self._access = access
-        self._tls = tls
+        self.tls = tls
         self._channel = _channel(address, tls)
         self._nodes: dict[str, grpc.aio.Channel] = {}  # by address, as far as they were called
         self.homes = Homes(address)
@@ -141,7 +141,7 @@ class Connection:
         if address == self.address:
             return self._channel
         if address not in self._nodes:
-            self._nodes[address] = _channel(address, self._tls)
+            self._nodes[address] = _channel(address, self.tls)
         return self._nodes[address]
 
     def route(self, request: Any) -> Route:

@@ -21,6 +21,7 @@ from wayfarer_client.messages import (
     PoseFormat,
     enum_label,
 )
+from wayfarer_client.page import page_of, show
 from wayfarer_client.poses import PoseLayout
 from wayfarer_client.stream import MotionStream
 from wayfarer_client.v1 import (
@@ -131,6 +132,19 @@ class Session(GoalCommands):
             session_id=self.session_id, file=(file or MotionFile()).to_wire(), seconds=seconds
         )
         return await self._connection.file(self._connection.snapshots.ExportMotion, request)
+
+    async def show(self, url: str = "") -> str:
+        """Show it in the viewer; return the address. In a notebook the viewer is a frame.
+
+        Elsewhere it opens in a browser; without one the address is printed. `url`: where the
+        server's HTTP port is seen from here; empty: port 8080 of the host that this client calls.
+        The viewer shows sessions in the basis gltf.
+        """
+        address = page_of(
+            self._connection.homes, self.session_id, url, self._connection.tls is not None
+        )
+        show(address)
+        return address
 
     # agents
 

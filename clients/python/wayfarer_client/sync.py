@@ -132,6 +132,7 @@ class SyncSession:
     renew = run(Session.renew)
     delete = run(Session.delete)
     export = run(Session.export)
+    show = run(Session.show)
     export_log = run(Session.export_log)
     export_motion = run(Session.export_motion)
     create_agents = run(Session.create_agents)
