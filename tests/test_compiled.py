@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,13 +15,20 @@ from wayfarer import compiled
 TEXT = "from wayfarer.compiled import compiled\n@compiled\ndef rule(x):\n    return x + {}\n"
 
 
+USING = "@compiled\ndef using(x):\n    return rule(x) + FAR\n"
+
+
 def loaded(file: Path, more: int):
     file.write_text(TEXT.format(more))
+    return executed(file).rule
+
+
+def executed(file: Path):
     spec = importlib.util.spec_from_file_location("kept_rule", file)
     module = importlib.util.module_from_spec(spec)
     sys.modules["kept_rule"] = module
     spec.loader.exec_module(module)
-    return module.rule
+    return module
 
 
 def test_code_is_kept_where_the_environment_says_and_for_one_text(tmp_path, monkeypatch):
@@ -31,6 +39,22 @@ def test_code_is_kept_where_the_environment_says_and_for_one_text(tmp_path, monk
     other = loaded(tmp_path / "rule.py", 2)
     assert other(1) == 3 and not other.stats.cache_hits
     assert len(list((tmp_path / "kept").glob("wayfarer-*"))) == 2
+
+
+def test_code_is_made_anew_when_a_rule_or_a_number_changes_that_it_takes_from_another_file(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
+    file = tmp_path / "using.py"
+    kept = set()
+    for more, far in ((1, 0), (2, 0), (2, 5)):
+        sys.modules["used_rule"] = SimpleNamespace(rule=loaded(tmp_path / "used.py", more), FAR=far)
+        text = f"from wayfarer.compiled import compiled\nfrom used_rule import FAR, rule\n{USING}"
+        file.write_text(text)
+        using = executed(file).using
+        assert using(1) == 1 + more + far and not using.stats.cache_hits
+        kept.add(using.stats.cache_path)
+    assert len(kept) == 3
 
 
 def test_where_nothing_can_be_written_it_is_compiled_all_the_same(tmp_path, monkeypatch):
@@ -46,6 +70,8 @@ RULES = """
 import numpy as np
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.legs import Legs
 from wayfarer.world.scenes.around import way_around
 
 random = np.random.default_rng(0)
@@ -55,6 +81,13 @@ people.position[:] = random.uniform(-2, 2, (20, 2))
 people.velocity[:] = random.normal(size=(20, 2))
 people.walks[::2], people.radius[:] = True, 0.25
 found = avoid(people, np.arange(20), random.normal(size=(20, 2)).astype("f4"), None, 0.2)
+legs = Legs.empty(3)
+for part in ("hip", "knee", "ankle", "ball", "sole_of_ankle", "sole_of_ball"):
+    getattr(legs, part)[:] = random.normal(size=getattr(legs, part).shape) * 0.05 - [0, 0, 0.2]
+turns = random.normal(size=(3, 4, 22, 4)) * 0.2 + [0, 0, 0, 1]
+turns = (turns / np.linalg.norm(turns, axis=-1, keepdims=True)).astype("f4")
+hips = np.full((3, 4, 3), 0.6, "f4")
+feet = lock_feet(begin(legs, hips[:, 0], turns[:, 0]), legs, hips, turns)
 room, corners = random.uniform(-0.2, 1, (30, 40)), np.zeros((64, 2), np.int64)
 room[0, 0] = room[-1, -1] = 1
 count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
@@ -63,13 +96,16 @@ count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
 
 def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_path):
     """Compiled code does not look: beyond an array it reads and writes what is not its own."""
-    keep = f"np.savez({str(tmp_path / 'plain.npz')!r}, v=found.velocity, c=corners, n=count)"
+    keep = f"np.savez({str(tmp_path / 'plain.npz')!r}, v=found.velocity, c=corners, n=count"
+    keep += ", turns=feet.rotations, shift=feet.state.shift)"
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", RULES + keep], env=plain, check=True)
     names = {}
     exec(RULES, names)
     kept = np.load(tmp_path / "plain.npz")
     np.testing.assert_allclose(names["found"].velocity, kept["v"], atol=1e-5)
+    np.testing.assert_allclose(names["feet"].rotations, kept["turns"], atol=1e-5)
+    np.testing.assert_allclose(names["feet"].state.shift, kept["shift"], atol=1e-5)
     assert names["count"] == kept["n"] > 1
     np.testing.assert_array_equal(names["corners"], kept["c"])
 
@@ -78,3 +114,4 @@ def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_pat
 def _forget():
     yield
     sys.modules.pop("kept_rule", None)
+    sys.modules.pop("used_rule", None)

@@ -1,9 +1,9 @@
 """Compiled rules: numba makes machine code of them, once per machine.
 
-The code is kept in the first of these folders that can be written: NUMBA_CACHE_DIR, beside the
-sources, the user's cache folder. Without one, it is compiled again at every start. Each text of the
-rule's file has its own folder: numba itself would take code of another release for this one's, or
-fail to read it. So a compiled function uses nothing of the project that another file defines.
+The code is kept where the first of these can be written: NUMBA_CACHE_DIR, beside the sources, the
+user's cache folder. Where none can, it is made anew at every start. It lies in a folder of its own
+for each text of the rule's file, of the files whose rules it uses, and for the constants that it
+takes from elsewhere: numba itself would take code of another release for this one's.
 """
 
 import os
@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numba
+import numpy as np
 import structlog
+from numba.core.dispatcher import Dispatcher
 
 log = structlog.get_logger(__name__)
 
@@ -23,7 +25,7 @@ OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
 
 def compiled(rule: Callable[..., Any]) -> Any:
     """A rule, compiled when it is first called with arguments of new types; see `warm`."""
-    folder = _kept_in(Path(rule.__code__.co_filename))
+    folder = _kept_in(rule)
     if folder is None:
         return numba.njit(**OPTIONS)(rule)
     config: Any = numba.config
@@ -44,11 +46,11 @@ def warm(rule: Any, *arguments: Any) -> None:
     rule(*arguments)
 
 
-def _kept_in(file: Path) -> Path | None:
+def _kept_in(rule: Callable[..., Any]) -> Path | None:
     """The folder for the code of a file's rules; None: no folder can be written."""
-    text = file.read_bytes() + Path(__file__).read_bytes()
-    for base in _bases(file):
-        folder = base / f"wayfarer-{sha256(text).hexdigest()[:16]}"
+    name = f"wayfarer-{sha256(_text(rule)).hexdigest()[:16]}"
+    for base in _bases(Path(rule.__code__.co_filename)):
+        folder = base / name
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
@@ -56,6 +58,26 @@ def _kept_in(file: Path) -> Path | None:
         if os.access(folder, os.W_OK):
             return folder
     return None
+
+
+def _text(rule: Callable[..., Any]) -> bytes:
+    """All that the code of a file's rules follows from."""
+    parts, files, rules = [Path(__file__).read_bytes()], set[str](), [rule]
+    while rules:
+        rule = rules.pop()
+        file = rule.__code__.co_filename
+        if file in files:
+            continue
+        files.add(file)
+        parts.append(Path(file).read_bytes())
+        for name, value in sorted(rule.__globals__.items()):
+            if isinstance(value, Dispatcher):
+                rules.append(value.py_func)
+            elif isinstance(value, int | float | tuple) and not name.startswith("__"):
+                parts.append(f"{name} = {value!r}".encode())
+            elif isinstance(value, np.ndarray):
+                parts.append(name.encode() + value.tobytes())
+    return b"".join(parts)
 
 
 def _bases(file: Path) -> Iterator[Path]:

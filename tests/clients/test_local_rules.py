@@ -26,7 +26,7 @@ from wayfarer.world.agents.style import manner, sets_off
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.legs import KNEES, Legs, measure_legs, pose_legs
 from wayfarer.world.output.quaternion import multiply
-from wayfarer.world.output.twobone import MOVED, move_ankles
+from wayfarer.world.output.twobone import move_ankles
 from wayfarer.world.stepping.guards import bendable, fallen, got_up
 from wayfarer.world.stepping.mirror import is_mirrored
 from wayfarer.world.stepping.noise import latents
@@ -271,7 +271,7 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
     np.testing.assert_allclose([one["numbers"] for one in found["gaits"]], numbers, atol=1e-5)
 
     moved, legs = turns.copy(), legs.take(np.zeros(people, int))
-    moved[:, :, MOVED] = move_ankles(pose_legs(legs, hips, turns), shift.T)
+    move_ankles(pose_legs(legs, hips, turns), shift, moved)
     off = np.abs(np.array(found["poses"]) - moved.reshape(people, -1)).max()
     LOG.info("feet: off by %.1e", off)
     assert off < 1e-3

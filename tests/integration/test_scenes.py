@@ -78,8 +78,8 @@ def test_feet_are_on_a_slope_and_on_steps():
     slot = np.array([world.registry.agent(agent).slot])
     rotations = np.concatenate([chunk.rotations for chunk in chunks])
     pose = pose_legs(world.slots.legs.take(slot), translation[None], rotations[None])
-    soles = np.moveaxis(pose.soles[..., 0], 0, -1)  # [P, 2, F, 3]
-    gaps = (soles[..., 2] - scene.floor(soles)).min(0).T
+    soles = pose.soles[0]  # [F, 2, P, 3]
+    gaps = (soles[..., 2] - scene.floor(soles)).min(-1)
     contacts = np.concatenate([chunk.contacts for chunk in chunks])
     assert np.abs(gaps[contacts]).mean() < 0.02
     assert (gaps < -0.05).mean() < 0.01

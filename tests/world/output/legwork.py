@@ -56,4 +56,4 @@ def soles_of(
 ) -> np.ndarray:
     """Sole points [A, F, 2, P, 3] in the world, of the mean shape or `betas` [10]."""
     shape = legs(len(translation), betas)
-    return pose_legs(shape, translation, rotations).soles.transpose(4, 3, 2, 1, 0)
+    return pose_legs(shape, translation, rotations).soles

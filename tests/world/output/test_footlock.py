@@ -241,7 +241,7 @@ def strides(seconds: int) -> tuple[np.ndarray, np.ndarray]:
             rotations[0, :, joints[foot]] = multiply(
                 rotations[0, :, joints[foot]].T, quaternion_from_rotvec(turns).T.astype(np.float32)
             ).T
-    ankles = pose_legs(legs(), translation, rotations).ankle[:, :, :, 0]
+    ankles = pose_legs(legs(), translation, rotations).ankle[0].T
     translation[0, 1:, 1] = np.abs(np.diff(ankles[1, 0])).cumsum()
     translation[0, :, 2] = -soles_of(translation * [1, 1, 0], rotations)[0, ..., 2].min((-1, -2))
     return translation.astype(np.float32), rotations

@@ -27,13 +27,13 @@ def test_joints_and_soles_are_those_of_the_skinned_body(seed):
         body().rest_joints(betas),
     )
     markers = body().markers(betas, turns, places)[:, body().sole_markers]
-    found = pose.soles[..., 0].transpose(3, 2, 1, 0).reshape(3, 8, 3)
+    found = pose.soles[0].reshape(3, 8, 3)
     np.testing.assert_allclose(found, markers, atol=1e-5)
     for joints, place in ((HIPS, pose.hip), (KNEES, pose.knee), (ANKLES, pose.ankle)):
         off_root = places[:, joints] - places[:, :1]
-        np.testing.assert_allclose(place[..., 0].transpose(2, 1, 0), off_root, atol=1e-5)
+        np.testing.assert_allclose(place[0], off_root, atol=1e-5)
     turn = quaternion_from_matrix(turns[:, ANKLES])
-    same = np.abs((pose.ankle_turn[..., 0].T * turn).sum(-1))
+    same = np.abs((pose.ankle_turn[0] * turn).sum(-1))
     np.testing.assert_allclose(same, 1, atol=1e-5)
 
 

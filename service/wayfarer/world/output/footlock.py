@@ -21,15 +21,18 @@ frames per second.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Final
+from functools import cache
+from math import exp, sqrt
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.spec import FPS
-from wayfarer.world.output.legs import SOLES, Legs, pose_legs
-from wayfarer.world.output.quaternion import Array, bounded, length, smooth
-from wayfarer.world.output.twobone import MOVED, move_ankles
-from wayfarer.world.rows import Flags, Float, Rows, Shape
+from wayfarer.compiled import compiled, warm
+from wayfarer.spec import FPS, POSED_JOINTS
+from wayfarer.world.output.legs import SOLES, Bones, Legs, bones, packed, pose_leg, sole_point
+from wayfarer.world.output.turns import less, put_vector, smooth, vector
+from wayfarer.world.output.twobone import move_ankle, put_leg
+from wayfarer.world.rows import Double, Flags, Float, Rows, Shape
 
 TOUCH_HEIGHT: Final = 0.03
 """Metres: a lower and slower foot comes into contact."""
@@ -46,7 +49,7 @@ LIFT_SPEED: Final = 0.7
 TOLD_HEIGHT: Final = 0.02
 """Metres: a foot whose lowest point is sent higher than this is not told to be in contact."""
 
-RISE: Final = np.float32(1 / 3)
+RISE: Final = 1 / 3
 """Per frame: over 3 frames a hold rises, and falls."""
 
 SLIPPING: Final = (0.25, LIFT_SPEED)
@@ -68,6 +71,9 @@ DROP: Final = 0.02
 SOFTNESS: Final = 0.001
 """Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
 
+LEAST_LOAD: Final = -40
+"""Of that, as an exponent: less is lost in rounding."""
+
 
 @dataclass(slots=True)
 class LockState(Rows):
@@ -88,15 +94,22 @@ class Locked:
     state: LockState
 
 
+class _Feet(NamedTuple):
+    """The columns of `LockState`, for compiled rules."""
+
+    soles: Float
+    contact: Flags
+    hold: Float
+    shift: Float
+
+
 def begin(legs: Legs, translation: Float, rotations: Float) -> LockState:
     """The state before any motion, from a pose: translation [A, 3], rotations [A, 22, 4].
 
     Nothing is shifted; feet near the floor are held.
     """
     state = LockState.empty(len(translation))
-    state.soles[:] = pose_legs(legs, translation[:, None], rotations[:, None]).soles[:, :, :, 0].T
-    state.contact[:] = state.soles[..., 2].min(-1) < TOUCH_HEIGHT
-    state.hold[:] = state.contact
+    _begin(_feet(state), bones(legs), packed(translation[:, None]), packed(rotations[:, None]))
     return state
 
 
@@ -105,42 +118,99 @@ def lock_feet(before: LockState, legs: Legs, translation: Float, rotations: Floa
 
     Many frames at once or in pieces, the result is the same; every agent's is its own.
     """
-    pose = pose_legs(legs, translation, rotations)
-    path = np.concatenate([before.soles.T[:, :, :, None], pose.soles], -2)  # [3, P, 2, 1 + F, A]
-    height = pose.soles[2].min(0)
-    slide = _slide(path, height)
-    speed = FPS * length(slide)
-    touches = (height < TOUCH_HEIGHT) & (speed < TOUCH_SPEED)
-    stays = (height < LIFT_HEIGHT) & (speed < LIFT_SPEED)
-    firmness = 1 - smooth(speed, *SLIPPING)
-    settling = -height * (1 - smooth(height, 0, DROP))
-
-    contact, hold, shift = before.contact.T, before.hold.T, before.shift.T
-    shifts = np.empty((3, *height.shape), np.float32)
-    held = np.empty(height.shape, np.bool_)
-    for frame in range(height.shape[1]):
-        contact = np.where(contact, stays[:, frame], touches[:, frame])
-        hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
-        grip = hold * firmness[:, frame] * (1 - smooth(length(shift[:2]), *LEASH))
-        moved = shifts[:, :, frame]
-        moved[:2] = (1 - (1 - grip) * FADE) * shift[:2] - grip * slide[:, :, frame]
-        moved[2] = shift[2] + SETTLE * (hold * settling[:, frame] - shift[2])
-        shift = moved
-        held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
-
-    cleaned = rotations.astype(np.float32)
-    cleaned[:, :, MOVED] = move_ankles(pose, shifts)
-    after = LockState(
-        soles=path[:, :, :, -1].T, contact=contact.T, hold=hold.T, shift=shift.copy().T
-    )
-    return Locked(cleaned, held.T, after)
+    after = before.take(np.arange(len(rotations)))
+    cleaned = np.array(rotations, np.float32, order="C")
+    held = np.empty((*rotations.shape[:2], 2), np.bool_)
+    _lock(_feet(after), bones(legs), packed(translation), cleaned, held)
+    return Locked(cleaned, held, after)
 
 
-def _slide(path: Array, height: Array) -> Array:
-    """Horizontal way of the bearing point since the last frame [2, 2, F, A].
+@cache
+def prepare() -> None:
+    """Compile the lock, or load it, before anybody walks."""
+    feet, legs = _feet(LockState.empty(1)), bones(Legs.empty(1))
+    hips, turns = np.zeros((1, 1, 3), np.float32), np.ones((1, 1, POSED_JOINTS, 4), np.float32)
+    warm(_begin, feet, legs, hips, turns)
+    warm(_lock, feet, legs, hips, turns, np.empty((1, 1, 2), np.bool_))
 
-    path [3, P, 2, 1 + F, A] of the sole points; height [2, F, A] of the lowest one.
+
+def _feet(state: LockState) -> _Feet:
+    return _Feet(state.soles, state.contact, state.hold, state.shift)
+
+
+@compiled
+def _begin(feet: _Feet, legs: Bones, translation: Float, rotations: Float) -> None:
+    for row in range(len(rotations)):
+        for foot in range(2):
+            leg, height = pose_leg(legs, row, 0, foot, rotations), np.inf
+            for point in range(SOLES):
+                sole = sole_point(legs, row, foot, point, leg, vector(translation, (row, 0)))
+                put_vector(feet.soles, (row, foot, point), sole)
+                height = min(height, sole[2])
+            feet.contact[row, foot] = height < TOUCH_HEIGHT
+            feet.hold[row, foot] = 1.0 if height < TOUCH_HEIGHT else 0.0
+
+
+@compiled
+def _lock(feet: _Feet, legs: Bones, translation: Float, rotations: Float, held: Flags) -> None:
+    """Into `feet`, `rotations` and `held` [A, F, 2]."""
+    was, now = np.empty((SOLES, 3)), np.empty((SOLES, 3))
+    for row in range(len(rotations)):
+        for foot in range(2):
+            for point in range(SOLES):
+                put_vector(was, (point,), vector(feet.soles, (row, foot, point)))
+            contact, hold = feet.contact[row, foot], float(feet.hold[row, foot])
+            x, y, z = vector(feet.shift, (row, foot))
+            for frame in range(rotations.shape[1]):
+                leg = pose_leg(legs, row, frame, foot, rotations)
+                height, root = np.inf, vector(translation, (row, frame))
+                for point in range(SOLES):
+                    sole = sole_point(legs, row, foot, point, leg, root)
+                    put_vector(now, (point,), sole)
+                    height = min(height, sole[2])
+                slide_x, slide_y = _slide(was, now, height)
+                speed = FPS * sqrt(slide_x * slide_x + slide_y * slide_y)
+                if contact:
+                    contact = height < LIFT_HEIGHT and speed < LIFT_SPEED
+                else:
+                    contact = height < TOUCH_HEIGHT and speed < TOUCH_SPEED
+                hold = min(hold + RISE, 1.0) if contact else max(hold - RISE, 0.0)
+                firmness = 1 - smooth(speed, SLIPPING[0], SLIPPING[1])
+                grip = hold * firmness * (1 - smooth(sqrt(x * x + y * y), LEASH[0], LEASH[1]))
+                settling = -height * (1 - smooth(height, 0.0, DROP))
+                kept = 1 - (1 - grip) * FADE
+                x, y = kept * x - grip * slide_x, kept * y - grip * slide_y
+                z += SETTLE * (hold * settling - z)
+                held[row, frame, foot] = contact and grip >= 0.5 and height + z <= TOLD_HEIGHT
+                made = move_ankle(
+                    leg.root_turn,
+                    leg.hip_turn,
+                    leg.knee_turn,
+                    leg.ankle_turn,
+                    less(leg.knee, leg.hip),
+                    less(leg.ankle, leg.knee),
+                    (x, y, z),
+                )
+                put_leg(rotations, row, frame, foot, made)
+                for point in range(SOLES):
+                    put_vector(was, (point,), vector(now, (point,)))
+            for point in range(SOLES):
+                put_vector(feet.soles, (row, foot, point), vector(was, (point,)))
+            feet.contact[row, foot], feet.hold[row, foot] = contact, hold
+            put_vector(feet.shift, (row, foot), (x, y, z))
+
+
+@compiled
+def _slide(was: Double, now: Double, height: float) -> tuple[float, float]:
+    """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; `height`
+    of the lowest one.
     """
-    load = np.exp((height - path[2, :, :, 1:]) / SOFTNESS)
-    way: Array = (load * np.diff(path[:2], axis=-2)).sum(1) / load.sum(0)
-    return way
+    total, x, y = 0.0, 0.0, 0.0
+    for point in range(SOLES):
+        over = (height - now[point, 2]) / SOFTNESS
+        if over > LEAST_LOAD:
+            load = exp(over)
+            total += load
+            x += load * (now[point, 0] - was[point, 0])
+            y += load * (now[point, 1] - was[point, 1])
+    return x / total, y / total

@@ -13,7 +13,7 @@ nothing else. World space, metres, 40 frames per second.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
@@ -29,7 +29,7 @@ from wayfarer.world.output.quaternion import (
     stacked,
     unit,
 )
-from wayfarer.world.output.twobone import MOVED, move_ankles
+from wayfarer.world.output.twobone import move_ankles
 from wayfarer.world.rows import Flags, Float, Rows, Shape
 
 Floor = Callable[[Array], Array]
@@ -122,20 +122,19 @@ def set_on_ground(
     Many frames at once or in pieces, the result is the same; every agent's is its own.
     """
     pose = pose_legs(legs, translation, rotations)
-    ankles = pose.ankle[:2] + translation.transpose(2, 1, 0)[:2, None]  # [2, 2, F, A]
+    ankles = pose.ankle.T[:2] + translation.transpose(2, 1, 0)[:2, None]  # [2, 2, F, A]
     start = np.where(before.begun, before.ankles.T, ankles[:, :, 0])
     way = np.diff(np.concatenate([start[:, :, None], ankles], 2), axis=2)
-    height = pose.soles[2].min(0)
-    offsets = _offsets(ankles + AHEAD * FPS * way, pose.facing, floor)
+    height, facing = pose.soles.T[2].min(0), _facing(pose)
+    offsets = _offsets(ankles + AHEAD * FPS * way, facing, floor)
     stands = (height < DOWN[0]) & (FPS * length(way) < DOWN[1])
     aim = _aimed(before.aim.T, offsets, stands)
-    moved = aim * pose.facing
+    moved = aim * facing
     ankles = ankles + moved
     slopes = _followed(before.slope.T, _slopes(ankles, floor), TILT_SHARE)
-    pose.soles[:2] += moved[:, None]
-    pose = _tilted(pose, translation, slopes, moved)
-    ahead = height - _lowest(pose.soles, AHEAD * FPS * way, floor)
-    needed = np.maximum(height - _lowest(pose.soles, 0 * way, floor), ahead)
+    pose, soles = _tilted(pose, translation, slopes, moved)
+    ahead = height - _lowest(soles, AHEAD * FPS * way, floor)
+    needed = np.maximum(height - _lowest(soles, 0 * way, floor), ahead)
     each = np.ascontiguousarray(needed.transpose(1, 0, 2))  # [F, 2, A]
     feet, lift = _sprung(before.feet.T, before.lift.T, each, FOOT_STIFFNESS)
     feet = feet.transpose(1, 0, 2)
@@ -145,12 +144,12 @@ def set_on_ground(
     crouch = np.where(down, CROUCH[1], CROUCH[0]) * np.abs(feet[0] - feet[1])
     wanted = np.minimum(feet.mean(0), lead.mean(0)) - crouch
     hips, rise = _sprung(before.hips, before.rise, wanted, STIFFNESS)
-    shift = np.zeros((3, *feet.shape), np.float32)
-    shift[:2], shift[2] = moved, feet - hips
+    shift = np.empty(pose.ankle.shape, np.float32)
+    shift.T[:2], shift.T[2] = moved, feet - hips
 
-    raised, turned = translation.astype(np.float32), rotations.astype(np.float32)
+    raised, turned = translation.astype(np.float32), np.array(rotations, np.float32, order="C")
     raised[..., 2] += hips.T
-    turned[:, :, MOVED] = move_ankles(pose, shift)
+    move_ankles(pose, shift, turned)
     after = Footing(
         hips=hips[-1].astype(np.float32),
         rise=rise.astype(np.float32),
@@ -230,17 +229,27 @@ def _slopes(ankles: Array, floor: Floor) -> Array:
     return np.where((np.abs(slopes) > STEEP).any(0), 0.0, slopes)
 
 
-def _tilted(pose: LegPose, translation: Float, slopes: Array, moved: Array) -> LegPose:
-    """The pose with its feet turned about their ankles, from level to slopes [2, 2, F, A]; soles
-    have been `moved` [2, 2, F, A] already.
+def _facing(pose: LegPose) -> Array:
+    """Horizontal unit vectors [2, 1, F, A] that the hips face."""
+    x, y, z, w = pose.root_turn.T[:, None]
+    ahead = stacked(-2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
+    return ahead / np.maximum(length(ahead), 1e-9)
+
+
+def _tilted(
+    pose: LegPose, translation: Float, slopes: Array, moved: Array
+) -> tuple[LegPose, Array]:
+    """The pose with its feet turned about their ankles, from level to slopes [2, 2, F, A], and
+    where its soles [3, P, 2, F, A] then are, `moved` [2, 2, F, A].
     """
     x, y = slopes
     # The shortest arc from the vertical to the ground's normal.
     turn = unit(stacked(y, -x, np.zeros_like(x), 1 + np.sqrt(1 + x * x + y * y)))
-    ankle = (pose.ankle + translation.transpose(2, 1, 0)[:, None])[:, None]
-    ankle[:2] += moved[:, None]
-    soles = ankle + rotate_points(turn, pose.soles - ankle)
-    return replace(pose, ankle_turn=multiply(turn, pose.ankle_turn), soles=soles)
+    ankle = (pose.ankle.T + translation.transpose(2, 1, 0)[:, None])[:, None]
+    soles = ankle + rotate_points(turn, pose.soles.T - ankle)
+    soles[:2] += moved[:, None]
+    turned = np.ascontiguousarray(multiply(turn, pose.ankle_turn.T).T, np.float32)
+    return pose._replace(ankle_turn=turned), soles
 
 
 def _lowest(soles: Array, ahead: Array, floor: Floor) -> Array:

@@ -3,26 +3,35 @@
 The hinge lies across the thigh. What the model bends a knee sideways by stays as it is: to
 straighten that, too, would take the knee beyond straight. A knee that is beyond straight is bent
 the right way, and none is quite straight.
-
-Arrays have their components first, see `quaternion.py`; 2 legs, F frames, A agents.
 """
 
-from typing import Final
+from functools import cache
+from math import acos, atan2, cos, exp, radians, sin, sqrt
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, LegPose
-from wayfarer.world.output.quaternion import (
-    Array,
+from wayfarer.compiled import compiled, warm
+from wayfarer.spec import POSED_JOINTS
+from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, LegPose, Legs, pose_legs
+from wayfarer.world.output.turns import (
+    Turn,
+    Vector,
+    about,
+    add,
     bounded,
     cross,
     dot,
     inverse,
     length,
+    less,
     multiply,
+    put,
     rotate,
-    unit,
+    turn,
+    vector,
 )
+from wayfarer.world.rows import Float
 
 MOVED: Final = [*HIPS, *KNEES, *ANKLES]
 """Joints whose rotations change."""
@@ -33,7 +42,7 @@ STRETCH: Final = 0.999
 FOLD: Final = 0.3
 """And folded to this share at most."""
 
-SOFT: Final = np.float32(np.radians(4))
+SOFT: Final = radians(4)
 """Radians that a straight knee is bent by; one that is bent by twice as much stays as it is. A bend
 grows with the root of what its leg is shortened by: knees that were quite straight when their foot
 was lifted bent by 19 degrees in a frame. The foot comes up to half a millimetre short of its place.
@@ -42,59 +51,111 @@ was lifted bent by 19 degrees in a frame. The foot comes up to half a millimetre
 TINY: Final = 1e-9
 """Square metres: a leg without length is not swung."""
 
-FREE: Final = np.float32(0.5)
+FREE: Final = 0.5
 """Share of the way from a leg's length to its full one that it is stretched by at once; the rest is
 approached ever more slowly, so that a knee does not snap straight."""
 
 
-def move_ankles(pose: LegPose, shift: Array) -> Array:
-    """Local rotations [A, F, 6, 4] of the joints `MOVED`, with the ankles `shift` [3, 2, F, A] off.
+class Moved(NamedTuple):
+    """Local turns of a leg's joints."""
+
+    hip: Turn
+    knee: Turn
+    ankle: Turn
+
+
+@compiled
+def move_ankle(
+    root_turn: Turn,
+    hip_turn: Turn,
+    knee_turn: Turn,
+    ankle_turn: Turn,
+    thigh: Vector,
+    shin: Vector,
+    shift: Vector,
+) -> Moved:
+    """A leg with its ankle `shift` off: world turns in, and the ways from hip to knee to ankle.
 
     An ankle that is out of reach goes as far as `reach` lets it in the direction of its target.
-    Feet keep their turn in the world.
+    The foot keeps its turn in the world.
     """
-    thigh, shin = pose.knee - pose.hip, pose.ankle - pose.knee
-    straight, target = pose.ankle - pose.hip, pose.ankle + shift - pose.hip
-    hinge = rotate(pose.hip_turn, np.array([-1, 0, 0], shift.dtype).reshape(3, 1, 1, 1))
+    straight = add(thigh, shin)
+    target = add(straight, shift)
+    hinge = rotate(hip_turn, (-1.0, 0.0, 0.0))
     # A shin turned by φ about the hinge has thigh · shin = along + most · cos(φ + bend).
     along = dot(thigh, hinge) * dot(shin, hinge)
     level, upright = dot(thigh, shin) - along, dot(cross(thigh, shin), hinge)
-    most = np.maximum(np.sqrt(level * level + upright * upright), TINY)
+    most = max(sqrt(level * level + upright * upright), TINY)
     fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along  # of the squared way to the ankle
-    full = np.sqrt(np.maximum(fixed + 2 * most, TINY))
+    full = sqrt(max(fixed + 2 * most, TINY))
     after = reach(length(straight), length(target), full)
-    bent = np.arccos(bounded((after * after - fixed) / (2 * most), -1, 1))
-    bent = bent + np.maximum(2 * SOFT - bent, 0) ** 2 / (4 * SOFT)
-    half_bend = 0.5 * (bent - np.arctan2(upright, level))
-    bend = _quaternion(hinge * np.sin(half_bend), np.cos(half_bend))
+    bent = acos(bounded((after * after - fixed) / (2 * most), -1.0, 1.0))
+    bent += max(2 * SOFT - bent, 0.0) ** 2 / (4 * SOFT)
+    half_bend = 0.5 * (bent - atan2(upright, level))
+    bend = about(hinge, sin(half_bend), cos(half_bend))
 
     # The shortest arc that swings the bent leg onto its target; half angles by |a||b| + a·b.
-    ankle = thigh + rotate(bend, shin)
+    ankle = add(thigh, rotate(bend, shin))
     arc = dot(ankle, target) + length(ankle) * length(target) + TINY
-    swing = unit(_quaternion(cross(ankle, target), arc))
+    across = cross(ankle, target)
+    size = max(sqrt(dot(across, across) + arc * arc), 1e-12)
+    swing = about(across, 1 / size, arc / size)
 
-    hip = multiply(swing, pose.hip_turn)
-    knee = multiply(swing, multiply(bend, pose.knee_turn))
-    turns = [
-        multiply(inverse(pose.root_turn), hip),
+    hip = multiply(swing, hip_turn)
+    knee = multiply(swing, multiply(bend, knee_turn))
+    return Moved(
+        multiply(inverse(root_turn), hip),
         multiply(inverse(hip), knee),
-        multiply(inverse(knee), pose.ankle_turn),
-    ]
-    return np.concatenate(turns, 1).transpose(3, 2, 1, 0)
+        multiply(inverse(knee), ankle_turn),
+    )
 
 
-def reach(before: Array, wanted: Array, leg: Array) -> Array:
-    """Distance from hip to ankle that a leg takes when it is `wanted`; metres, all shapes alike.
+@compiled
+def put_leg(rotations: Float, row: int, frame: int, foot: int, made: Moved) -> None:
+    """A leg's joints into rotations [A, F, 22, 4]."""
+    put(rotations, (row, frame, HIPS[foot]), made.hip)
+    put(rotations, (row, frame, KNEES[foot]), made.knee)
+    put(rotations, (row, frame, ANKLES[foot]), made.ankle)
+
+
+@compiled
+def move_ankles(pose: LegPose, shift: Float, rotations: Float) -> None:
+    """Both legs of A agents in F frames, `shift` [A, F, 2, 3], into rotations [A, F, 22, 4]."""
+    for row in range(len(rotations)):
+        for frame in range(rotations.shape[1]):
+            root = turn(pose.root_turn, (row, frame))
+            for foot in range(2):
+                at = row, frame, foot
+                knee = vector(pose.knee, at)
+                made = move_ankle(
+                    root,
+                    turn(pose.hip_turn, at),
+                    turn(pose.knee_turn, at),
+                    turn(pose.ankle_turn, at),
+                    less(knee, vector(pose.hip, at)),
+                    less(vector(pose.ankle, at), knee),
+                    vector(shift, at),
+                )
+                put_leg(rotations, row, frame, foot, made)
+
+
+@cache
+def prepare() -> None:
+    """Compile the kinematics, or load them, before anybody walks."""
+    turns = np.ones((1, 1, POSED_JOINTS, 4), np.float32)
+    pose = pose_legs(Legs.empty(1), np.zeros((1, 1, 3), np.float32), turns)
+    warm(move_ankles, pose, np.zeros_like(pose.ankle), turns)
+
+
+@compiled
+def reach(before: float, wanted: float, leg: float) -> float:
+    """Metres from hip to ankle that a leg takes when it is `wanted`.
 
     Of the way from `before` to the full length a share is free, see `FREE`.
     """
     way = STRETCH * leg - before
-    near, rest = np.maximum(FREE * way, 1e-6), np.maximum((1 - FREE) * way, 1e-6)
+    near, rest = max(FREE * way, 1e-6), max((1 - FREE) * way, 1e-6)
     more = wanted - before
-    beyond = np.maximum(more - near, 0)
-    eased = np.minimum(more, near) + rest * (1 - np.exp(-beyond / rest))
-    return np.maximum(before + eased, np.minimum(before, FOLD * leg))
-
-
-def _quaternion(vector: Array, scalar: Array) -> Array:
-    return np.concatenate([vector, scalar[None]])
+    beyond = max(more - near, 0.0)
+    eased = min(more, near) + rest * (1 - exp(-beyond / rest))
+    return max(before + eased, min(before, FOLD * leg))

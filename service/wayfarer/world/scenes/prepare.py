@@ -1,13 +1,14 @@
 """Compiled rules, before anybody walks. `python -m wayfarer.world.scenes.prepare` keeps them."""
 
 from wayfarer.world.avoidance import avoid
+from wayfarer.world.output import footlock, legs, twobone
 from wayfarer.world.scenes import around
 
 
 def prepare() -> None:
     """Compile what is compiled, or load it."""
-    avoid.prepare()
-    around.prepare()
+    for rule in (avoid, around, legs, twobone, footlock):
+        rule.prepare()
 
 
 if __name__ == "__main__":
