@@ -3,11 +3,12 @@
 from wayfarer.world.avoidance import avoid
 from wayfarer.world.output import footlock, legs, twobone
 from wayfarer.world.scenes import around
+from wayfarer.world.stepping import guards, righting
 
 
 def prepare() -> None:
     """Compile what is compiled, or load it."""
-    for rule in (avoid, around, legs, twobone, footlock):
+    for rule in (avoid, around, legs, twobone, footlock, guards, righting):
         rule.prepare()
 
 
