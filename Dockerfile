@@ -43,7 +43,7 @@ RUN install --directory --owner wayfarer --mode 700 /var/lib/wayfarer
 ENV NUMBA_CACHE_DIR=/var/cache/wayfarer
 RUN install --directory --owner wayfarer --mode 700 /var/cache/wayfarer
 USER wayfarer
-RUN /opt/wayfarer/bin/python3 -m wayfarer.world.scenes.prepare
+RUN /opt/wayfarer/bin/python3 -m wayfarer.transport.prepare
 EXPOSE 8080 50051
 HEALTHCHECK --interval=10s --timeout=3s --start-period=20s --retries=3 \
   CMD ["wayfarer", "probe"]

@@ -120,7 +120,7 @@ $(VENV)/.serve: $(PACKAGE) $(PINNED) | $(BIN)/python
 	@echo "installing the service into $(VENV) (once; about half a minute)"
 	@$(BIN)/pip install --quiet --no-deps --require-hashes $(PINNED:%=--requirement %)
 	@$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
-	@$(BIN)/python -m wayfarer.world.scenes.prepare
+	@$(BIN)/python -m wayfarer.transport.prepare
 	@touch $@
 
 # Old releases of pip read the first variable for what builds a package, too; newer ones the second.

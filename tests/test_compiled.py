@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 
 from wayfarer import compiled
+from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.stepping.guards import bendable
+from wayfarer.world.stepping.righting import Step, righted
 
 TEXT = "from wayfarer.compiled import compiled\n@compiled\ndef rule(x):\n    return x + {}\n"
 
@@ -71,6 +74,12 @@ import numpy as np
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.stepping.guards import bearing, bendable
+from wayfarer.world.stepping.righting import Step, righted
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, encode
+from wayfarer.world.agents.agent import MotionChunks
+from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs
 from wayfarer.world.scenes.around import way_around
 
@@ -88,26 +97,73 @@ turns = random.normal(size=(3, 4, 22, 4)) * 0.2 + [0, 0, 0, 1]
 turns = (turns / np.linalg.norm(turns, axis=-1, keepdims=True)).astype("f4")
 hips = np.full((3, 4, 3), 0.6, "f4")
 feet = lock_feet(begin(legs, hips[:, 0], turns[:, 0]), legs, hips, turns)
+bent = bendable(turns, legs)
+bore = np.array(bearing(hips, turns, legs))
+mode, markers = np.arange(3, dtype=np.int8), random.normal(size=(3, 2, 67, 3)).astype("f4")
+eight = np.repeat(turns, 2, 1), np.repeat(hips, 2, 1)
+upright = righted(mode, Step(eight[1], eight[0], markers))
+moving = MotionChunks.of([chunk()])
+packed = [
+    np.frombuffer(encode(moving, Basis.UNITY, PoseFormat.choose(kind, profile, (), 20)).poses, "u1")
+    for kind in (PoseEncoding.F32_LE, PoseEncoding.SMALLEST_THREE)
+    for profile in (PoseProfile.BODY, PoseProfile.FULL)
+]
 room, corners = random.uniform(-0.2, 1, (30, 40)), np.zeros((64, 2), np.int64)
 room[0, 0] = room[-1, -1] = 1
 count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
 """
 
 
+KEPT = {
+    "found.velocity": 1e-5,
+    "feet.rotations": 1e-5,
+    "feet.state.shift": 1e-5,
+    "bent": 1e-6,
+    "bore": 1e-6,
+    "upright.rotations": 1e-6,
+    "upright.markers": 1e-5,
+    "np.concatenate(packed)": 0,
+    "corners": 0,
+    "count": 0,
+}
+"""What is compared, and how far it may be off."""
+
+
 def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_path):
     """Compiled code does not look: beyond an array it reads and writes what is not its own."""
-    keep = f"np.savez({str(tmp_path / 'plain.npz')!r}, v=found.velocity, c=corners, n=count"
-    keep += ", turns=feet.rotations, shift=feet.state.shift)"
+    keep = f"np.savez({str(tmp_path / 'plain.npz')!r}, {', '.join(KEPT)})"
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", RULES + keep], env=plain, check=True)
     names = {}
     exec(RULES, names)
     kept = np.load(tmp_path / "plain.npz")
-    np.testing.assert_allclose(names["found"].velocity, kept["v"], atol=1e-5)
-    np.testing.assert_allclose(names["feet"].rotations, kept["turns"], atol=1e-5)
-    np.testing.assert_allclose(names["feet"].state.shift, kept["shift"], atol=1e-5)
-    assert names["count"] == kept["n"] > 1
-    np.testing.assert_array_equal(names["corners"], kept["c"])
+    for number, (name, tolerance) in enumerate(KEPT.items()):
+        made = eval(name, names)
+        np.testing.assert_allclose(made, kept[f"arr_{number}"], atol=tolerance, err_msg=name)
+    assert names["count"] > 1
+    assert (names["bent"] != names["turns"]).any(), "a knee is bent too far"
+    assert names["upright"].rotations is not names["eight"][0], "somebody leans"
+
+
+@pytest.mark.parametrize("size", [1, 7, 64, 513])
+def test_what_a_compiled_rule_makes_of_a_row_does_not_depend_on_its_batch(size):
+    """To the last bit: replay needs it."""
+    names = {}
+    exec(RULES, names)
+    legs, turns, hips = names["legs"], names["turns"], names["hips"]
+    rows = np.random.default_rng(size).integers(0, len(turns), size)
+    many, far, shape = turns[rows], hips[rows], legs.take(rows)
+    feet = lock_feet(begin(shape, far[:, 0], many[:, 0]), shape, far, many)
+    eight = Step(np.repeat(far, 2, 1), np.repeat(many, 2, 1), names["markers"][rows])
+    upright = righted(names["mode"][rows], eight)
+    for made, alone in (
+        (feet.rotations, names["feet"].rotations),
+        (feet.state.shift, names["feet"].state.shift),
+        (bendable(many, shape), names["bent"]),
+        (upright.rotations, names["upright"].rotations),
+        (upright.markers, names["upright"].markers),
+    ):
+        np.testing.assert_array_equal(made, alone[rows])
 
 
 @pytest.fixture(autouse=True)

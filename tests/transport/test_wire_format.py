@@ -91,8 +91,8 @@ def test_words_of_smallest_three():
     assert table
     for quaternion, words in table:
         numbers = [float(text.replace("−", "-")) for text in quaternion.split(",")]
-        packed = smallest_three.pack(np.array(numbers))
-        assert packed.astype("<u2").tobytes().hex(" ") == words.strip("`")
+        packed = np.array(smallest_three.pack_one(*numbers), "<u2")
+        assert packed.tobytes().hex(" ") == words.strip("`")
 
 
 def test_the_example():

@@ -69,6 +69,12 @@ class Axes:
     def _quaternion_columns(self) -> tuple[tuple[int, float], ...]:
         return _columns(self.quaternion_matrix)
 
+    @cached_property
+    def quaternion_parts(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Of x, y, z, w here, which of the core's each is [4], and its sign [4]."""
+        sources, signs = zip(*self._quaternion_columns, strict=True)
+        return np.array(sources), np.array(signs, np.float32)
+
     @property
     def up(self) -> Array:
         """The core's +Z here [3]."""

@@ -5,7 +5,7 @@ from collections import OrderedDict
 from numpy.typing import NDArray
 
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.codec.packing import PackedPoses, encode
+from wayfarer.transport.codec.packing import PackedPoses, encode, prepare
 from wayfarer.transport.codec.pose_format import PoseFormat
 from wayfarer.world.agents.agent import MotionChunks
 
@@ -21,6 +21,7 @@ class PoseEncoder:
 
     def __init__(self, capacity: int = 4 << 20) -> None:
         """`capacity`: bytes that are remembered, the oldest are forgotten."""
+        prepare()
         self._capacity = capacity
         self._bytes = 0
         # the array is kept beside its id, which would otherwise be given to another one

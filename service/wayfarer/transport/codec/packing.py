@@ -1,25 +1,26 @@
 """Chunks of the runtime ↔ packed frames."""
 
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.compiled import compiled, warm
 from wayfarer.errors import InvalidArgument
-from wayfarer.spec import POSED_JOINTS
-from wayfarer.transport.basis import Axes, Basis
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import smallest_three
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
+from wayfarer.transport.codec.smallest_three import pack_one
 from wayfarer.world.agents.agent import MotionChunks
 
 FOOT_BITS: Final = np.array([1, 2], np.uint8)
 """Left, right."""
 
-BLOCK: Final = 128
-"""Chunks packed at once: what is read and made on the way stays in the processor's cache."""
-
-AT_REST: Final = np.array([0.0, 0.0, 0.0, 1.0], np.float32)
-"""The same in every basis."""
+Float = NDArray[np.float32]
+Words = NDArray[np.uint16]
+Index = NDArray[np.int64]
 
 
 class PackedPoses(NamedTuple):
@@ -45,13 +46,14 @@ def encode(
     Each begins with a frame whose number is a multiple of `spec.NEW_FRAMES`, and so of the stride
     of every format: what is sent stays evenly spaced from chunk to chunk.
     """
-    stride = pose_format.stride
-    translation, rotations = chunks.translation[:, ::stride], chunks.rotations[:, ::stride]
+    stride, axes = pose_format.stride, basis.axes
+    translation = chunks.translation[:, ::stride]
     packed = np.empty(translation.shape[:2], pose_format.frame)
-    for start in range(0, len(chunks), BLOCK):
-        block = slice(start, start + BLOCK)
-        basis.axes.points_to_wire(translation[block], out=packed["translation"][block])
-        _pack(rotations[block], basis.axes, pose_format, packed["rotations"][block])
+    axes.points_to_wire(translation, out=packed["translation"])
+    # arrays of another kind would be compiled for
+    rotations = np.require(chunks.rotations, np.float32, ("C", "W"))
+    pack = _PACKERS[pose_format.encoding]
+    pack(rotations, stride, pose_format.posed, *axes.quaternion_parts, packed["rotations"])
     contacts = (chunks.contacts[:, ::stride] * FOOT_BITS).sum(-1, dtype=np.uint8)
     return PackedPoses(packed.reshape(-1).view(np.uint8).data, contacts.tobytes())
 
@@ -76,20 +78,60 @@ def decode(
     )
 
 
-def _pack(
-    rotations: NDArray[np.float32], axes: Axes, pose_format: PoseFormat, out: NDArray[Any]
+@compiled
+def _pack_floats(
+    rotations: Float, stride: int, posed: Index, sources: Index, signs: Float, out: Float
 ) -> None:
-    """Rotations [A, F, 22, 4] into those of frames [A, F, B, …]."""
-    posed = pose_format.posed
-    if len(posed) < POSED_JOINTS:
-        rotations = rotations[:, :, posed]
-    moving, still = out[:, :, : len(posed)], out[:, :, len(posed) :]
-    if pose_format.encoding is PoseEncoding.SMALLEST_THREE:
-        moving[:] = smallest_three.pack(axes.quaternions_to_wire(rotations))
-        still[:] = smallest_three.pack(AT_REST)
-    else:
-        axes.quaternions_to_wire(rotations, out=moving)
-        still[:] = AT_REST  # fingers
+    """Rotations [A, F · stride, 22, 4] into those of frames [A, F, B, 4]: first the bones `posed`,
+    then fingers, which are at rest. `sources` and `signs` as of `Axes.quaternion_parts`.
+    """
+    for row in range(len(out)):
+        for frame in range(out.shape[1]):
+            for bone in range(out.shape[2]):
+                for k in range(4):
+                    if bone < len(posed):
+                        turned = rotations[row, stride * frame, posed[bone], sources[k]]
+                        out[row, frame, bone, k] = turned * signs[k]
+                    else:
+                        out[row, frame, bone, k] = 1.0 if k == 3 else 0.0
+
+
+@compiled
+def _pack_three(
+    rotations: Float, stride: int, posed: Index, sources: Index, signs: Float, out: Words
+) -> None:
+    """As `_pack_floats`, into words [A, F, B, 3] of smallest_three.py."""
+    still = pack_one(0.0, 0.0, 0.0, 1.0)
+    for row in range(len(out)):
+        for frame in range(out.shape[1]):
+            for bone in range(out.shape[2]):
+                words = still
+                if bone < len(posed):
+                    at = row, stride * frame, posed[bone]
+                    words = pack_one(
+                        signs[0] * rotations[(*at, sources[0])],
+                        signs[1] * rotations[(*at, sources[1])],
+                        signs[2] * rotations[(*at, sources[2])],
+                        signs[3] * rotations[(*at, sources[3])],
+                    )
+                for k in range(3):
+                    out[row, frame, bone, k] = words[k]
+
+
+_PACKERS: Final = {
+    PoseEncoding.F32_LE: _pack_floats,
+    PoseEncoding.SMALLEST_THREE: _pack_three,
+}
+
+
+@cache
+def prepare() -> None:
+    """Compile the packing, or load it, before anybody is sent."""
+    turns = np.ones((1, NEW_FRAMES, POSED_JOINTS, 4), np.float32)
+    for encoding, pack in _PACKERS.items():
+        out = np.empty((1, NEW_FRAMES), PoseFormat(encoding).frame)["rotations"]
+        parts = Basis.GLTF.axes.quaternion_parts
+        warm(pack, turns, 1, PoseFormat().posed, *parts, out)
 
 
 def _unpack(rotations: NDArray[Any], encoding: PoseEncoding) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.codec.packing import PackedPoses, encode
+from wayfarer.transport.codec.packing import PackedPoses, encode, prepare
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
 from wayfarer.transport.codec.root import pack_roots
 from wayfarer.world.agents.agent import MotionChunks
@@ -36,6 +36,7 @@ class TierEncoder:
 
     def __init__(self, capacity: int = 4 << 20) -> None:
         """`capacity`: bytes that are remembered, the oldest are forgotten."""
+        prepare()
         self._capacity = capacity
         self._bytes = 0
         self._packed: OrderedDict[Key, _Packed] = OrderedDict()

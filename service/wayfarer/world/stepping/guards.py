@@ -8,16 +8,30 @@ Repairs are rare; without one the output has the same bits. Pure functions of
 columns; rows do not influence each other. Angles in radians, frames at 40 per second.
 """
 
-from math import cos, radians, sin
+from functools import cache
+from math import atan2, cos, pi, radians, sin, sqrt
 from typing import Final
 
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
+from wayfarer.compiled import compiled, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Seeds
-from wayfarer.world.output.legs import KNEES, Legs
-from wayfarer.world.output.quaternion import Array, bounded, inverse, length, multiply, stacked
+from wayfarer.world.output import quaternion
+from wayfarer.world.output.legs import KNEES, Bones, Legs, bones, packed
+from wayfarer.world.output.quaternion import Array, length
+from wayfarer.world.output.turns import (
+    Turn,
+    Vector,
+    add,
+    bounded,
+    multiply,
+    put,
+    rotate,
+    turn,
+    vector,
+)
 from wayfarer.world.rows import Flags, Float
 
 KNEE: Final = (radians(-5), radians(150))
@@ -25,6 +39,9 @@ KNEE: Final = (radians(-5), radians(150))
 
 SIDEWAYS: Final = radians(30)
 """Angle that a knee is turned by at most beside its bend: people reach 31 degrees."""
+
+MOST_BESIDE: Final = sin(SIDEWAYS / 2) ** 2
+"""Square of the part of a knee's quaternion that is beside its bend, then."""
 
 FELL: Final = cos(radians(32))
 """Cosine of the lean beyond which a body has fallen; walking people never lean as far."""
@@ -35,6 +52,8 @@ FOLDED: Final = 0.76
 ARM_MOST: Final = radians(60)
 """Angle by which a joint of an arm turns at most while a body gets up."""
 
+SPINE: Final = tuple(joint_names().index(f"spine{k}") for k in (1, 2, 3))
+
 
 def _smoothest(path: Float) -> Float:
     """Turns [N, F, 4] between the second and the last of a joint's path [N, 2 + F, 4]: the cubic
@@ -42,9 +61,9 @@ def _smoothest(path: Float) -> Float:
     """
     turns = np.moveaxis(path, -1, 0).astype(np.float64)
     start = turns[:, :, 1]
-    whole = _vector(multiply(inverse(start), turns[:, :, -1]))
-    into = _vector(multiply(inverse(turns[:, :, 0]), start))
-    out = _vector(multiply(inverse(turns[:, :, -2]), turns[:, :, -1]))
+    whole = _vector(quaternion.multiply(quaternion.inverse(start), turns[:, :, -1]))
+    into = _vector(quaternion.multiply(quaternion.inverse(turns[:, :, 0]), start))
+    out = _vector(quaternion.multiply(quaternion.inverse(turns[:, :, -2]), turns[:, :, -1]))
     frames = path.shape[1] - 2
     fast = np.maximum(length(whole), 1e-6) * 3 / frames
     into, out = (v * np.minimum(1, fast / np.maximum(length(v), 1e-9)) for v in (into, out))
@@ -54,7 +73,9 @@ def _smoothest(path: Float) -> Float:
         + frames * into[..., None] * (t - 2 * t**2 + t**3)
         + frames * out[..., None] * (t**3 - t**2)
     )
-    found: Float = np.moveaxis(multiply(start[..., None], _turn(way)), 0, -1).astype(np.float32)
+    found: Float = np.moveaxis(quaternion.multiply(start[..., None], _turn(way)), 0, -1).astype(
+        np.float32
+    )
     return found
 
 
@@ -77,48 +98,51 @@ def bendable(rotations: Float, legs: Legs) -> Float:
     """Rotations [A, F, 22, 4] of a step with knees bent within `KNEE`, and no more than `SIDEWAYS`
     beside it; the same array if all are.
     """
-    knees = np.moveaxis(rotations[:, :, KNEES], -1, 0)  # [4, A, F, 2]
-    _, y, z, _ = knees
-    beside = y * y + z * z
-    if twisted := bool((beside > sin(SIDEWAYS / 2) ** 2).any()):
-        knees = _straightened(knees, beside)
-    bend = _flexion(knees, legs)
-    low, high = KNEE
-    excess = bend - bounded(bend, low, high)
-    if not (twisted or excess.any()):
+    seen = packed(rotations)
+    if not _bend(seen, legs.ankle, False):
         return rotations
-    half = excess / 2
-    zero = np.zeros_like(half)
-    limited = rotations.copy()
-    turned = multiply(stacked(np.sin(half), zero, zero, np.cos(half)), knees)
-    limited[:, :, KNEES] = np.moveaxis(np.where(excess == 0, knees, turned), 0, -1)
+    limited = seen.copy()
+    _bend(limited, legs.ankle, True)
     return limited
 
 
-def _straightened(knees: Array, beside: Array) -> Array:
-    """Knees [4, A, F, 2] with as much of their turn about Y and Z left as they have; `beside` is
-    the square of that part.
+@compiled
+def _bend(rotations: Float, rest: Float, mends: bool) -> bool:
+    """Whether a knee is bent as no knee can be, from its place in the T-pose to that of the ankle
+    `rest` [A, 2, 3]; if it `mends`, no longer.
     """
-    most = sin(SIDEWAYS / 2) ** 2
-    less = np.sqrt(np.minimum(1, most / np.maximum(beside, 1e-12)))
-    more = np.sqrt((1 - less * less * beside) / np.maximum(1 - beside, 1e-6))
-    x, y, z, w = knees
-    return np.where(beside > most, stacked(more * x, less * y, less * z, more * w), knees)
+    any_beyond = False
+    for row in range(len(rotations)):
+        for foot in range(2):
+            shin = vector(rest, (row, foot))
+            hanging = atan2(-shin[1], -shin[2])
+            for frame in range(rotations.shape[1]):
+                at = row, frame, KNEES[foot]
+                knee = turn(rotations, at)
+                beside = knee[1] * knee[1] + knee[2] * knee[2]
+                twisted = beside > MOST_BESIDE
+                if twisted:
+                    knee = _straightened(knee, beside)
+                ahead, up = rotate(knee, shin)[1:]
+                # -90° … 270°: a knee that is beyond straight by more than a quarter turn has been
+                # folded through the thigh
+                bend = (atan2(-ahead, -up) - hanging + pi / 2) % (2 * pi) - pi / 2
+                half = (bend - bounded(bend, KNEE[0], KNEE[1])) / 2
+                if twisted or half != 0:
+                    any_beyond = True
+                    if mends:
+                        put(rotations, at, multiply((sin(half), 0.0, 0.0, cos(half)), knee))
+    return any_beyond
 
 
-def _flexion(knees: Array, legs: Legs) -> Array:
-    """Radians that knees [4, A, F, 2] are bent from straight, -90° … 270°: a knee that is beyond
-    straight by more than a quarter turn has been folded through the thigh.
+@compiled
+def _straightened(knee: Turn, beside: float) -> Turn:
+    """A knee with as much of its turn about Y and Z left as it has; `beside` is the square of that
+    part, and too much.
     """
-    rest = np.moveaxis(legs.ankle, -1, 0)[:, :, None]  # [3, A, 1, 2] from the knee
-    x, y, z, w = knees
-    ahead = 2 * (x * y + w * z) * rest[0] + (1 - 2 * (x * x + z * z)) * rest[1]
-    ahead += 2 * (y * z - w * x) * rest[2]
-    up = 2 * (x * z - w * y) * rest[0] + 2 * (y * z + w * x) * rest[1]
-    up += (1 - 2 * (x * x + y * y)) * rest[2]
-    bend = np.arctan2(-ahead, -up) - np.arctan2(-rest[1], -rest[2])
-    found: Array = (bend + np.pi / 2) % (2 * np.pi) - np.pi / 2
-    return found
+    less = sqrt(MOST_BESIDE / beside)
+    more = sqrt((1 - MOST_BESIDE) / max(1 - beside, 1e-6))
+    return more * knee[0], less * knee[1], less * knee[2], more * knee[3]
 
 
 def fallen(translation: Float, rotations: Float, legs: Legs) -> Flags:
@@ -132,19 +156,41 @@ def bearing(translation: Float, rotations: Float, legs: Legs) -> tuple[Float, Fl
     """How upright bodies [A] are at the end of their step, as the cosine of their lean, and how
     high their hips, as a share of what they are in a stand: [A, F, 3], [A, F, 22, 4].
     """
-    trunk = np.moveaxis(rotations[:, -1, [0, *_SPINE]], -1, 0)  # [4, A, 4]
-    turn = trunk[:, :, 0]
-    upright = np.zeros(len(translation), np.float32)
-    for joint in range(1, 4):
-        turn = multiply(turn, trunk[:, :, joint])
-        x, y, _, _ = turn
-        upright += (1 - 2 * (x * x + y * y)) / 3
-    heel = legs.sole_of_ankle[:, :, 0, 2]
-    height = -(legs.hip + legs.knee + legs.ankle)[..., 2].mean(1) - heel.mean(1)
-    return upright, translation[:, -1, 2] / height
+    found = np.empty((2, len(rotations)), np.float32)
+    _bear(packed(translation), packed(rotations), bones(legs), found)
+    return found[0], found[1]
 
 
-_SPINE: Final = [joint_names().index(f"spine{k}") for k in (1, 2, 3)]
+@compiled
+def _bear(translation: Float, rotations: Float, legs: Bones, found: Float) -> None:
+    last = rotations.shape[1] - 1
+    for row in range(len(rotations)):
+        height = 0.0
+        for foot in range(2):
+            to_ankle = legs.hip[row, foot, 2] + legs.knee[row, foot, 2] + legs.ankle[row, foot, 2]
+            height -= (float(to_ankle) + float(legs.sole_of_ankle[row, foot, 0, 2])) / 2
+        found[0, row] = spine_up(rotations, row)[2]
+        found[1, row] = translation[row, last, 2] / height
+
+
+@compiled
+def spine_up(rotations: Float, row: int) -> Vector:
+    """Mean of where the joints of a row's spine point up in the last frame of [A, F, 22, 4]."""
+    frame = rotations.shape[1] - 1
+    above, up = turn(rotations, (row, frame, 0)), (0.0, 0.0, 0.0)
+    for joint in SPINE:
+        above = multiply(above, turn(rotations, (row, frame, joint)))
+        up = add(up, rotate(above, (0.0, 0.0, 1 / 3)))
+    return up
+
+
+@cache
+def prepare() -> None:
+    """Compile the guards, or load them, before anybody walks."""
+    turns, legs = np.ones((1, 1, POSED_JOINTS, 4), np.float32), Legs.empty(1)
+    warm(_bend, turns, legs.ankle, True)
+    hips, found = np.zeros((1, 1, 3), np.float32), np.empty((2, 1), np.float32)
+    warm(_bear, hips, turns, bones(legs), found)
 
 
 def got_up(seed: Seeds, stand: Motion) -> tuple[Float, Float]:
@@ -160,9 +206,13 @@ def got_up(seed: Seeds, stand: Motion) -> tuple[Float, Float]:
     translation += NEW_FRAMES * (t - 2 * t**2 + t**3) * speed
 
     last = np.moveaxis(seed.rotations[:, -1], -1, 0)  # [4, A, 22]
-    way = _vector(multiply(inverse(last), np.moveaxis(stand.seed.rotations[:, -1], -1, 0)))
+    way = _vector(
+        quaternion.multiply(
+            quaternion.inverse(last), np.moveaxis(stand.seed.rotations[:, -1], -1, 0)
+        )
+    )
     way[:, :, _ARMS] *= np.minimum(1, ARM_MOST / np.maximum(length(way[:, :, _ARMS]), 1e-9))
-    end_turns = np.moveaxis(multiply(last, _turn(way)), 0, -1)[:, None]
+    end_turns = np.moveaxis(quaternion.multiply(last, _turn(way)), 0, -1)[:, None]
     path = np.concatenate([seed.rotations, np.repeat(end_turns, NEW_FRAMES, axis=1)], 1)
     turns = np.stack([_smoothest(row.swapaxes(0, 1)).swapaxes(0, 1) for row in path])
     stand.seed.rotations[:, :, _ARMS] = turns[:, -1:, _ARMS]

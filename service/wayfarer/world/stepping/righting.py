@@ -9,30 +9,34 @@ into the markers that the next step starts from, and the next primitive follows 
 World space, metres, radians. Pure functions of columns: rows do not influence each other.
 """
 
-from math import radians
+from functools import cache
+from math import atan2, cos, radians, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from wayfarer.body.landmarks import marker_names
-from wayfarer.body.skeleton import joint_names
-from wayfarer.spec import NEW_FRAMES, SEED_FRAMES
+from wayfarer.compiled import compiled, warm
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.slots import Mode
-from wayfarer.world.output.quaternion import (
-    Array,
-    cross,
-    dot,
+from wayfarer.world.output.legs import packed
+from wayfarer.world.output.turns import (
+    Vector,
+    about,
+    add,
     inverse,
-    length,
+    less,
     multiply,
+    put,
+    put_vector,
     rotate,
-    stacked,
+    turn,
+    vector,
 )
 from wayfarer.world.rows import Float, Int8
+from wayfarer.world.stepping.guards import SPINE, spine_up
 
-EASE: Final = (0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)).astype(
-    np.float32
-)
+EASE: Final = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)
 """Share of the turn in each new frame: nothing at the seam, all of it at the end."""
 
 
@@ -57,8 +61,6 @@ TURN_MOST: Final = radians(5)
 PIVOT: Final = 0.21
 """Metres above the hips joint about which the spine bends as a whole."""
 
-SPINE: Final = [joint_names().index(f"spine{k}") for k in (1, 2, 3)]
-
 _BELOW: Final = (
     "FWT", "BWT", "HIP", "THI", "KNE", "KNI", "SHN", "CLF", "ANK", "HEE", "TOE", "MT1", "MT5",
 )  # fmt: skip
@@ -74,70 +76,83 @@ def _share(marker: str) -> float:
     return {"LNWST": 0.5, "RNWST": 0.5, "T10": 1}.get(marker, 1.5)
 
 
-_ALL: Final = np.array([_share(name) for name in marker_names()], np.float32)
-_MOVED: Final = np.flatnonzero(_ALL)
-_SHARES: Final = _ALL[_MOVED]
+SHARES: Final = np.array([_share(name) for name in marker_names()])
+
+WALKS: Final = np.array([mode in (Mode.WALKING, Mode.STOPPING, Mode.STRAFING) for mode in Mode])
+"""By mode: who has a walker's lean."""
 
 
 def righted(mode: Int8, step: Step) -> Step:
     """The step with a part of the lean taken off by its end of those [A] who lean too far, `mode`
     being theirs during it. The others are returned as they are, and the same step if nobody does.
     """
-    up = _up(np.moveaxis(step.rotations[:, -1, [0, *SPINE]], -1, 0))  # [3, A]
-    aside = length(up[:2])
-    lean = np.arctan2(aside, up[2])
-    walks = np.isin(mode, (Mode.WALKING, Mode.STOPPING, Mode.STRAFING))
-    excess = lean - np.where(walks, np.float32(MOST), np.float32(MOST_ON_THE_SPOT))
-    rows = np.flatnonzero(excess > 0)
-    if not len(rows):
+    given = Step(*(packed(values) for values in step))
+    if not _right(mode, given, False):
         return step
-    back = np.minimum(SHARE * excess[rows], TURN_MOST)[:, None] * EASE  # [R, F]
-    x, y = up[:2, rows] / np.maximum(aside[rows], 1e-6)
-    axis = stacked(y, -x, np.zeros_like(x))  # about which the spine comes up
-    rotations, markers = step.rotations.copy(), step.markers.copy()
-    rotations[rows] = _bent_back(step.rotations[rows], axis[..., None], back)
-    last = slice(-SEED_FRAMES, None)
-    hips = np.moveaxis(step.rotations[rows, last, 0], -1, 0)
-    above = rotate(hips, np.array([0, 0, PIVOT], np.float32)[:, None, None])
-    pivot = np.moveaxis(step.translation[rows, last], -1, 0) + above
-    markers[rows] = _swung(markers[rows], pivot[..., None], axis[..., None, None], back[:, last])
-    return step._replace(rotations=rotations, markers=markers)
-
-
-def _up(trunk: Array) -> Array:
-    """Mean of where the spine's joints point up [3, A]; rotations [4, A, 4] from hips to chest."""
-    turn = trunk[..., 0]
-    total = np.zeros((3, turn.shape[1]), np.float32)
-    for joint in range(1, 4):
-        turn = multiply(turn, trunk[..., joint])
-        x, y, z, w = turn
-        total += stacked(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
-    return total / 3
-
-
-def _bent_back(rotations: Float, axis: Array, back: Array) -> Float:
-    """Rotations [R, F, 22, 4] with the spine turned by radians `back` [R, F] about the world's
-    `axis` [3, R, 1] in the mean.
-    """
-    local = np.moveaxis(rotations, -1, 0)  # [4, R, F, 22]
-    above, half = local[..., 0], back / 2
-    bent = rotations.copy()
-    for joint in SPINE:
-        about = rotate(inverse(above), axis) * np.sin(half / 2)
-        turn = stacked(*about, np.cos(half / 2))
-        bent[:, :, joint] = np.moveaxis(multiply(turn, local[..., joint]), 0, -1)
-        above = multiply(above, local[..., joint])
-    return bent
-
-
-def _swung(markers: Float, pivot: Array, axis: Array, back: Array) -> Float:
-    """Markers [R, S, 67, 3], those above the hips turned by `back` [R, S] about `axis` [3, R, 1, 1]
-    through `pivot` [3, R, S, 1] (Rodrigues).
-    """
-    arm = np.moveaxis(markers[:, :, _MOVED], -1, 0) - pivot
-    turn = back[..., None] * _SHARES
-    sin, cos = np.sin(turn), np.cos(turn)
-    swung = cos * arm + sin * cross(axis, arm) + (1 - cos) * dot(axis, arm) * axis
-    found = markers.copy()
-    found[:, :, _MOVED] = np.moveaxis(swung + pivot, 0, -1)
+    found = Step(step.translation, given.rotations.copy(), given.markers.copy())
+    _right(mode, found, True)
     return found
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    turns = np.ones((1, NEW_FRAMES, POSED_JOINTS, 4), np.float32)
+    markers = np.zeros((1, SEED_FRAMES, len(SHARES), 3), np.float32)
+    step = Step(np.zeros((1, NEW_FRAMES, 3), np.float32), turns, markers)
+    warm(_right, np.zeros(1, np.int8), step, True)
+
+
+@compiled
+def _right(mode: Int8, step: Step, mends: bool) -> bool:
+    """Whether somebody leans too far; if it `mends`, less."""
+    any_leans = False
+    for row in range(len(mode)):
+        up = spine_up(step.rotations, row)
+        aside = sqrt(up[0] * up[0] + up[1] * up[1])
+        excess = atan2(aside, up[2]) - (MOST if WALKS[mode[row]] else MOST_ON_THE_SPOT)
+        if excess <= 0:
+            continue
+        any_leans = True
+        if not mends:
+            break
+        wide = max(aside, 1e-6)
+        axis = up[1] / wide, -up[0] / wide, 0.0  # about which the spine comes up
+        back = min(SHARE * excess, TURN_MOST)
+        for frame in range(NEW_FRAMES):
+            seed = frame - (NEW_FRAMES - SEED_FRAMES)
+            if seed >= 0:
+                hips = turn(step.rotations, (row, frame, 0))
+                above = rotate(hips, (0.0, 0.0, PIVOT))
+                pivot = add(vector(step.translation, (row, frame)), above)
+                _swing(step.markers, row, seed, pivot, axis, back * EASE[frame])
+            _bend_back(step.rotations, row, frame, axis, back * EASE[frame])
+    return any_leans
+
+
+@compiled
+def _bend_back(rotations: Float, row: int, frame: int, axis: Vector, back: float) -> None:
+    """Turn the spine in rotations [A, F, 22, 4] by radians `back` about the world's `axis` in the
+    mean.
+    """
+    above = turn(rotations, (row, frame, 0))
+    sine, cosine = sin(back / 4), cos(back / 4)
+    for joint in SPINE:
+        local = turn(rotations, (row, frame, joint))
+        more = about(rotate(inverse(above), axis), sine, cosine)
+        put(rotations, (row, frame, joint), multiply(more, local))
+        above = multiply(above, local)
+
+
+@compiled
+def _swing(markers: Float, row: int, frame: int, pivot: Vector, axis: Vector, back: float) -> None:
+    """Turn those of markers [A, S, 67, 3] that are above the hips by `back` about `axis` through
+    `pivot`.
+    """
+    for marker in range(len(SHARES)):
+        if SHARES[marker] > 0:
+            half = back * SHARES[marker] / 2
+            at = row, frame, marker
+            arm = less(vector(markers, at), pivot)
+            swung = rotate(about(axis, sin(half), cos(half)), arm)
+            put_vector(markers, at, add(pivot, swung))
