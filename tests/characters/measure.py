@@ -1,9 +1,10 @@
 """What a player shows of a GLB with one animation, as figures: joints, skin and soles.
 
-    python -m tests.characters.measure [--seconds 8] [CHARACTER.glb ...]
+    python -m tests.characters.measure [--seconds 8] [--live] [CHARACTER.glb ...]
 
 puts the motion of `wayfarer generate --goal 3,2` on each file (default: all of
-tests/characters/cases) and prints a row for each, or the refusal.
+tests/characters/cases) and prints a row for each, or the refusal. With --live it is a person who
+walks straight ahead on characters of many sizes, not scaled: what a live session shows.
 """
 
 import argparse
@@ -11,15 +12,16 @@ import contextlib
 import io
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, fields
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
+from tests.characters.made import person
 from wayfarer.characters.character import Character
 from wayfarer.clips import generate as command
 from wayfarer.clips.clip import Clip
@@ -37,6 +39,8 @@ NEAR = 0.01
 """Metres within which skin touches the ground, for a person's size."""
 PERSON = 0.85
 """Metres from a person's thigh joints to the ankles: lengths are scaled with it."""
+SIZES = (0.62, 0.66, 0.75, 0.93, 1.0, 1.5, 2.1, 5.0)
+"""Of a live session's characters: 1 to 8 m."""
 KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -356,21 +360,34 @@ def retargeted(data: bytes) -> tuple[bytes, Array]:
     return on_character(clip, character, FileOptions(), "walk", scale), np.asarray(clip.contacts)
 
 
+def live(size: float) -> Figures:
+    """Of a mean woman of this size, who has the motion of one of size 1, not scaled."""
+    clip = straight(14.0, 5.0)[60:]
+    data = on_character(clip, Character.read(person(size).data()), FileOptions(), "walk")
+    return figures(data, np.asarray(clip.contacts))
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("--live", action="store_true")
     parser.add_argument("files", type=Path, nargs="*")
     given = parser.parse_args()
     names = [column.name for column in fields(Figures)]
     sys.stdout.write(f"| file | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}\n")
-    for file in given.files or sorted(CASES.glob("*.glb")):
+    made: dict[str, Callable[[], Figures]] = {
+        file.stem: partial(lambda file: figures(*walked(file, given.seconds)), file)
+        for file in given.files or sorted(CASES.glob("*.glb"))
+    }
+    if given.live:
+        made = {f"size {size}": partial(live, size) for size in SIZES}
+    for name, measured in made.items():
         try:
-            found = astuple(figures(*walked(file, given.seconds)))
-            row = " | ".join(f"{cell:.2f}" for cell in found)
+            row = " | ".join(f"{cell:.2f}" for cell in astuple(measured()))
         except WayfarerError as refusal:
             row = f"refused: {refusal}"
-        sys.stdout.write(f"| {file.stem} | {row} |\n")
+        sys.stdout.write(f"| {name} | {row} |\n")
 
 
 if __name__ == "__main__":
