@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from ipaddress import ip_address
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import structlog
 import typer
@@ -32,12 +32,14 @@ if TYPE_CHECKING:  # Ray takes seconds to import
 
 log = structlog.get_logger(__name__)
 
+T = TypeVar("T")
+
 SECRET: Final = "WF_CLUSTER_SECRET"
 """Environment variable, without the prefix of settings."""
 
 SECRET_LENGTH: Final = 16
 LOOK_S: Final = 2.0
-"""Seconds between checks for new machines of Ray."""
+"""Seconds between checks for new machines of Ray, and of its head."""
 
 app = typer.Typer(
     help="Run many servers as one service, on Ray (docs/cluster.md).",
@@ -96,12 +98,12 @@ def start_command(
     try:
         link = ray.directory(rules)
         if address:
-            run(_enter(settings, link, secret, _covered(ray, settings, secret, go_on)))
+            run(_enter(settings, link, secret, ray, _covered(ray, settings, secret, go_on)))
         else:
             each = {"threads": settings.threads or max(1, cores() // nodes)}
             for number in range(nodes):
                 ray.keep(_plan(f"node{number}", number, settings, each, secret, go_on))
-            run(_enter(settings, link, secret))
+            run(_enter(settings, link, secret, ray))
     finally:
         ray.close()
     log.info("stopped; the nodes go on" if address else "stopped")
@@ -124,7 +126,7 @@ def entry_command(
     try:
         for host in ray.machines().values():
             _check_links(settings, host)
-        run(_enter(settings, ray.find_directory(), secret))
+        run(_enter(settings, ray.find_directory(), secret, ray))
     finally:
         ray.close()
     log.info("stopped; the nodes go on")
@@ -134,6 +136,7 @@ async def _enter(
     settings: Settings,
     link: DirectoryLink,
     secret: str,
+    ray: "RayCluster",
     beside: contextlib.AbstractAsyncContextManager[None] | None = None,
 ) -> None:
     """Run an entry until a signal comes."""
@@ -143,6 +146,7 @@ async def _enter(
     warn_if_open(settings)
     entry = Entry(settings, DirectoryClient(link), secret, stop.set)
     await entry.start()
+    watching = asyncio.create_task(_watch_head(ray, entry), name="head")
     async with beside or contextlib.nullcontext():
         while not (entry.finder.ready or stop.is_set()):
             await asyncio.sleep(0.1)
@@ -150,7 +154,18 @@ async def _enter(
             log.info("ready", http=entry.http_url, grpc=entry.grpc_address)
         await stop.wait()
         log.info("draining")
+    watching.cancel()
     await entry.stop()
+
+
+async def _watch_head(ray: "RayCluster", entry: Entry) -> None:
+    """For ever: let the entry tell whether Ray's head answers."""
+    while True:
+        answers = await _on_daemon(ray.head_answers)
+        if answers == (entry.finder.head is False):  # it was otherwise
+            log.warning("Ray's head answers again" if answers else "Ray's head is away")
+        entry.finder.head = answers
+        await asyncio.sleep(LOOK_S)
 
 
 @contextlib.asynccontextmanager
@@ -203,21 +218,19 @@ async def _covered(
         await asyncio.wait([task])
 
 
-async def _on_daemon(work: Callable[[], None]) -> None:
+async def _on_daemon(work: Callable[[], T]) -> T:
     """Run on a thread whose end the process does not wait for: Ray may never answer it."""
-    done = Future[None]()
+    done = Future[T]()
     done.set_running_or_notify_cancel()  # a call that cannot be stopped must not be cancelled
 
     def run_it() -> None:
         try:
-            work()
+            done.set_result(work())
         except Exception as error:
             done.set_exception(error)
-        else:
-            done.set_result(None)
 
     threading.Thread(target=run_it, name="machines", daemon=True).start()
-    await asyncio.wrap_future(done)
+    return await asyncio.wrap_future(done)
 
 
 def _plan(

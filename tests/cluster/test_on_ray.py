@@ -11,7 +11,9 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import httpx
 import psutil
@@ -19,6 +21,7 @@ import pytest
 
 from tests.certificates import Authority
 from tests.serving import LIGHT
+from wayfarer import errors
 from wayfarer_client import AgentSpec, Client, Flag, Unavailable
 
 if find_spec("ray") is None:
@@ -86,6 +89,10 @@ class Command:
         """Status and document."""
         answer = httpx.get(self.url + "/v1/health/ready")
         return answer.status_code, answer.json()
+
+    def processor_s(self):
+        """Of the command itself."""
+        return sum(psutil.Process(self.process.pid).cpu_times()[:2])
 
     async def until(self, good, what, seconds=90):
         ends_at = time.monotonic() + seconds
@@ -218,12 +225,16 @@ async def test_three_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
         assert command.health()[0] == 503
         figures = (await asyncio.to_thread(httpx.get, command.url + "/metrics")).text
         assert "wayfarer_cluster_directory_up 0.0" in figures
+        await command.until(lambda: command.health()[1]["head"] is False, "its end is told")
         async with Client(command.grpc, timeout=2) as other:
             with pytest.raises(Unavailable, match="directory"):
                 await other.create_session()
             found = await other.session(newcomer.session_id)
             assert len(await found.agents()) == 1, "what lives is found"
+        spent = command.processor_s()
+        began = time.monotonic()
         await all_go_on(everybody)
+        assert command.processor_s() - spent < 0.3 * (time.monotonic() - began), "it spins"
         for one in everybody:
             one.task.cancel()
     assert len(command.processes("wayfarer node")) == NODES + 1
@@ -238,6 +249,29 @@ async def test_it_ends_by_ctrl_c_while_ray_is_well(start):
         async with session.stream() as stream:
             assert len((await anext(aiter(stream))).frames) == 1
     command.ctrl_c()
+
+
+async def test_a_directory_that_does_not_answer_is_looked_for_again(monkeypatch):
+    """Its first handle is kept: Ray ends an actor of one program when that is let go."""
+    from wayfarer.cluster import ray_actors
+
+    def handle(result):
+        answered = Future()
+        if isinstance(result, Exception):
+            answered.set_exception(result)
+        else:
+            answered.set_result(result)
+        asked = SimpleNamespace(future=lambda: answered)
+        return SimpleNamespace(answer=SimpleNamespace(remote=lambda *told: asked))
+
+    lost = handle(ray_actors.ray.exceptions.RayError())
+    link = ray_actors.RayLink(lost)
+    monkeypatch.setattr(ray_actors.ray, "get_actor", lambda name: handle(f"{name} is here"))
+    with pytest.raises(errors.Unavailable, match="RayError"):
+        await link.call("status", "null")
+    link._finding.join()
+    assert await link.call("status", "null") == "directory is here"
+    assert link._first is lost
 
 
 def test_ray_calls_nobody():

@@ -89,6 +89,8 @@ class NodeFinder:
         self.closing = False
         self._heard_at = float("-inf")
         self.status: Status | None = None
+        self.head: bool | None = None
+        """Ray's head answers. None: there is no Ray, or nobody has looked yet."""
 
     async def watch(self) -> None:
         """For ever: follow the directory."""
@@ -279,6 +281,7 @@ class Entry:
         good = probe == "live" or (probe in ("ready", "startup") and where.ready)
         nodes = len(where.status.nodes) if where.status else 0
         told = {"status": probe if good else f"not {probe}", "nodes": nodes, "away": where.away}
+        told |= {} if where.head is None else {"head": where.head}
         return JSONResponse(told, 200 if good else 503)
 
     async def _status(self, request: Request) -> Response:
@@ -286,7 +289,8 @@ class Entry:
         current_caller().require(Scope.READ)
         if self.finder.status is None or self.finder.away:
             raise Unavailable("the cluster's directory is away")
-        return JSONResponse(self.finder.status.model_dump(mode="json"))
+        told = self.finder.status.model_dump(mode="json")
+        return JSONResponse(told | {"head": self.finder.head})
 
     async def _drain(self, request: Request) -> Response:
         """Let a node give its sessions to others, and end."""
@@ -350,6 +354,8 @@ class _ClusterFigures(Collector):
     def collect(self) -> Iterator[Metric]:
         where = self._finder
         yield _gauge("directory_up", "The directory answers", float(not where.away))
+        if where.head is not None:
+            yield _gauge("head_up", "Ray's head answers", float(where.head))
         status = where.status
         if status is None:
             return

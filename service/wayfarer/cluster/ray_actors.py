@@ -6,6 +6,7 @@ Ray starts these actors, watches them and starts them again; between them go two
 
 import asyncio
 import atexit
+import contextlib
 import hashlib
 import os
 import signal
@@ -64,13 +65,16 @@ GRACE_S: Final = 5.0
 """Beyond what a node takes at most to drain."""
 
 FOREVER: Final = -1
+ALIVE: Final = 0  # of GcsNodeInfo.GcsNodeState
 
 
 class RayLink:
     """To the directory's actor."""
 
     def __init__(self, directory: Any) -> None:
-        self._directory = directory
+        self._directory = self._first = directory
+        """Where Ray has it for this process alone, it ends once the first handle is let go."""
+        self._finding = threading.Thread()
 
     async def call(self, method: str, body: str) -> str:
         """See `DirectoryLink`."""
@@ -78,8 +82,22 @@ class RayLink:
             asked = self._directory.answer.remote(method, body).future()
             answer: str = await asyncio.wait_for(asyncio.wrap_future(asked), CALL_S)
         except (TimeoutError, ray.exceptions.RayError) as error:
+            self._find_again()
             raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
         return answer
+
+    def _find_again(self) -> None:
+        """If Ray has started it again, and its head as well, an earlier handle gets no answer ever.
+
+        On a thread, since Ray waits for its head.
+        """
+        if not self._finding.is_alive():
+            self._finding = threading.Thread(target=self._find, name="directory", daemon=True)
+            self._finding.start()
+
+    def _find(self) -> None:
+        with contextlib.suppress(ValueError, ray.exceptions.RayError):
+            self._directory = ray.get_actor(DIRECTORY)
 
 
 class DirectoryActor:
@@ -147,9 +165,11 @@ class RayCluster:
                     **common,
                 )
             else:
-                ray.init(address, **common)
-        except (ConnectionError, ray.exceptions.RayError) as error:
-            raise Unavailable(f"no Ray cluster at {address or 'this machine'}: {error}") from None
+                ray.init(address, log_to_driver=False, **common)
+        except Exception as error:  # Ray raises many kinds: also of tokens, and of slow machines
+            where, told = address or "this machine", (str(error).splitlines() or [""])[-1]
+            raise Unavailable(f"no Ray cluster at {where}: {told}") from None
+        self._head = ray.get_runtime_context().gcs_address
 
     def directory(self, rules: LeaseRules) -> RayLink:
         """Start it, unless it runs. Raises InvalidArgument, Unavailable."""
@@ -177,12 +197,27 @@ class RayCluster:
             )
         return RayLink(found)
 
+    def head_answers(self) -> bool:
+        """Whether somebody listens at Ray's head. When nobody does, this process reads its logs and
+        errors no more: Ray's threads would ask a head that is away without a pause, for ever.
+        """
+        try:
+            _find(self._head)
+        except Unavailable:
+            _worker().threads_stopped.set()
+            return False
+        return True
+
     def machines(self) -> dict[str, str]:
-        """Ray's nodes that may work: address by id."""
+        """Ray's nodes that may work: address by id. Raises Unavailable."""
+        try:  # `ray.nodes()` ends this process where a new head has forgotten the old one's state
+            found = _worker().gcs_client.get_all_node_info(timeout=FIND_S)
+        except ray.exceptions.RayError as error:
+            raise Unavailable(f"Ray's head does not tell its machines: {error}") from None
         return {
-            one["NodeID"]: one["NodeManagerAddress"]
-            for one in ray.nodes()
-            if one["Alive"] and one["Resources"].get("CPU", 0) > 0
+            one.hex(): told.node_manager_address
+            for one, told in found.items()
+            if told.state == ALIVE and told.resources_total.get("CPU", 0) > 0
         }
 
     def keep(self, plan: NodePlan, machine: str = "") -> None:
@@ -225,6 +260,11 @@ class RayCluster:
         """Options of an actor: it needs no core, is started again, and is one of its name."""
         life = {} if self._own else {"lifetime": "detached"}
         return {"num_cpus": 0, "max_restarts": FOREVER, "get_if_exists": True, **life}
+
+
+def _worker() -> Any:
+    """Ray's own state of this process; that it offers no other way is seen in tests."""
+    return ray._private.worker.global_worker
 
 
 def _runs(name: str) -> bool:
