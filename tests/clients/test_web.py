@@ -38,7 +38,7 @@ def test_an_agent_walks_to_its_goal_on_characters_of_each_engine(real_server):
 
 @with_tools
 def test_its_types_are_right_and_it_is_fit_to_publish(tmp_path):
-    """`npm pack` writes the types, as an installation does; two tools check the package of a user."""
+    """`npm pack` writes the types, as an installation does; two tools check the package."""
     shutil.rmtree(FOLDER / "types", ignore_errors=True)
     run("node_modules/.bin/tsc", "--project", "tsconfig.json", "--outDir", str(tmp_path / "types"))
     (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
