@@ -1,8 +1,9 @@
 import pytest
 
-from wayfarer.cluster.routes import METHODS, RouteKind, http_kind, http_subject
+from wayfarer.cluster.routes import METHODS, grpc_subject, http_is_for_all, http_subject
 from wayfarer.service.persistence.container import ContainerKind as Container
 from wayfarer.service.persistence.container import seal
+from wayfarer.transport.contract import CALLS
 from wayfarer.v1 import (
     control_pb2,
     goal_pb2,
@@ -11,6 +12,7 @@ from wayfarer.v1 import (
     session_pb2,
     snapshot_pb2,
 )
+from wayfarer.v1.options_pb2 import CallOptions
 
 # fixed, since parametrized tests need the same names in every process
 SESSION, SCENE = "session-35b8bb18b6d57bb7", "scene-6cfe141cc4da068c"
@@ -20,22 +22,21 @@ SNAPSHOT = seal(
 )
 
 
-def kinds() -> dict[str, RouteKind]:
-    return {path.rpartition("/")[2]: method.kind for path, method in METHODS.items()}
-
-
 def test_every_method_goes_somewhere_sensible():
-    found = kinds()
-    assert {n for n, k in found.items() if k is RouteKind.NEW} == {
+    found: dict[int, set[str]] = {}
+    for call in CALLS.values():
+        found.setdefault(call.options.routing, set()).add(call.name)
+    assert found[CallOptions.ROUTING_NEW] == {
         "CreateSession",
         "CreateScene",
         "CreateMeshScene",
         "CreateExampleScene",
     }
-    assert {n for n, k in found.items() if k is RouteKind.IMPORT} == {"ImportSession"}
+    assert found[CallOptions.ROUTING_IMPORT] == {"ImportSession"}
     everywhere = {"ListSessions", "ListScenes", "LoadModel", "UseModel", "UnloadModel", "Drain"}
-    assert {n for n, k in found.items() if k is RouteKind.ALL} == everywhere
-    anywhere = {
+    assert found[CallOptions.ROUTING_ALL] == everywhere
+    named = found[CallOptions.ROUTING_UNSPECIFIED]
+    assert {n for n in named if grpc_subject(CALLS[n], b"") == ("any", "")} == {
         "GetSkeleton",
         "ListExampleScenes",
         "ListBodies",
@@ -45,8 +46,6 @@ def test_every_method_goes_somewhere_sensible():
         "GenerateClip",
         "Replay",
     }
-    assert {n for n, k in found.items() if k is RouteKind.ANY} == anywhere
-    assert len([k for k in found.values() if k is RouteKind.NAMED]) == len(found) - 19
 
 
 @pytest.mark.parametrize(
@@ -65,14 +64,14 @@ def test_every_method_goes_somewhere_sensible():
 )
 def test_grpc_calls_are_about_whom_they_name(request_):
     (method,) = (m for m in METHODS.values() if m.request.DESCRIPTOR == request_.DESCRIPTOR)
-    kind, name = method.subject(request_.SerializeToString())
+    kind, name = grpc_subject(method, request_.SerializeToString())
     assert kind == "named" and name in (SESSION, SCENE, AGENT)
 
 
 def test_a_new_session_is_known_by_its_request_id():
     method = METHODS["/wayfarer.v1.SessionService/CreateSession"]
     data = session_pb2.CreateSessionRequest(request_id="r").SerializeToString()
-    assert method.subject(data) == ("new", "r")
+    assert grpc_subject(method, data) == ("new", "r")
     for body, known in (
         (b'{"request_id": "s"}', "s"),
         (b"", "key"),
@@ -90,15 +89,15 @@ def test_a_session_goes_where_its_scene_is_and_a_mesh_by_its_request_id():
     assert http_subject("POST", "/v1/scenes/mesh", "", "key", b"") == ("new", "key")
     header = scene_pb2.CreateMeshSceneRequest(header={"scene": {"request_id": "n"}})
     method = METHODS["/wayfarer.v1.SceneService/CreateMeshScene"]
-    assert method.subject(header.SerializeToString()) == ("new", "n")
+    assert grpc_subject(method, header.SerializeToString()) == ("new", "n")
 
 
 def test_what_cannot_be_read_goes_somewhere_to_be_refused():
     method = METHODS["/wayfarer.v1.SessionService/GetSession"]
-    assert method.subject(b"\xff") == ("any", "")
+    assert grpc_subject(method, b"\xff") == ("any", "")
     damaged = snapshot_pb2.ImportSessionRequest(snapshot=SNAPSHOT[:20]).SerializeToString()
     method = METHODS["/wayfarer.v1.SnapshotService/ImportSession"]
-    assert method.subject(damaged)[0] == "named"
+    assert grpc_subject(method, damaged)[0] == "named"
 
 
 @pytest.mark.parametrize(
@@ -143,4 +142,4 @@ def test_an_imported_session_goes_where_its_id_says():
     ],
 )
 def test_what_concerns_all_is_asked_of_all(method, path):
-    assert http_kind(method, path) is RouteKind.ALL
+    assert http_is_for_all(method, path)

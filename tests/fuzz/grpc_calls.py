@@ -10,7 +10,7 @@ from google.protobuf.descriptor import MethodDescriptor
 
 from tests.fuzz.inputs import Inputs
 from tests.fuzz.tally import Quota, Tally
-from wayfarer.transport.grpc_server.server import FILES
+from wayfarer.transport.contract import FILES
 
 SURFACE = "gRPC"
 PORT_SURFACE = "gRPC port"

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import grpc_tools
 import protoc
 import pytest
 from google.protobuf import descriptor_pb2
@@ -19,6 +20,9 @@ SOURCES = sorted(f"wayfarer/v1/{path.name}" for path in (PROTO / "wayfarer" / "v
 STEMS = sorted(Path(source).stem for source in SOURCES)
 OLDEST = str(protoc.PROTOC_EXE)
 """3.21, from the wheel of the same version; `libprotoc 21.11` and 3.21.11 are the same."""
+
+WELL_KNOWN = Path(grpc_tools.__file__).parent / "_proto"
+"""descriptor.proto, which options.proto imports: Debian has it in libprotobuf-dev."""
 
 compilers = pytest.mark.parametrize(
     "compiler",
@@ -36,7 +40,10 @@ compilers = pytest.mark.parametrize(
 def compiled(compiler: str, out: Path, *options: str) -> list[str]:
     """Files that are made, relative to `out`."""
     done = subprocess.run(
-        [compiler, f"-I{PROTO}", *options, *SOURCES], capture_output=True, text=True, check=False
+        [compiler, f"-I{PROTO}", f"-I{WELL_KNOWN}", *options, *SOURCES],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert not done.stderr

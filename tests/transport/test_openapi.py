@@ -17,7 +17,7 @@ from tests.transport.fakes import gateway
 from wayfarer.body.phenotype import LIMITS
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.grpc_server.server import FILES
+from wayfarer.transport.contract import FILES
 from wayfarer.transport.http_server import http_app
 
 GUIDE = (Path(__file__).parents[2] / "docs" / "api.md").read_text("utf-8")

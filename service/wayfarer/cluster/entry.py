@@ -31,11 +31,11 @@ from wayfarer.cluster.messages import NodeInfo, Status
 from wayfarer.cluster.peer import Peers
 from wayfarer.cluster.routes import (
     METHODS,
-    RoutedMethod,
-    RouteKind,
     Subject,
-    http_kind,
+    grpc_subject,
+    http_is_for_all,
     http_subject,
+    is_for_all,
     session_of,
 )
 from wayfarer.cluster.slot_map import SlotMap, endpoint
@@ -51,10 +51,12 @@ from wayfarer.service.stats import LoopStats
 from wayfarer.transport import errors
 from wayfarer.transport.asgi import front
 from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.contract import Rpc, from_message
 from wayfarer.transport.grpc_guard import GuardInterceptor
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
 from wayfarer.transport.http_guard import SUBPROTOCOL
+from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.ports import bind, http_url
 from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem_handlers
 from wayfarer.transport.residence import misdirected
@@ -200,7 +202,7 @@ class Entry:
         app.add_middleware(
             RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes
         )
-        every.add_routes(app)
+        app.include_router(call_routes(every.calls, {}))
         app.router.routes += [
             WebSocketRoute("/v1/stream", self._socket_redirect),
             WebSocketRoute("/v1/control", self._socket_redirect),
@@ -251,7 +253,7 @@ class Entry:
 
     async def _redirect(self, request: Request) -> Response:
         path, verb = request.scope["path"], request.method
-        if http_kind(verb, path) is RouteKind.ALL:
+        if http_is_for_all(verb, path):
             raise _for_each(f"{verb} {path}")
         key = request.headers.get("idempotency-key", "")
         body = b"" if path == MESHES else await request.body()
@@ -320,23 +322,23 @@ class _Redirecting(grpc.GenericRpcHandler):
                     first = await anext(requests, b"")
             except TimeoutError:
                 raise InvalidArgument(f"no request has come within {FIRST_S:g} s") from None
-            if method.kind is RouteKind.ALL:
+            if is_for_all(method):
                 yield await self._on_all(method, first)
             else:
                 raise await self._elsewhere(method, first)
 
         return grpc.stream_stream_rpc_method_handler(handle)
 
-    async def _on_all(self, method: RoutedMethod, first: bytes) -> bytes:
-        call = self._calls[method.path.rpartition("/")[2]]
+    async def _on_all(self, method: Rpc, first: bytes) -> bytes:
+        call = from_message(method, self._calls[method.name])
         try:
             asked = method.request.FromString(first)
         except DecodeError:
             raise InvalidArgument("not a protobuf message of this call; see proto/") from None
-        return answer(method.reply, await call(asked)).SerializeToString()
+        return answer(method.response, await call(asked)).SerializeToString()
 
-    async def _elsewhere(self, method: RoutedMethod, first: bytes) -> WayfarerError:
-        subject = method.subject(first)
+    async def _elsewhere(self, method: Rpc, first: bytes) -> WayfarerError:
+        subject = grpc_subject(method, first)
         node = await self._finder.node(subject, current_caller().name)
         return _elsewhere(subject, method.path, node)
 

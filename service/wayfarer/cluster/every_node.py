@@ -5,7 +5,6 @@ from collections.abc import Awaitable, Callable, Iterable
 from typing import Any, Final
 
 import structlog
-from fastapi import FastAPI
 
 from wayfarer.cluster.messages import NodeInfo, NodeQuestion, heard, problem, value
 from wayfarer.cluster.peer import CALL_S, Peers
@@ -13,8 +12,6 @@ from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.transport import schema
 from wayfarer.transport.caller import Caller, Scope, current_caller, enter
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.http_server.parameters import ModelName
-from wayfarer.transport.wire import parse
 
 log = structlog.get_logger(__name__)
 
@@ -42,8 +39,8 @@ async def answer(gateway: Gateway, question: bytes) -> bytes:
         return problem(error).encode()
 
 
-Calls = dict[str, Callable[[Any], Awaitable[Any]]]
-"""gRPC methods by name: each takes its request."""
+Calls = dict[str, Callable[..., Awaitable[Any]]]
+"""Methods by RPC, with the arguments of the gateway's."""
 
 
 class EveryNode:
@@ -60,25 +57,13 @@ class EveryNode:
         self._nodes = nodes
         self._stop = stop
         self.calls: Calls = {
-            "ListSessions": lambda asked: self.list_sessions(),
-            "ListScenes": lambda asked: self.list_scenes(),
-            "LoadModel": lambda asked: self.load_model(parse(schema.NewModel, asked)),
-            "UseModel": lambda asked: self.use_model(asked.name, parse(schema.ModelUse, asked)),
-            "UnloadModel": lambda asked: self.unload_model(asked.name),
-            "Drain": lambda asked: self.drain(),
+            "ListSessions": self.list_sessions,
+            "ListScenes": self.list_scenes,
+            "LoadModel": self.load_model,
+            "UseModel": self.use_model,
+            "UnloadModel": self.unload_model,
+            "Drain": self.drain,
         }
-
-    def add_routes(self, app: FastAPI) -> None:
-        """The same over HTTP."""
-        models = "/v1/admin/models"
-        app.add_api_route("/v1/sessions", self.list_sessions)
-        app.add_api_route("/v1/scenes", self.list_scenes)
-        app.add_api_route(models, self.load_model, methods=["POST"], status_code=201)
-        app.add_api_route(f"{models}/{{name}}/use", self.use_model, methods=["POST"])
-        app.add_api_route(
-            f"{models}/{{name}}", self.unload_model, methods=["DELETE"], status_code=204
-        )
-        app.add_api_route("/v1/admin/drain", self.drain, methods=["POST"], status_code=202)
 
     async def list_sessions(self) -> schema.Sessions:
         """The caller's, oldest first."""
@@ -95,15 +80,12 @@ class EveryNode:
         found = await self._ask("load_model", MODEL_S, **request.model_dump())
         return schema.Model(**found[0])
 
-    async def use_model(
-        self, name: ModelName, request: schema.ModelUse | None = None
-    ) -> schema.ModelUsed:
+    async def use_model(self, name: str, request: schema.ModelUse) -> schema.ModelUsed:
         """Everywhere; how many people of all nodes it moves now."""
-        request = request or schema.ModelUse()
         found = await self._ask("use_model", MODEL_S, name=name, move_agents=request.move_agents)
         return schema.ModelUsed(moved=sum(one["moved"] for one in found))
 
-    async def unload_model(self, name: ModelName) -> None:
+    async def unload_model(self, name: str) -> None:
         """Everywhere."""
         await self._ask("unload_model", name=name)
 

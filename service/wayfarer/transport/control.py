@@ -9,9 +9,9 @@ import structlog
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import errors, schema, wire
 from wayfarer.transport.call_rates import count_call
+from wayfarer.transport.contract import CALLS, from_message
 from wayfarer.transport.framing import field
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.merge import merged
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import common_pb2, control_pb2
@@ -22,7 +22,13 @@ OPEN_TIMEOUT_S: Final = 10.0
 SILENT: Final = ("ack", "viewpoints")
 """Answered only when they are refused."""
 
-COMMANDS: Final = ("set_goal", "set_path", "append_goals", "wander", "behave", "clear_goal")
+COMMANDS: Final = {
+    field.name: call
+    for call in CALLS.values()
+    for field in control_pb2.ControlRequest.DESCRIPTOR.fields
+    if field.message_type is call.request.DESCRIPTOR and field.name != "open"
+}
+"""The RPC of each payload that is a command."""
 
 Requests = AsyncIterator[control_pb2.ControlRequest]
 
@@ -38,7 +44,7 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
     opening = await _opening(requests)
     async with (
         gateway.motion.follow(opening) as (stream, messages),
-        aclosing(_replies(requests, stream, gateway.goals)) as replies,
+        aclosing(_replies(requests, stream, gateway)) as replies,
         aclosing(merged(messages, replies)) as both,
     ):
         async for item in both:
@@ -56,7 +62,7 @@ async def _opening(requests: Requests) -> schema.StreamRequest:
 
 
 async def _replies(
-    requests: Requests, stream: MotionStream, goals: GoalApi
+    requests: Requests, stream: MotionStream, gateway: Gateway
 ) -> AsyncGenerator[control_pb2.CommandReply]:
     """One to each command, in order; none to what is `SILENT`, unless it is refused."""
     async for request in requests:
@@ -69,21 +75,23 @@ async def _replies(
             if request.WhichOneof("payload") == "viewpoints":
                 stream.look(wire.parse(schema.Viewpoints, request.viewpoints))
                 continue
-            reply.revision = await _give(request, goals)
+            reply.revision = await _give(request, gateway)
         except Exception as error:
             errors.log_unexpected(log, error, "Control")
             reply.problem.CopyFrom(_problem(error))
         yield reply
 
 
-async def _give(request: control_pb2.ControlRequest, goals: GoalApi) -> int:
+async def _give(request: control_pb2.ControlRequest, gateway: Gateway) -> int:
     """Carry out a command; return the new revision."""
     payload = request.WhichOneof("payload")
     if payload not in COMMANDS:
         raise InvalidArgument(
             f"after `open` comes one of {', '.join((*SILENT, *COMMANDS))}", payload or "payload"
         )
-    return await goals.carry_out(getattr(request, payload))
+    call = COMMANDS[payload]
+    given = await from_message(call, gateway.calls[call.name])(getattr(request, payload))
+    return int(given.revision)
 
 
 def _problem(error: Exception) -> common_pb2.Problem:

@@ -152,11 +152,6 @@ def drawn_seed(session_seed: int, number: int) -> int:
     return int.from_bytes(drawn[:4], "little")
 
 
-def goal(request: schema.Goal, basis: Basis) -> Goal:
-    """The goal in world space; what is absent takes the runtime's default."""
-    return Goal(**in_world(request, basis.axes))
-
-
 def goal_message(found: Goal, axes: Axes) -> schema.Goal:
     """A goal as its client sees it."""
     return schema.Goal(**on_wire(schema.Goal, found, axes))

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport import convert, schema
+from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.units import in_world
 from wayfarer.world import behaviours
@@ -25,7 +25,7 @@ def goal_command(request: CommandRequest, basis: Basis, append: bool = False) ->
         case None:
             return Stop()
         case schema.Goal():
-            return convert.goal(request, basis)
+            return goal(request, basis)
         case schema.Goals():
             return (Append if append else Path)(_goals(request.goals, basis))
     return _behaviour(request, basis)
@@ -50,8 +50,13 @@ def _behaviour(request: schema.Message, basis: Basis) -> Any:
     return behaviours.KINDS[type(request).__name__](**given)
 
 
+def goal(request: schema.Goal, basis: Basis) -> Goal:
+    """The goal in world space; what is absent takes the runtime's default."""
+    return Goal(**in_world(request, basis.axes))
+
+
 def _goals(goals: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:
-    return tuple(convert.goal(goal, basis) for goal in goals)
+    return tuple(goal(each, basis) for each in goals)
 
 
 @contextmanager

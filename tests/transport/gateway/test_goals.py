@@ -34,13 +34,13 @@ BEHAVIOURS = [
 @pytest.mark.parametrize(("body", "meant"), BEHAVIOURS)
 async def test_behaviours_are_in_the_basis_of_the_session(service, api, body, meant):
     _, (agent, _) = await session_of_two(api, basis=Basis.UNREAL)
-    await api.goals.give(agent.agent_id, schema.Behaviour.model_validate(body))
+    await api.goals.behave(agent.agent_id, schema.Behaviour.model_validate(body))
     assert service.commands == [(agent.agent_id, meant)]
 
 
 async def test_wandering_of_its_own_verb_is_the_same(service, api):
     _, (agent, _) = await session_of_two(api, basis=Basis.UNREAL)
-    await api.goals.give(agent.agent_id, schema.Wander.model_validate(AREA))
+    await api.goals.wander(agent.agent_id, schema.Wander.model_validate(AREA))
     assert service.commands == [(agent.agent_id, WANDER)]
 
 
@@ -65,5 +65,5 @@ async def test_what_the_world_refuses_is_named_as_the_client_wrote_it(
 
     service.give = refuse
     with pytest.raises(InvalidArgument) as caught:
-        await api.goals.give(agent.agent_id, schema.Behaviour.model_validate(body))
+        await api.goals.behave(agent.agent_id, schema.Behaviour.model_validate(body))
     assert caught.value.field == named and str(caught.value) == f"{named} is 9"

@@ -348,10 +348,10 @@ async def test_people_of_a_crowd_can_be_told_what_to_do_though_no_call_created_t
     session_id = await session(api)
     (guest,) = await service.create_agents(session_id, [AgentSpec()])
     goal = schema.Goal(position=vector(1, 0, 2))
-    assert await api.goals.give(guest.agent_id, goal) == 1
+    assert await api.goals.set_goal(guest.agent_id, goal) == schema.GoalRevision(revision=1)
     assert (await api.agents.get(guest.agent_id)).alias == guest.alias
     with called_by(caller("ada")), pytest.raises(NotFound, match="there is no agent"):
-        await api.goals.give(guest.agent_id, goal)
+        await api.goals.set_goal(guest.agent_id, goal)
 
 
 async def test_an_unreachable_goal_is_told_in_the_basis_of_the_session(service, api):
@@ -364,7 +364,7 @@ async def test_an_unreachable_goal_is_told_in_the_basis_of_the_session(service, 
     service.give = refuse
     with pytest.raises(Unreachable) as caught:
         goal = schema.Goal(position=vector(0, 0, 0))
-        await api.goals.give(agents.agents[0].agent_id, goal)
+        await api.goals.set_goal(agents.agents[0].agent_id, goal)
     assert caught.value.nearest == pytest.approx((200, 100, 300))
 
 

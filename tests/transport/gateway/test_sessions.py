@@ -34,7 +34,7 @@ async def test_each_session_keeps_its_basis(service, api):
         assert agent.position.model_dump() == pytest.approx(
             {**place.model_dump(), "xyz"[list(basis.axes.up).index(1)]: 0.9 / expected}
         )
-        await api.goals.give(agent.agent_id, schema.Goal(position=place))
+        await api.goals.set_goal(agent.agent_id, schema.Goal(position=place))
         assert service.commands[-1][1].position == pytest.approx((0.0, expected, 0.0))
         assert (await api.sessions.get(session_id)).basis.basis == basis
 
@@ -49,7 +49,7 @@ async def test_unknown_ids_are_not_found(api):
         api.agents.get("x"),
         api.agents.update("x", schema.AgentUpdate()),
         api.agents.delete("x"),
-        api.goals.give("x", GOAL),
+        api.goals.set_goal("x", GOAL),
         api.motion.step("x", schema.StepRequest()),
         api.snapshots.export_session("x"),
         api.snapshots.export_log("x"),
@@ -119,7 +119,7 @@ async def test_a_session_ends_a_lease_after_its_last_call(clock, api):
 
 async def test_calls_on_an_agent_renew_its_session(clock, api):
     session_id, (agent, _) = await session_of_two(api, lease_s=10)
-    for call in (api.goals.give, lambda a, _: api.agents.get(a)):
+    for call in (api.goals.set_goal, lambda a, _: api.agents.get(a)):
         clock.now += 9
         await call(agent.agent_id, GOAL)
     assert (await api.sessions.get(session_id)).expires_at_us == round((clock.now + 10) * 1e6)
@@ -174,7 +174,7 @@ async def test_calls_may_come_while_a_session_ends(service, api):
     assert first is None and isinstance(second, NotFound)
     service.slow.set()
     late = (await coming).agents[0]
-    for call in (api.sessions.get(session_id), api.goals.give(late.agent_id, GOAL)):
+    for call in (api.sessions.get(session_id), api.goals.set_goal(late.agent_id, GOAL)):
         with pytest.raises(NotFound):
             await call
     assert not api._context.book._by_agent
@@ -222,7 +222,7 @@ async def test_a_session_belongs_to_its_creator(api):
             api.sessions.get(session_id),
             api.sessions.delete(session_id),
             api.agents.get(agent.agent_id),
-            api.goals.give(agent.agent_id, GOAL),
+            api.goals.set_goal(agent.agent_id, GOAL),
             anext(stream(api, session_id)),
         ):
             with pytest.raises(NotFound):
@@ -334,7 +334,7 @@ async def test_sessions_of_the_journal_are_taken_over_with_a_fresh_lease():
     with called_by(caller("ada")):
         now = await after.sessions.get(session_id)
         assert now == then.model_copy(update={"expires_at_us": round((clock.now + 30) * 1e6)})
-        await after.goals.give(agent.agent_id, GOAL)
+        await after.goals.set_goal(agent.agent_id, GOAL)
     with called_by(caller("eve")), pytest.raises(NotFound):
         await after.agents.get(agent.agent_id)
 

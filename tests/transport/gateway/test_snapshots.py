@@ -19,7 +19,7 @@ async def test_a_session_moves_to_another_server_and_to_another_owner():
         moved = await there.snapshots.import_session(snapshot)
         assert moved.session_id == session_id and moved.basis.basis == "ros"
         assert moved.lease_s == 7 and agent.agent_id in moved.agent_ids
-        await there.goals.give(agent.agent_id, GOAL)
+        await there.goals.set_goal(agent.agent_id, GOAL)
         with pytest.raises(AlreadyExists):
             await there.snapshots.import_session(snapshot)
     assert len(await names(there, "bob")) == 1 and await names(there, "ada") == []

@@ -6,8 +6,8 @@ import structlog
 
 from wayfarer.errors import ArtifactError, FailedPrecondition
 from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.caller import current_caller
+from wayfarer.transport.gateway.context import GatewayContext, implements
 
 log = structlog.get_logger(__name__)
 
@@ -20,7 +20,7 @@ class AdminApi:
         self._context = context
         self._stop = stop
 
-    @needs(Scope.ADMIN)
+    @implements("LoadModel")
     async def load_model(self, request: schema.NewModel) -> schema.Model:
         """Load a model beside the others. Raises NotFound, AlreadyExists, FailedPrecondition."""
         try:
@@ -31,20 +31,20 @@ class AdminApi:
         infos = await self._context.service.list_models()
         return next(convert.model(info) for info in infos if info.name == request.name)
 
-    @needs(Scope.ADMIN)
+    @implements("UseModel")
     async def use_model(self, name: str, request: schema.ModelUse) -> schema.ModelUsed:
         """Let agents be moved by a loaded model. Raises NotFound."""
         moved = await self._context.service.use_model(name, request.move_agents)
         log.info("model in use", model=name, moved=moved, caller=current_caller().name)
         return schema.ModelUsed(moved=moved)
 
-    @needs(Scope.ADMIN)
+    @implements("UnloadModel")
     async def unload_model(self, name: str) -> None:
         """Unload a model. Raises NotFound, FailedPrecondition."""
         await self._context.service.unload_model(name)
         log.info("model unloaded", model=name, caller=current_caller().name)
 
-    @needs(Scope.ADMIN)
+    @implements("Drain")
     async def drain(self) -> None:
         """Begin to shut down."""
         log.info("drain asked for", caller=current_caller().name)

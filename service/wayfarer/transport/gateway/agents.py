@@ -6,8 +6,8 @@ from typing import Final
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.caller import current_caller
+from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.world.agents.agent import AgentInfo
@@ -22,7 +22,7 @@ class AgentApi:
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
-    @needs(Scope.CONTROL)
+    @implements("CreateAgents")
     async def create(self, session_id: str, request: schema.NewAgents) -> schema.Agents:
         """Create agents, all or none. Raises NotFound, InvalidArgument, ResourceExhausted, …"""
         self._context.require_ready()
@@ -61,28 +61,28 @@ class AgentApi:
                 session.drawn = first
             raise
 
-    @needs(Scope.READ)
+    @implements("GetAgent")
     async def get(self, agent_id: str) -> schema.Agent:
         """Describe one agent. Raises NotFound."""
         session = await self._context.session_of(agent_id)
         info = await self._context.service.get_agent(agent_id)
         return convert.agent(info, session.basis, self._context.bodies)
 
-    @needs(Scope.READ)
+    @implements("ListAgents")
     async def list_of(self, session_id: str) -> schema.Agents:
         """Describe all agents of a session. Raises NotFound."""
         session = self._context.book.session(session_id)
         infos = await self._context.service.list_agents(session_id)
         return await self._described(session, infos)
 
-    @needs(Scope.CONTROL)
+    @implements("UpdateAgent")
     async def update(self, agent_id: str, request: schema.AgentUpdate) -> schema.Agent:
         """Change its name, its foot lock. Raises NotFound, InvalidArgument."""
         session = await self._context.session_of(agent_id)
         info = await self._context.service.update_agent(agent_id, convert.agent_change(request))
         return convert.agent(info, session.basis, self._context.bodies)
 
-    @needs(Scope.CONTROL)
+    @implements("DeleteAgent")
     async def delete(self, agent_id: str) -> None:
         """Remove an agent; the session's streams report it. Raises NotFound."""
         await finish(self._delete(await self._context.session_of(agent_id), agent_id))

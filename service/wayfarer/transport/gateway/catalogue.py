@@ -7,7 +7,7 @@ from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Scope
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.context import GatewayContext, implements, needs
 
 
 class CatalogueApi:
@@ -16,30 +16,30 @@ class CatalogueApi:
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
-    @needs(Scope.READ)
+    @implements("GetSkeleton")
     def skeleton(self) -> schema.Skeleton:
         """The bones of all agents."""
         return self._context.skeleton
 
-    @needs(Scope.READ)
+    @implements("ListBodies")
     def bodies(self) -> schema.Bodies:
         """The bodies that agents can have."""
         return schema.Bodies(
             bodies=tuple(convert.body(self._context.bodies, gender) for gender in schema.Gender)
         )
 
-    @needs(Scope.READ)
+    @implements("FitBody")
     async def fit_body(self, request: schema.CharacterJoints) -> schema.FittedBody:
         """The body with a character's proportions. Raises InvalidArgument."""
         return await asyncio.to_thread(convert.fitted_body, request, self._context.bodies)
 
-    @needs(Scope.READ)
+    @implements("ListModels")
     async def models(self) -> schema.Models:
         """The motion models that are loaded."""
         infos = await self._context.service.list_models()
         return schema.Models(models=tuple(convert.model(info) for info in infos))
 
-    @needs(Scope.READ)
+    @implements("GetServerInfo")
     def info(self) -> schema.ServerInfo:
         """Version, frame rate, limits, bases."""
         return schema.ServerInfo(

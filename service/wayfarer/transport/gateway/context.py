@@ -15,6 +15,7 @@ from wayfarer.transport.batches import BatchWriter
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.codec import PoseEncoder, PoseFormat, TierEncoder
+from wayfarer.transport.contract import CALLS
 from wayfarer.transport.gateway.idempotency import IdempotencyCache
 from wayfarer.transport.gateway.scene_access import SceneAccess
 from wayfarer.transport.gateway.session_registry import OpenSession, SessionRegistry
@@ -36,6 +37,17 @@ def needs(scope: Scope) -> Callable[[Method], Method]:
         return checked  # type: ignore[return-value]
 
     return guarded
+
+
+def implements(rpc: str) -> Callable[[Method], Method]:
+    """Mark a method of the API as what carries out an RPC; it needs the scope of the contract."""
+
+    def named(method: Method) -> Method:
+        guarded = needs(CALLS[rpc].scope)(method)
+        guarded.rpc = rpc  # type: ignore[attr-defined]
+        return guarded
+
+    return named
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """The API behind both transports: gRPC and HTTP only translate their own forms into its calls.
 
 Arguments and results are schema/'s, in the basis of the session. Every call is made by the present
-caller (caller.py): its scopes are checked at the method's door (`needs`), its sessions in
+caller (caller.py): its scopes are checked at the method's door (`implements`), its sessions in
 session_registry.py.
 """
 
@@ -62,6 +62,13 @@ class Gateway:
         self.catalogue = CatalogueApi(context)
         self.admin = AdminApi(context, stop)
         self.moves = SessionMoves(context)
+        parts = (self.scenes, self.sessions, self.agents, self.goals, self.motion, self.snapshots)
+        methods = [
+            getattr(part, name)
+            for part in (*parts, self.catalogue, self.admin)
+            for name in vars(type(part))
+        ]
+        self.calls = {method.rpc: method for method in methods if hasattr(method, "rpc")}
 
     @property
     def alive(self) -> bool:

@@ -1,66 +1,68 @@
 """Goal commands of clients, converted to world space."""
 
-from wayfarer.transport import schema, wire
-from wayfarer.transport.caller import Scope
+from wayfarer.transport import schema
 from wayfarer.transport.convert import in_basis
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.goal_convert import CommandRequest, fields_named, goal_command
-from wayfarer.v1 import goal_pb2
-
-GoalRequest = (
-    goal_pb2.SetGoalRequest
-    | goal_pb2.SetPathRequest
-    | goal_pb2.AppendGoalsRequest
-    | goal_pb2.WanderRequest
-    | goal_pb2.BehaveRequest
-    | goal_pb2.ClearGoalRequest
-)
 
 
 class GoalApi:
-    """GoalService."""
+    """GoalService. Each call returns the new revision.
+
+    All raise as `MotionService.give`: InvalidArgument names the field as the client wrote it,
+    Unreachable gives the nearest place in the session's basis.
+    """
 
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
-    @needs(Scope.CONTROL)
-    async def give(
-        self,
-        agent_id: str,
-        request: CommandRequest,
-        expected: int | None = None,
-        *,
-        append: bool = False,
-    ) -> int:
-        """Give an agent a goal, a path, or a behaviour; None: stop. Return the new revision.
+    @implements("SetGoal")
+    async def set_goal(
+        self, agent_id: str, goal: schema.Goal, expected_revision: int | None = None
+    ) -> schema.GoalRevision:
+        """Replaces the agent's goal, path or behaviour by a goal."""
+        return await self._give(agent_id, goal, expected_revision)
 
-        `append`: goals are added to the end of the path instead of replacing it. Raises as
-        `MotionService.give`: InvalidArgument names the field as the client wrote it, Unreachable
-        gives the nearest place in the session's basis.
-        """
+    @implements("SetPath")
+    async def set_path(
+        self, agent_id: str, path: schema.Goals, expected_revision: int | None = None
+    ) -> schema.GoalRevision:
+        """Replaces them by goals to visit in turn."""
+        return await self._give(agent_id, path, expected_revision)
+
+    @implements("AppendGoals")
+    async def append_goals(
+        self, agent_id: str, more: schema.Goals, expected_revision: int | None = None
+    ) -> schema.GoalRevision:
+        """Adds goals to the end of the path."""
+        return await self._give(agent_id, more, expected_revision, append=True)
+
+    @implements("Wander")
+    async def wander(
+        self, agent_id: str, request: schema.Wander, expected_revision: int | None = None
+    ) -> schema.GoalRevision:
+        """Replaces them by the behaviour `wander`."""
+        return await self._give(agent_id, request, expected_revision)
+
+    @implements("Behave")
+    async def behave(
+        self, agent_id: str, behaviour: schema.Behaviour, expected_revision: int | None = None
+    ) -> schema.GoalRevision:
+        """Replaces them by a behaviour."""
+        return await self._give(agent_id, behaviour, expected_revision)
+
+    @implements("ClearGoal")
+    async def clear_goal(
+        self, agent_id: str, expected_revision: int | None = None
+    ) -> schema.GoalRevision:
+        """Removes them: the agent stops."""
+        return await self._give(agent_id, None, expected_revision)
+
+    async def _give(
+        self, agent_id: str, request: CommandRequest, expected: int | None, append: bool = False
+    ) -> schema.GoalRevision:
         basis = (await self._context.session_of(agent_id)).basis
         command = goal_command(request, basis, append)
         with fields_named(request), in_basis(basis.axes):
-            return await self._context.service.give(agent_id, command, expected)
-
-    @needs(Scope.CONTROL)
-    async def carry_out(self, request: GoalRequest) -> int:
-        """Carry out a request of GoalService, from gRPC or Control; return the new revision.
-
-        Raises as `give`.
-        """
-        expected = request.expected_revision if request.HasField("expected_revision") else None
-        parsed: CommandRequest
-        match request:
-            case goal_pb2.SetGoalRequest():
-                parsed = wire.parse(schema.Goal, request.goal, "goal")
-            case goal_pb2.SetPathRequest() | goal_pb2.AppendGoalsRequest():
-                parsed = wire.parse(schema.Goals, request)
-            case goal_pb2.WanderRequest():
-                parsed = wire.parse(schema.Wander, request)
-            case goal_pb2.BehaveRequest():
-                parsed = wire.parse(schema.Behaviour, request.behaviour, "behaviour")
-            case goal_pb2.ClearGoalRequest():
-                parsed = None
-        append = isinstance(request, goal_pb2.AppendGoalsRequest)
-        return await self.give(request.agent_id, parsed, expected, append=append)
+            number = await self._context.service.give(agent_id, command, expected)
+        return schema.GoalRevision(revision=number)

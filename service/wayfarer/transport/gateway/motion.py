@@ -14,8 +14,9 @@ from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.codec import PoseEncoding, PoseFormat
 from wayfarer.transport.detail_levels import DetailLevels
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.context import GatewayContext, implements, needs
 from wayfarer.transport.gateway.session_registry import OpenSession
+from wayfarer.transport.goal_convert import goal
 from wayfarer.transport.motion_files import motion_file, parts_of, performances
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
@@ -28,7 +29,7 @@ class MotionApi:
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
-    @needs(Scope.READ)
+    @implements("StreamMotion")
     async def stream(self, request: schema.StreamRequest) -> AsyncGenerator[bytes]:
         """Messages until the session ends, each a StreamMotionResponse, encoded. Close it with
         `aclose`.
@@ -48,7 +49,7 @@ class MotionApi:
             async for event in events:
                 yield event
 
-    @needs(Scope.READ)
+    @implements("Control")
     @asynccontextmanager
     async def follow(
         self, request: schema.StreamRequest
@@ -71,7 +72,7 @@ class MotionApi:
             async with aclosing(messages):
                 yield stream, messages
 
-    @needs(Scope.CONTROL)
+    @implements("GenerateClip")
     async def generate_clip(
         self, request: schema.ClipRequest
     ) -> AsyncGenerator[motion_pb2.GenerateClipResponse]:
@@ -113,10 +114,10 @@ class MotionApi:
             )
         seed = secrets.randbits(32)
         spec = convert.agent_spec(request.agent, request.basis, context.bodies, seed)
-        goals = [convert.goal(goal, request.basis) for goal in request.goals]
+        goals = [goal(each, request.basis) for each in request.goals]
         return context.service.generate_clip(spec, goals, request.seconds, request.until_arrival)
 
-    @needs(Scope.CONTROL)
+    @implements("StepAgents")
     async def step(
         self, session_id: str, request: schema.StepRequest
     ) -> motion_pb2.StepAgentsResponse:

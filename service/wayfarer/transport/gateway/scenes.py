@@ -19,8 +19,8 @@ from wayfarer.errors import (
 from wayfarer.navigation.examples import EXAMPLES
 from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
 from wayfarer.transport import convert, scene_convert, schema
-from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.caller import current_caller
+from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S, scene_attributes
 from wayfarer.transport.gateway.session_registry import OpenSession
@@ -43,7 +43,7 @@ class SceneApi:
         self._context = context
         self._uploads = Uploads(context.limits.mesh_bytes)
 
-    @needs(Scope.CONTROL)
+    @implements("CreateScene")
     async def create(self, request: schema.NewScene) -> schema.Scene:
         """Make a scene. Raises InvalidArgument, Aborted, ResourceExhausted, Unavailable."""
         self._context.require_ready()
@@ -56,7 +56,7 @@ class SceneApi:
 
         return await self._context.replies.once(request.request_id, ("CreateScene", request), make)
 
-    @needs(Scope.CONTROL)
+    @implements("CreateMeshScene")
     async def create_from_mesh(
         self, request: schema.MeshScene, pieces: AsyncIterator[bytes]
     ) -> schema.Scene:
@@ -79,7 +79,7 @@ class SceneApi:
             where = f"CreateMeshScene {digest}"
             return await self._context.replies.once(scene.request_id, (where, request), make)
 
-    @needs(Scope.READ)
+    @implements("ListExampleScenes")
     def examples(self) -> schema.ExampleScenes:
         """The scenes that come with the server."""
         return schema.ExampleScenes(
@@ -89,7 +89,7 @@ class SceneApi:
             )
         )
 
-    @needs(Scope.CONTROL)
+    @implements("CreateExampleScene")
     async def create_example(self, name: str, request: schema.NewExampleScene) -> schema.Scene:
         """Make one of them. Raises NotFound, otherwise as `create`."""
         self._context.require_ready()
@@ -116,13 +116,13 @@ class SceneApi:
                 info = await service.scenes.create_scene(made)
             return self._context.scenes.open(info).describe(info)
 
-    @needs(Scope.READ)
+    @implements("GetScene")
     async def get(self, scene_id: str) -> schema.Scene:
         """Describe a scene. Raises NotFound."""
         scene = self._context.scenes.scene(scene_id)
         return scene.describe(await self._context.service.scenes.get_scene(scene_id))
 
-    @needs(Scope.READ)
+    @implements("ListScenes")
     async def list_own(self) -> schema.Scenes:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
         infos = {info.scene_id: info for info in await self._context.service.scenes.list_scenes()}
@@ -131,14 +131,14 @@ class SceneApi:
             scenes=tuple(s.describe(infos[s.scene_id]) for s in owned if s.scene_id in infos)
         )
 
-    @needs(Scope.CONTROL)
+    @implements("DeleteScene")
     async def delete(self, scene_id: str) -> None:
         """Remove a scene. Raises NotFound, FailedPrecondition."""
         scene = self._context.scenes.scene(scene_id)
         await self._context.service.scenes.delete_scene(scene_id)
         self._context.scenes.close(scene)
 
-    @needs(Scope.CONTROL)
+    @implements("PutObstacle")
     async def put_obstacle(
         self, scene_id: str, name: str, request: schema.Obstacle
     ) -> schema.SceneVersion:
@@ -152,14 +152,14 @@ class SceneApi:
             info = await self._context.service.scenes.put_obstacle(scene_id, name, made)
         return scene_convert.scene_version(info)
 
-    @needs(Scope.CONTROL)
+    @implements("RemoveObstacle")
     async def remove_obstacle(self, scene_id: str, name: str) -> schema.SceneVersion:
         """Take it away. Raises NotFound."""
         self._context.scenes.scene(scene_id)
         info = await self._context.service.scenes.remove_obstacle(scene_id, name)
         return scene_convert.scene_version(info)
 
-    @needs(Scope.READ)
+    @implements("QueryPath")
     async def query_path(self, scene_id: str, request: schema.PathQuery) -> schema.ScenePath:
         """The way that an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         scene = self._context.scenes.scene(scene_id)
@@ -168,20 +168,20 @@ class SceneApi:
             way = await self._context.service.scenes.query_path(scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)
 
-    @needs(Scope.READ)
+    @implements("GetSceneOutlines")
     async def outlines(self, scene_id: str) -> schema.SceneOutlines:
         """Outlines for drawing it. Raises NotFound."""
         scene = self._context.scenes.scene(scene_id)
         found = await self._context.service.scenes.scene_outlines(scene_id)
         return await asyncio.to_thread(scene_convert.outlines, found, scene.axes)
 
-    @needs(Scope.READ)
+    @implements("GetScenePicture")
     async def picture(self, scene_id: str) -> bytes:
         """A picture from above, PNG. Raises NotFound."""
         self._context.scenes.scene(scene_id)
         return await self._context.service.scenes.scene_picture(scene_id)
 
-    @needs(Scope.CONTROL)
+    @implements("PopulateSession")
     async def populate(self, session_id: str, request: schema.Crowd) -> schema.CrowdCame:
         """Let people come and go. Raises NotFound, FailedPrecondition, InvalidArgument; and
         ResourceExhausted beyond the caller's quota.

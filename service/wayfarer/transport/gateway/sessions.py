@@ -6,8 +6,8 @@ import structlog
 
 from wayfarer.errors import InvalidArgument, Misdirected, NotFound, Unavailable
 from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.caller import current_caller
+from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import LEASE_S, OpenSession, attributes
 from wayfarer.world.agents.agent import SessionInfo, SessionSpec
@@ -21,7 +21,7 @@ class SessionApi:
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
-    @needs(Scope.CONTROL)
+    @implements("CreateSession")
     async def create(self, request: schema.NewSession) -> schema.Session:
         """Open a session. Raises InvalidArgument, NotFound, Aborted, ResourceExhausted."""
         self._context.require_ready()
@@ -48,13 +48,13 @@ class SessionApi:
             info = await self._context.service.create_session(spec)
             return self._context.book.open(info).describe(info)
 
-    @needs(Scope.READ)
+    @implements("GetSession")
     async def get(self, session_id: str) -> schema.Session:
         """Describe a session. Raises NotFound."""
         session = self._context.book.session(session_id)
         return session.describe(await self._context.service.get_session(session_id))
 
-    @needs(Scope.READ)
+    @implements("ListSessions")
     async def list_own(self) -> schema.Sessions:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
         infos = {info.session_id: info for info in await self._context.service.list_sessions()}
@@ -67,13 +67,13 @@ class SessionApi:
             )
         )
 
-    @needs(Scope.CONTROL)
+    @implements("RenewSession")
     async def renew(self, session_id: str) -> schema.Renewal:
         """Restart the lease. Raises NotFound."""
         session = self._context.book.session(session_id)
         return schema.Renewal(expires_at_us=convert.microseconds(session.expires_at))
 
-    @needs(Scope.CONTROL)
+    @implements("DeleteSession")
     async def delete(self, session_id: str) -> None:
         """End a session, its agents and its streams. Raises NotFound, Unavailable."""
         await finish(self._end(self._context.book.session(session_id)))

@@ -8,8 +8,8 @@ from typing import Final
 from wayfarer.errors import InvalidArgument, NotFound
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.caller import current_caller
+from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.motion_files import live_motion, motion_file
 from wayfarer.v1 import snapshot_pb2
@@ -24,13 +24,13 @@ class SnapshotApi:
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
-    @needs(Scope.CONTROL)
+    @implements("ExportSession")
     async def export_session(self, session_id: str) -> bytes:
         """The state of a session. Raises NotFound."""
         self._context.book.session(session_id)
         return await self._context.service.export_session(session_id)
 
-    @needs(Scope.CONTROL)
+    @implements("ImportSession")
     async def import_session(self, snapshot: bytes) -> schema.Session:
         """Go on with a session, as one of the caller's.
 
@@ -55,14 +55,14 @@ class SnapshotApi:
                     await service.delete_session(info.session_id)
                 raise
 
-    @needs(Scope.READ)
+    @implements("ExportLog")
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
         session = self._context.book.session(session_id)
         log = await self._context.service.export_log(session_id)
         return MARK + session.basis.value.encode() + b"\n" + log
 
-    @needs(Scope.CONTROL)
+    @implements("ExportMotion")
     async def export_motion(self, session_id: str, request: schema.MotionExport) -> bytes:
         """The motion of a session as a file, with its scene: of the next seconds, or as recorded.
 
@@ -85,7 +85,7 @@ class SnapshotApi:
             made = live_motion(service, session_id, request.seconds)
             return await motion_file(made, options, body, "session", scene)
 
-    @needs(Scope.CONTROL)
+    @implements("Replay")
     async def replay(
         self, log: bytes, pose_format: schema.PoseFormat
     ) -> AsyncGenerator[snapshot_pb2.ReplayResponse]:

@@ -1,6 +1,6 @@
 """gRPC: a table of methods, interceptors, the server."""
 
-from wayfarer.transport.grpc_server.methods import FILES, add_services
+from wayfarer.transport.grpc_server.methods import add_services
 from wayfarer.transport.grpc_server.server import (
     SERVICES,
     GrpcServer,
@@ -9,7 +9,6 @@ from wayfarer.transport.grpc_server.server import (
 )
 
 __all__ = [
-    "FILES",
     "SERVICES",
     "GrpcServer",
     "add_services",

@@ -1,6 +1,7 @@
-"""The methods of `proto/wayfarer/v1` over the gateway: each takes a request and gives its answer.
+"""The RPCs over the gateway: each takes a request and gives what `wire.answer` makes its response
+of, a coroutine of that, or, when it streams, a generator of messages.
 
-Descriptors say the rest: which messages come and go, and whether they stream. A cancelled call
+Descriptors say which messages come and go, and whether they stream. A cancelled call
 closes its generator, and so the subscription; CancelledError is never swallowed, since grpc.aio
 leaks such calls (grpc/grpc#43360).
 """
@@ -19,27 +20,12 @@ from grpc.aio import ServicerContext as Context
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
+from wayfarer.transport.contract import CALLS, FILES, from_message
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.motion_files import parts_of
 from wayfarer.transport.wire import answer, first, parse
-from wayfarer.v1 import (
-    admin_pb2,
-    agent_pb2,
-    catalog_pb2,
-    control_pb2,
-    goal_pb2,
-    motion_pb2,
-    scene_pb2,
-    session_pb2,
-    snapshot_pb2,
-)
-
-FILES: Final = (
-    *(scene_pb2, session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2),
-    *(catalog_pb2, admin_pb2),
-)
-GOAL_METHODS: Final = goal_pb2.DESCRIPTOR.services_by_name["GoalService"].methods_by_name
+from wayfarer.v1 import scene_pb2, snapshot_pb2
 
 HEADER_S: Final = 10.0
 """Seconds within which a client that sends a mesh says what it is."""
@@ -48,69 +34,22 @@ Pieces = AsyncIterator[scene_pb2.CreateMeshSceneRequest]
 Call = Callable[[Any], Any]
 
 
-def methods(gateway: Gateway) -> dict[str, Call]:
-    """The methods by name. Each returns what `wire.answer` turns into its response, or a coroutine
-    of it; a streaming one returns a generator of messages.
-    """
-    scenes, sessions, agents = gateway.scenes, gateway.sessions, gateway.agents
-    motion, snapshots = gateway.motion, gateway.snapshots
-    catalogue, admin = gateway.catalogue, gateway.admin
-    return {
-        "CreateScene": partial(_create_scene, gateway),
-        "CreateMeshScene": partial(_create_mesh_scene, gateway),
-        "ListExampleScenes": lambda r: scenes.examples(),
-        "CreateExampleScene": lambda r: scenes.create_example(
-            r.name, parse(schema.NewExampleScene, r)
-        ),
-        "GetScene": lambda r: scenes.get(r.scene_id),
-        "ListScenes": lambda r: scenes.list_own(),
-        "DeleteScene": lambda r: scenes.delete(r.scene_id),
-        "PutObstacle": lambda r: scenes.put_obstacle(
-            r.scene_id, r.name, parse(schema.Obstacle, r.obstacle, "obstacle")
-        ),
-        "RemoveObstacle": lambda r: scenes.remove_obstacle(r.scene_id, r.name),
-        "QueryPath": lambda r: scenes.query_path(r.scene_id, parse(schema.PathQuery, r)),
-        "GetSceneOutlines": lambda r: scenes.outlines(r.scene_id),
-        "GetScenePicture": lambda r: scenes.picture(r.scene_id),
-        "PopulateSession": lambda r: scenes.populate(r.session_id, parse(schema.Crowd, r)),
-        "CreateSession": lambda r: sessions.create(parse(schema.NewSession, r)),
-        "GetSession": lambda r: sessions.get(r.session_id),
-        "ListSessions": lambda r: sessions.list_own(),
-        "RenewSession": lambda r: sessions.renew(r.session_id),
-        "DeleteSession": lambda r: sessions.delete(r.session_id),
-        "CreateAgents": lambda r: agents.create(r.session_id, parse(schema.NewAgents, r)),
-        "GetAgent": lambda r: agents.get(r.agent_id),
-        "ListAgents": lambda r: agents.list_of(r.session_id),
-        "UpdateAgent": lambda r: agents.update(r.agent_id, parse(schema.AgentUpdate, r)),
-        "DeleteAgent": lambda r: agents.delete(r.agent_id),
-        **dict.fromkeys(GOAL_METHODS, gateway.goals.carry_out),
-        "StreamMotion": lambda r: motion.stream(parse(schema.StreamRequest, r)),
-        "GenerateClip": lambda r: motion.generate_clip(parse(schema.ClipRequest, r)),
-        "StepAgents": lambda r: motion.step(r.session_id, parse(schema.StepRequest, r)),
-        "Control": lambda requests: control(gateway, requests),
-        "ExportSession": lambda r: snapshots.export_session(r.session_id),
-        "ImportSession": lambda r: snapshots.import_session(r.snapshot),
-        "ExportLog": lambda r: snapshots.export_log(r.session_id),
-        "ExportMotion": partial(_export_motion, gateway),
-        "Replay": lambda r: snapshots.replay(r.log, parse(schema.PoseFormat, r.format, "format")),
-        "GetSkeleton": lambda r: catalogue.skeleton(),
-        "ListBodies": lambda r: catalogue.bodies(),
-        "FitBody": lambda r: catalogue.fit_body(parse(schema.CharacterJoints, r)),
-        "ListModels": lambda r: catalogue.models(),
-        "GetServerInfo": lambda r: catalogue.info(),
-        "LoadModel": lambda r: admin.load_model(parse(schema.NewModel, r)),
-        "UseModel": lambda r: admin.use_model(r.name, parse(schema.ModelUse, r)),
-        "UnloadModel": lambda r: admin.unload_model(r.name),
-        "Drain": lambda r: admin.drain(),
-    }
-
-
 def add_services(gateway: Gateway, server: grpc.aio.Server) -> None:
     """All services; the messages of some streams come encoded."""
-    calls = methods(gateway)
+    special: dict[str, Call] = {
+        "CreateScene": partial(_create_scene, gateway),
+        "CreateMeshScene": partial(_create_mesh_scene, gateway),
+        "ExportMotion": partial(_export_motion, gateway),
+        "Control": partial(control, gateway),
+    }
     for file in FILES:
         for service in file.DESCRIPTOR.services_by_name.values():
-            handlers = {m.name: _handler(m, calls[m.name]) for m in service.methods}
+            handlers = {
+                m.name: _handler(
+                    m, special.get(m.name) or from_message(CALLS[m.name], gateway.calls[m.name])
+                )
+                for m in service.methods
+            }
             server.add_generic_rpc_handlers(
                 [grpc.method_handlers_generic_handler(service.full_name, handlers)]
             )

@@ -9,9 +9,9 @@ from grpc_reflection.v1alpha import reflection
 
 from wayfarer.errors import Unavailable
 from wayfarer.limits import Limits
+from wayfarer.transport.contract import FILES
 from wayfarer.transport.grpc_guard import OpenStreamsInterceptor
 from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
-from wayfarer.transport.grpc_server.methods import FILES
 
 SERVICES: Final = tuple(
     service.full_name for file in FILES for service in file.DESCRIPTOR.services_by_name.values()

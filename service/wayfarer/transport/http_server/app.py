@@ -13,16 +13,14 @@ from wayfarer import __version__
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.http_server.admin import admin_routes
-from wayfarer.transport.http_server.agents import agent_routes, goal_routes
+from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.http_server.catalogue import catalogue_routes
-from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
+from wayfarer.transport.http_server.clips import clip_endpoints
 from wayfarer.transport.http_server.events import event_routes
 from wayfarer.transport.http_server.health import health_routes
 from wayfarer.transport.http_server.page_files import PageFiles
 from wayfarer.transport.http_server.parameters import only_known_query
-from wayfarer.transport.http_server.scenes import crowd_routes, scene_routes
-from wayfarer.transport.http_server.sessions import session_routes
+from wayfarer.transport.http_server.scenes import scene_endpoints
 from wayfarer.transport.http_server.unknown_path import UnknownPath
 from wayfarer.transport.request_limits import (
     PROBLEMS,
@@ -64,11 +62,6 @@ LIMITED: Final = {
 }
 """Fields whose bounds are settings of the server: JSON schema's bound, and the limit."""
 
-ROUTES: Final = (
-    *(session_routes, agent_routes, goal_routes, event_routes, clip_routes, snapshot_routes),
-    *(scene_routes, crowd_routes, admin_routes, catalogue_routes),
-)
-
 
 def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
     """The ASGI application; `root_path`: before the paths of its OpenAPI document."""
@@ -79,10 +72,10 @@ def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
         docs_url=None,  # FastAPI's own pages run scripts from elsewhere
         redoc_url=None,
     )
-    for routes in ROUTES:
-        app.include_router(
-            routes(gateway), responses=PROBLEMS, dependencies=[Depends(only_known_query)]
-        )
+    special = {**scene_endpoints(gateway), **clip_endpoints(gateway)}
+    calls = call_routes(gateway.calls, special)
+    for routes in (calls, event_routes(gateway), catalogue_routes(gateway)):
+        app.include_router(routes, responses=PROBLEMS, dependencies=[Depends(only_known_query)])
     app.include_router(health_routes(gateway))  # probes may add what they like
     add_sockets(app, gateway)
     add_problem_handlers(app)

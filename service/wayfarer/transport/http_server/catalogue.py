@@ -1,4 +1,4 @@
-"""Routes of CatalogService, and the body meshes."""
+"""What only HTTP gives: figures of the motion loop, body meshes."""
 
 import hashlib
 import re
@@ -27,40 +27,13 @@ SHAPE_TEXT: Final = f"{BETAS} numbers between -10 and 10, with commas; none: mea
 
 
 def catalogue_routes(gateway: Gateway) -> APIRouter:
-    """What the server has and allows."""
+    """`/v1/stats`, `/v1/bodies`."""
     router = APIRouter(prefix="/v1", tags=["catalogue"])
-    catalogue = gateway.catalogue
-
-    @router.get("/skeleton", operation_id="getSkeleton", summary="The bones of all agents")
-    async def get_skeleton() -> schema.Skeleton:
-        """Their parents, their names in common engines."""
-        return catalogue.skeleton()
-
-    @router.get("/bodies", operation_id="listBodies", summary="Bodies that agents can have")
-    async def list_bodies() -> schema.Bodies:
-        return catalogue.bodies()
-
-    @router.post(
-        "/bodies:fit",
-        operation_id="fitBody",
-        summary="The body with the proportions of a character",
-    )
-    async def fit_body(request: schema.CharacterJoints) -> schema.FittedBody:
-        """An agent made with its betas takes the steps of that character's legs."""
-        return await catalogue.fit_body(request)
-
-    @router.get("/models", operation_id="listModels", summary="Motion models that are loaded")
-    async def list_models() -> schema.Models:
-        return await catalogue.models()
-
-    @router.get("/info", operation_id="getServerInfo", summary="Version, limits, bases")
-    async def get_server_info() -> schema.ServerInfo:
-        return catalogue.info()
 
     @router.get("/stats", operation_id="getStats", summary="Health of the motion loop")
     async def get_stats() -> schema.Stats:
         """Over the last few seconds, or since start."""
-        return await catalogue.stats()
+        return await gateway.catalogue.stats()
 
     @router.get(
         "/bodies/{body}-{gender}.glb",

@@ -1,13 +1,14 @@
-"""Routes for motion made off the real-time path: clips, snapshots, logs, replays."""
+"""Endpoints for motion made off the real-time path: steps, clips, snapshots, logs, replays."""
 
 import re
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 
 from wayfarer.clips.files import MEDIA_TYPES, FileFormat
-from wayfarer.transport import schema
+from wayfarer.transport import schema, wire
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.http_server.calls import Special
 from wayfarer.transport.http_server.parameters import (
     PROTOBUF,
     SessionId,
@@ -43,94 +44,59 @@ def file_answer(data: bytes, kind: FileFormat, name: str) -> Response:
     return Response(data, media_type=MEDIA_TYPES[kind], headers=headers)
 
 
-def clip_routes(gateway: Gateway) -> APIRouter:
-    """`/v1/clips`."""
-    router = APIRouter(prefix="/v1", tags=["clips"])
+def clip_endpoints(gateway: Gateway) -> Special:
+    """Lock-step, clips, snapshots, logs, replays: what comes or goes as a file, or as lines."""
+    motion, snapshots = gateway.motion, gateway.snapshots
 
-    @router.post(
-        "/clips",
-        operation_id="generateClip",
-        summary="Make a clip of one agent",
-        response_class=Lines,
-        responses={200: {**LINES[200], **FILES[200]}},
-    )
+    async def step_agents(
+        session_id: SessionId, request: schema.StepRequest | None = None
+    ) -> schema.Steps:
+        reply = await motion.step(session_id, request or schema.StepRequest())
+        return schema.Steps.model_validate(wire.values(reply))
+
     async def generate_clip(request: schema.ClipRequest) -> Response:
-        """It is made as fast as the server has time for beside its streams: as JSON lines, or as
-        the file that `file` describes.
-        """
-        made = gateway.motion.generate_clip(request)
+        made = motion.generate_clip(request)
         if request.file is None:
             return await clip_lines(made)
         data = b"".join([message.file_part async for message in made])
         return file_answer(data, request.file.format, request.agent.name or "motion")
 
-    return router
-
-
-def snapshot_routes(gateway: Gateway) -> APIRouter:
-    """Snapshots, logs, replays."""
-    router = APIRouter(prefix="/v1", tags=["snapshots"])
-    snapshots = gateway.snapshots
-
-    @router.get(
-        "/sessions/{session_id}/snapshot",
-        operation_id="exportSession",
-        summary="The state of a session, for another server",
-        response_class=Response,
-        responses=binary_answer("opaque; for importSession"),
-    )
     async def export_session(session_id: SessionId) -> Response:
-        """As of the last frames sent. The session goes on living here."""
         return Response(await snapshots.export_session(session_id), media_type=PROTOBUF)
 
-    @router.post(
-        "/snapshots",
-        status_code=201,
-        operation_id="importSession",
-        summary="Go on with a session where a snapshot left it",
-        openapi_extra=binary_body("as given by exportSession"),
-    )
     async def import_session(request: Request) -> schema.Session:
-        """It keeps its ids, and the next chunk of each agent follows its last one."""
         return await snapshots.import_session(await request.body())
 
-    @router.get(
-        "/sessions/{session_id}/log",
-        operation_id="exportLog",
-        summary="The commands of a recorded session",
-        response_class=Response,
-        responses=binary_answer("opaque; for replay"),
-    )
     async def export_log(session_id: SessionId) -> Response:
-        """409 for a session that was not made with record."""
         return Response(await snapshots.export_log(session_id), media_type=PROTOBUF)
 
-    @router.post(
-        "/sessions/{session_id}/motion",
-        operation_id="exportMotion",
-        summary="The motion of a session as a file",
-        response_class=Response,
-        responses=FILES,
-    )
     async def export_motion(session_id: SessionId, request: schema.MotionExport) -> Response:
-        """Of all its agents, with its scene: of the next seconds, or what it has recorded; without
-        seconds 409 for a session that was not made with record.
-        """
         data = await snapshots.export_motion(session_id, request)
         return file_answer(data, request.file.format, session_id)
 
-    @router.post(
-        "/replays",
-        operation_id="replay",
-        summary="Make the motion of a log again",
-        response_class=Lines,
-        responses=LINES,
-        openapi_extra=binary_body("as given by exportLog"),
-    )
     async def replay(
         request: Request, chosen: Annotated[schema.PoseFormat, Depends(pose_format)]
     ) -> Response:
-        """On the same model and engine the poses are the same, bit for bit."""
         return await clip_lines(snapshots.replay(await request.body(), chosen))
 
-    return router
+    lines_or_file = {200: {**LINES[200], **FILES[200]}}
+    snapshot, log = (binary_answer(f"opaque; for {use}") for use in ("importSession", "replay"))
+    return {
+        "StepAgents": (step_agents, {}),
+        "GenerateClip": (generate_clip, {"response_class": Lines, "responses": lines_or_file}),
+        "ExportSession": (export_session, {"response_class": Response, "responses": snapshot}),
+        "ImportSession": (
+            import_session,
+            {"openapi_extra": binary_body("as given by exportSession")},
+        ),
+        "ExportLog": (export_log, {"response_class": Response, "responses": log}),
+        "ExportMotion": (export_motion, {"response_class": Response, "responses": FILES}),
+        "Replay": (
+            replay,
+            {
+                "response_class": Lines,
+                "responses": LINES,
+                "openapi_extra": binary_body("as given by exportLog"),
+            },
+        ),
+    }

@@ -21,10 +21,6 @@ UINT32: Final = (1 << 32) - 1
 SessionId = Annotated[
     str, InPath(max_length=schema.ID_LENGTH, description="as given by createSession")
 ]
-AgentId = Annotated[
-    str, InPath(max_length=schema.ID_LENGTH, description="as given by createAgents")
-]
-ModelName = Annotated[str, InPath(max_length=schema.ID_LENGTH, description="as in listModels")]
 Expected = Annotated[
     int | None,
     Query(

@@ -1,0 +1,116 @@
+"""The calls of the API, as the protos state them: messages, scope, route over HTTP, routing.
+
+`options.proto` says what can be stated. gRPC, HTTP and the cluster's entry all read this table.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from google.protobuf.message import Message
+from google.protobuf.message_factory import GetMessageClass
+from pydantic import BaseModel
+
+from wayfarer.transport.caller import Scope
+from wayfarer.transport.wire import parse
+from wayfarer.v1 import (
+    admin_pb2,
+    agent_pb2,
+    catalog_pb2,
+    control_pb2,
+    goal_pb2,
+    motion_pb2,
+    options_pb2,
+    scene_pb2,
+    session_pb2,
+    snapshot_pb2,
+)
+
+FILES: Final = (
+    *(scene_pb2, session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2),
+    *(catalog_pb2, admin_pb2),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rpc:
+    """One RPC."""
+
+    name: str
+    path: str  # /package.Service/Method
+    request: type[Message]
+    response: type[Message]
+    options: options_pb2.CallOptions
+    tag: str  # its group in the OpenAPI document
+
+    @property
+    def scope(self) -> Scope:
+        """What the caller needs."""
+        name = options_pb2.CallOptions.Scope.Name(self.options.scope)
+        return Scope(name.removeprefix("SCOPE_").lower())
+
+    @property
+    def route(self) -> tuple[str, str]:
+        """Verb and path over HTTP; both are empty for a call without a route."""
+        verb, _, path = self.options.route.partition(" ")
+        return verb, path
+
+    @property
+    def operation_id(self) -> str:
+        """Its name in the OpenAPI document."""
+        return self.name[0].lower() + self.name[1:]
+
+    @property
+    def status(self) -> int:
+        """Status of its answer over HTTP."""
+        return self.options.status or (200 if self.response.DESCRIPTOR.fields else 204)
+
+
+def _calls() -> Mapping[str, Rpc]:
+    found = {}
+    for file in FILES:
+        for service in file.DESCRIPTOR.services_by_name.values():
+            tag = service.GetOptions().Extensions[options_pb2.tag]
+            for method in service.methods:
+                options = method.GetOptions().Extensions[options_pb2.call]
+                found[method.name] = Rpc(
+                    method.name,
+                    f"/{service.full_name}/{method.name}",
+                    GetMessageClass(method.input_type),
+                    GetMessageClass(method.output_type),
+                    options,
+                    options.tag or tag,
+                )
+    return found
+
+
+CALLS: Final = _calls()
+"""All RPCs, by name."""
+
+
+def twin_of(parameter: inspect.Parameter) -> type[BaseModel] | None:
+    """The message of schema/ that a parameter takes."""
+    kind = parameter.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def from_message(call: Rpc, method: Callable[..., Any]) -> Callable[[Any], Any]:
+    """`method` of the gateway as a function of the protobuf request.
+
+    Fields of the request are its arguments by name. A parameter that is a message of schema/ takes
+    the body, which is the whole request unless the options say otherwise.
+    """
+    body = call.options.body
+    twins = {
+        name: twin_of(parameter) for name, parameter in inspect.signature(method).parameters.items()
+    }
+    fields = call.request.DESCRIPTOR.fields_by_name
+
+    def argument(request: Any, name: str, twin: type[BaseModel] | None) -> Any:
+        if twin is not None:
+            return parse(twin, getattr(request, body) if body else request, body)
+        is_absent = fields[name].has_presence and not request.HasField(name)
+        return None if is_absent else getattr(request, name)
+
+    return lambda request: method(**{n: argument(request, n, twin) for n, twin in twins.items()})
