@@ -72,6 +72,9 @@ async def test_http_from_scene_to_crowd(rig):
     path = f"/v1/scenes/{made.json()['scene_id']}"
     put = await http.put(f"{path}/obstacles/crate", json=CRATE)
     assert put.json()["version"] == 1
+    huge = {"box": {**CRATE["box"], "size": {"x": 600, "y": 1, "z": 1}}}
+    refused = await http.put(f"{path}/obstacles/crate", json=huge)
+    assert refused.json()["errors"][0]["field"] == "box.size"  # as in the body: no `obstacle` there
     ends = {"start": {"x": 0, "y": 0, "z": -3}, "goal": {"x": 0, "y": 0, "z": 3}}
     refused = await http.post(f"{path}/path", json=ends)
     assert refused.status_code == 409

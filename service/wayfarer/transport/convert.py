@@ -244,15 +244,7 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
 def file_options(request: schema.MotionFile) -> FileOptions:
     """Raises InvalidArgument where options contradict each other."""
     with file_fields():
-        return FileOptions(
-            format=request.format,
-            names=request.names,
-            fps=request.fps,
-            root=request.root,
-            loop=request.loop,
-            unit=request.unit,
-            detail=request.detail,
-        )
+        return FileOptions(**dict(request))
 
 
 def fitted_body(request: schema.CharacterJoints, bodies: BodyLibrary) -> schema.FittedBody:
@@ -270,12 +262,7 @@ def fitted_body(request: schema.CharacterJoints, bodies: BodyLibrary) -> schema.
         betas=found.betas,
         scale=found.scale,
         lengths=tuple(
-            schema.FittedLength(
-                name=length.name,
-                character_m=length.character_m,
-                body_m=length.body_m,
-                error_cm=length.error_cm,
-            )
+            schema.FittedLength(**asdict(length), error_cm=length.error_cm)
             for length in found.lengths
         ),
     )

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import secrets
 from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict
 from hashlib import sha256
 from typing import Final
 
@@ -198,7 +199,7 @@ class SceneApi:
         crowd = scene_convert.crowd(request, session.basis, secrets.randbits(32))
         # to its end even where the caller goes away: the crowd counts
         state = await finish(self._populate(session, crowd))
-        return schema.CrowdCame(came=state.came, waiting=state.waiting, reason=state.reason)
+        return schema.CrowdCame(**asdict(state))
 
     async def _populate(self, session: OpenSession, crowd: Crowd) -> CrowdState:
         more = max(crowd.count - session.crowd, 0)
