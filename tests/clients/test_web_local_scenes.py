@@ -13,6 +13,7 @@ from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import Aims, Float, Memory, People
 from wayfarer.world.scenes.around import way_around
+from wayfarer.world.scenes.lanes import lanes
 from wayfarer_lab.engine_export.scene import read_scene, write_scene
 
 CROWDS, WAYS, SECONDS = 100, 200, 0.2
@@ -48,7 +49,7 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
     )
 
 
-def _sent(people: People, preferred: Float, left: Float) -> list[dict]:
+def _sent(people: People, preferred: Float, left: Float, half: Float, ways: Float) -> list[dict]:
     return [
         {
             "number": int(people.number[k]),
@@ -57,6 +58,8 @@ def _sent(people: People, preferred: Float, left: Float) -> list[dict]:
             "walks": bool(people.walks[k]),
             "preferred": preferred[k].tolist(),
             "left": float(left[k]),
+            "half": float(half[k]),
+            "way": ways[k].tolist(),
             "memory": {name: getattr(people.memory, name)[k].tolist() for name in REMEMBERED},
         }
         for k in range(len(preferred))
@@ -77,14 +80,17 @@ def test_choices_and_ways_are_the_servers(tmp_path):
     def clear(places: Float) -> Float:
         return scene.distance(np.concatenate([places, np.zeros((*places.shape[:2], 1))], -1))
 
-    crowds, courses = [], []
+    crowds, courses, kept = [], [], []
     for count in rng.integers(2, 14, CROWDS):
         people = _crowd(rng, count)
         angle, speed = rng.uniform(0, 2 * np.pi, count), rng.uniform(0.3, 1.6, count)
         preferred = np.float32(np.stack([np.cos(angle), np.sin(angle)], -1) * speed[:, None])
         left = rng.uniform(0, 9, count).astype(np.float32)
-        crowds.append(_sent(people, preferred, left))
-        courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS, left))
+        half = rng.uniform(0.3, 2.0, count).astype(np.float32)
+        points = people.position[:, None] + preferred[:, None] * np.arange(0.1, 1, 0.3)[:, None]
+        crowds.append(_sent(people, preferred, left, half, points))
+        courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS, left, half))
+        kept.append(lanes(people, np.arange(count), points, clear))
     ways, paths = [], []
     for x, y, to_x, to_y in rng.uniform(0, 20, (WAYS, 4)).tolist():
         try:
@@ -115,6 +121,12 @@ def test_choices_and_ways_are_the_servers(tmp_path):
         for one, course, k in pairs
     ]
     assert len(pairs) > 500
+    found_lanes = [each for crowd in found["lanes"] for each in crowd]
+    for name in ("half", "keeps", "place", "turn", "way"):
+        theirs = np.array([each[name] for each in found_lanes])
+        mine = np.concatenate([getattr(lane, name) for lane in kept])
+        np.testing.assert_allclose(theirs, mine, atol=1e-5, err_msg=name)
+    assert sum(each["keeps"] for each in found_lanes) > 10
     assert same.count(False) <= 1  # costs that differ by EVEN itself may fall either way
     around = [_around(room) for room in rooms]
     assert found["around"] == around and sum(len(corners) > 2 for corners in around) > 10

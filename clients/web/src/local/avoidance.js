@@ -26,7 +26,7 @@ const FAN = SPEEDS.flatMap((speed) => TURNS.map((turn) => {
   return { x: Math.fround(speed * Math.cos(angle)), y: Math.fround(speed * Math.sin(angle)) };
 }));
 const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SOON = 0.3, CLOSE = 1.5, COMFORT = 0.35, REACTION = 0.25, SLOWEST = 0.5;
-const WALL_ROOM = 0.1, WALL_TIMES = [0.3, 0.7, 1.2];
+const WALL_ROOM = 0.1, WALL_SHARE = 0.42, LANES = 0.9, PASSING = 0.3, PASS_SHARE = 0.8, WALL_TIMES = [0.3, 0.7, 1.2];
 const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, WALL = 15;
 const PATIENCE = 1.25, YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, LEAST_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1;
 const BESIDE_STANDING = 0.1, STANDS_APART = 0.05;
@@ -39,17 +39,17 @@ export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0
 /**
  * The velocity that one of the people takes who would walk at `preferred`, not zero; and what is remembered of it.
  * `clear`: metres to the nearest wall; null: there are none. `seconds`: since it was asked last.
- * `left`: metres to where it will stop.
- * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds @param {number} [left]
+ * `left`: metres to where it will stop; `half`: half the width of its way.
+ * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds @param {number} [left] @param {number} [half]
  * @returns {{ velocity: Point, waits: boolean, memory: Memory }}
  */
-export function avoid(people, self, preferred, clear, seconds, left = Infinity) {
+export function avoid(people, self, preferred, clear, seconds, left = Infinity, half = Infinity) {
   const { memory } = self, near = neighbours(people, self);
-  const way = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred);
-  const room = clear ? Math.min(RADIUS + WALL_ROOM, clear(self.position[0], self.position[1])) : 0;
+  const way = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred, Math.min(LANE, PASS_SHARE * half));
+  const room = clear ? Math.min(RADIUS + WALL_ROOM, WALL_SHARE * half, clear(self.position[0], self.position[1])) : 0;
   const tried = candidates(way, memory.chosen);
   const costs = tried.map((each) => DEVIATION * apart(each, way) + CHANGE * apart(each, memory.chosen)
-    + meetings(self, near, each, left) + (clear ? walls(self, each, clear, room) : 0));
+    + meetings(self, near, each, left, half) + (clear ? walls(self, each, clear, room) : 0));
   const least = Math.min(...costs), velocity = tried[costs.findIndex((cost) => cost <= least + EVEN)];
   const remembered = remember(self, preferred, velocity, seconds);
   return { velocity, waits: !velocity[0] && !velocity[1], memory: makeWay(remembered, self, near) };
@@ -70,8 +70,8 @@ function neighbours(people, self) {
   return found.sort((a, b) => a.urgency - b.urgency).slice(0, NEIGHBOURS);
 }
 
-/** The preferred velocity, turned to the right for who is oncoming. @param {Other[]} people @param {Other} self @param {Point} preferred @returns {Point} */
-function keepRight(people, self, preferred) {
+/** The preferred velocity, turned to the right for who is oncoming. @param {Other[]} people @param {Other} self @param {Point} preferred @param {number} lane @returns {Point} */
+function keepRight(people, self, preferred, lane) {
   const speed = Math.max(Math.hypot(...preferred), 1e-6), ux = preferred[0] / speed, uy = preferred[1] / speed;
   let pair = 0, sum = 0, count = 0;
   for (const { position, walks, memory: { preferred: [x, y] } } of people) {
@@ -79,7 +79,7 @@ function keepRight(people, self, preferred) {
     const ahead = dx * ux + dy * uy, left = dy * ux - dx * uy, fast = Math.max(Math.hypot(x, y), 1e-6);
     if (!walks || ahead <= 0 || ahead >= LANE_SIGHT || Math.abs(left) >= LANE_WIDE) continue;
     if (-(x * ux + y * uy) / fast <= OPPOSITE) continue;
-    const aside = Math.max(LANE - left, 0) / Math.max(ahead / (speed + fast), LANE_SOON);
+    const aside = Math.max(lane - left, 0) / Math.max(ahead / (speed + fast), LANE_SOON);
     pair = Math.max(pair, aside * bounded(left + BESIDE, 0, 1));
     sum += aside;
     count += 1;
@@ -103,8 +103,13 @@ function candidates(way, last) {
   return tried;
 }
 
-/** How soon and how nearly others are met. @param {Other} self @param {Neighbour[]} near @param {Point} tried @param {number} left */
-function meetings(self, near, [vx, vy], left) {
+/** Whether two would walk against each other. @param {Other} self @param {Other} other */
+function opposed({ memory: { preferred: [px, py] } }, { memory: { preferred: [x, y] } }) {
+  return x * px + y * py < -OPPOSITE * Math.hypot(x, y) * Math.hypot(px, py);
+}
+
+/** How soon and how nearly others are met. @param {Other} self @param {Neighbour[]} near @param {Point} tried @param {number} left @param {number} half */
+function meetings(self, near, [vx, vy], left, half) {
   const [ux, uy] = self.velocity, touch = 2 * RADIUS;
   const { waited } = self.memory;
   const asked = Math.min(Math.max(COMFORT / (1 + waited / PUSH), LEAST_COMFORT), Math.max(STANDS_APART, 0.25 * left));
@@ -113,7 +118,8 @@ function meetings(self, near, [vx, vy], left) {
   let most = 0, sum = 0;
   for (const { other, dx: x, dy: y, distance } of near) {
     const [ox, oy] = other.velocity, fast = ox * ox + oy * oy;
-    const room = touch + (other.walks || fast ? asked : Math.min(asked, BESIDE_STANDING));
+    const wide = touch + (other.walks || fast ? asked : Math.min(asked, BESIDE_STANDING));
+    const room = half < LANES && other.walks && opposed(self, other) ? Math.min(wide, PASSING) : wide;
     const share = other.walks && fast > 0.09 ? 1 + bounded((distance - touch) / CLOSE - 1, 0, 1) : 1;
     const wx = share * vx - ((share - 1) * ux + ox), wy = share * vy - ((share - 1) * uy + oy);
     const dx = x - REACTION * (ux - vx), dy = y - REACTION * (uy - vy);

@@ -2,15 +2,16 @@
 // server's world/scenes (company, detours), which explain the rules. World: metres.
 
 import { wayAround } from "./around.js";
+import { SIDEWAYS, lane } from "./lanes.js";
 import { turn } from "./passages.js";
 import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
 import { FARTHEST, takeSpot } from "./spots.js";
-import { STEP_SECONDS, minus, plus, times } from "./steering.js";
+import { STEP_SECONDS, STRAFING, angleBetween, minus, plus, times } from "./steering.js";
 
 const REACH = 1, TOLD = 3.9, BESIDE = 0.7, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS = 0.4, GOAL_MOVES = 0.3;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.45, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
-const RETRY = 5, SLOW = 0.15;
+const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
 const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
 /** @typedef {import("./scene.js").Point} Point */
@@ -23,7 +24,7 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
  */
 /** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
 /** A person as others see it at a moment. @typedef {import("./avoidance.js").Other & { person: Person, aims: Aims, stands: boolean }} Seen */
-/** A person about to be stepped; `goal` and `ahead` are replaced. @typedef {{ person: Person, hips: Point, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
+/** A person about to be stepped; `goal`, `ahead` and `half`, of its way's width, are replaced. @typedef {{ person: Person, hips: Point, facing: Point, half: number, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
 
 export class Company {
   /** @param {import("./scene.js").LocalScene | null} scene @param {import("./guide.js").Tell} tell */
@@ -85,6 +86,21 @@ export class Company {
         row.ahead = { ...row.ahead, given: false };
         walker.memory = { ...walker.memory, waited: Math.fround(walker.memory.waited + STEP) };
       } else row.ahead = passing(row.ahead, place, way);
+    }
+  }
+
+  /** Let people keep to the right in narrow ways, and turn their shoulders there. @param {Row[]} rows @param {Seen[]} people */
+  keepLanes(rows, people) {
+    if (!this.clear) return;
+    for (const row of rows) {
+      if (!row.ahead.given) continue;
+      const { half, keeps, place, turn: angle, way } = lane(people, row.self, this.#ahead(row, BEFORE), this.clear);
+      row.half = Math.fround(half);
+      if (keeps && row.ahead.through) row.ahead = { ...row.ahead, place };
+      const turned = row.person.planned.gait.mode === STRAFING && angleBetween(row.facing, way) > TURNED;
+      if (row.ahead.strafe || !(turned || angle > TURNED)) continue;
+      const heading = plus(times(Math.cos(angle), way), times(Math.sin(angle), [way[1], -way[0]]));
+      row.ahead = { ...row.ahead, heading, strafe: true, speed: Math.min(row.ahead.speed, Math.fround(SIDEWAYS)) };
     }
   }
 

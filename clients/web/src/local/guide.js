@@ -5,7 +5,7 @@ import { avoid, freshMemory } from "./avoidance.js";
 import { Company } from "./company.js";
 import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
-import { STEP_SECONDS, WALKING, bounded, minus, plus, times } from "./steering.js";
+import { STEP_SECONDS, WALKING, angleBetween, bounded, minus, plus, times } from "./steering.js";
 
 const FPS = 40;
 const REACH = 1, SHARES = [1, 0.75, 0.5, 0.3, 0.15], LINE = 8;
@@ -58,13 +58,14 @@ export class Guide {
     /** @type {Row[]} */
     const rows = begun.map(({ person, start, gait, goal }) => {
       const self = /** @type {Seen} */ (people.find((other) => other.person === person));
-      return { person, hips: start.hips, gait, goal, ahead: goal, walker: this.#walker(person), self };
+      return { person, hips: start.hips, facing: start.facing, half: Infinity, gait, goal, ahead: goal, walker: this.#walker(person), self };
     });
     this.company?.place(rows, people);
     const courses = rows.map((row) => (this.scene ? this.#led(row) : this.#onFloor(row)));
     const led = rows.filter((_, k) => courses[k].leads);
     this.company?.bar(led, people);
     this.company?.takeTurns(led, people);
+    this.company?.keepLanes(led, people);
     if (this.company && people.length > 1) for (const row of led) if (row.ahead.given) this.#bend(row, people);
     return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }
@@ -81,12 +82,12 @@ export class Guide {
 
   /** Make a person walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
   #bend(row, people) {
-    const { hips, goal, ahead, walker, self } = row;
+    const { hips, goal, ahead, walker, self, half } = row;
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);
     /** @type {Point} */
     const preferred = [Math.fround((way[0] / distance) * ahead.speed), Math.fround((way[1] / distance) * ahead.speed)];
     const left = goal.through ? Infinity : Math.fround(Math.hypot(...minus(goal.place, hips)));
-    const course = avoid(people, self, preferred, this.company?.clear ?? null, STEP_SECONDS, left);
+    const course = avoid(people, self, preferred, this.company?.clear ?? null, STEP_SECONDS, left, half);
     walker.memory = course.memory;
     row.ahead = turned(ahead, hips, preferred, course.velocity, course.waits);
   }
@@ -217,9 +218,3 @@ function turned(ahead, hips, preferred, chosen, waits) {
 
 /** @param {number} x @param {number[]} from @param {number[]} to */
 const interpolated = (x, [a, b], [c, d]) => c + bounded((x - a) / (b - a), 0, 1) * (d - c);
-
-/** Radians between vectors of any length. @param {Point} a @param {Point} b */
-function angleBetween(a, b) {
-  const length = Math.max(Math.hypot(...a), 1e-6) * Math.max(Math.hypot(...b), 1e-6);
-  return Math.acos(bounded((a[0] * b[0] + a[1] * b[1]) / length, -1, 1));
-}

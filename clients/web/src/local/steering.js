@@ -205,3 +205,9 @@ export const times = (s, a) => [s * a[0], s * a[1]];
 export const unit = (a) => times(1 / Math.max(Math.hypot(...a), 1e-6), a);
 /** Radians between unit vectors. @param {Point} a @param {Point} b */
 const between = (a, b) => Math.acos(bounded(a[0] * b[0] + a[1] * b[1], -1, 1));
+
+/** Radians between vectors of any length. @param {Point} a @param {Point} b */
+export function angleBetween(a, b) {
+  const length = Math.max(Math.hypot(...a), 1e-6) * Math.max(Math.hypot(...b), 1e-6);
+  return Math.acos(bounded((a[0] * b[0] + a[1] * b[1]) / length, -1, 1));
+}

@@ -22,6 +22,7 @@ from wayfarer.world.avoidance.kernel import (
     TRIED,
     WALL,
     WALL_ROOM,
+    WALL_SHARE,
     WALL_TIMES,
     Choices,
     Everybody,
@@ -52,20 +53,23 @@ def avoid(
     clear: Clearance | None,
     seconds: float,
     left: Float | None = None,
+    half: Float | None = None,
 ) -> NextVelocity:
     """The velocities that some people shall take.
 
     rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
     nearest wall at points [A, N, 2] of these rows, [A, N]; None: there are no walls. `seconds`:
-    since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops. A
-    row's result depends on `people`, not on who else is asked.
+    since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops.
+    `half` [A]: metres, half the width of their ways; None: there are no narrow ones.
+    A row's result depends on `people`, not on who else is asked.
     """
     everybody, count = _everybody(people), len(rows)
     made = _room_for(count)
     stops = np.full(count, np.inf, np.float32) if left is None else left
-    weigh(everybody, rows, preferred, stops, made)
+    wide = np.full(count, np.inf, np.float32) if half is None else half
+    weigh(everybody, rows, preferred, stops, wide, made)
     if clear is not None:
-        made.costs[:] += _walls(people, rows, made.tried, clear)
+        made.costs[:] += _walls(people, rows, made.tried, clear, wide)
     found = Next(
         velocity=np.empty((count, 2), np.float32),
         waited=np.empty(count, np.float32),
@@ -81,8 +85,8 @@ def avoid(
 def prepare() -> None:
     """Compile the rule, or load it, before anybody walks."""
     people, row = People.empty(1), np.zeros(1, np.int64)
-    made = _room_for(1)
-    warm(weigh, _everybody(people), row, np.ones((1, 2), np.float32), np.ones(1, np.float32), made)
+    made, one = _room_for(1), np.ones(1, np.float32)
+    warm(weigh, _everybody(people), row, np.ones((1, 2), np.float32), one, one, made)
     still = np.zeros(1, np.float32), np.zeros(1, np.float32)
     found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
     warm(decide, _everybody(people), row, made, 0.2, found)
@@ -116,7 +120,7 @@ def _room_for(count: int) -> Choices:
     )
 
 
-def _walls(people: People, rows: Index, tried: Float, clear: Clearance) -> Float:
+def _walls(people: People, rows: Index, tried: Float, clear: Clearance, half: Float) -> Float:
     """What it costs that a way leads into walls within the next second. [A, C]"""
     own = people.velocity[rows]
     slip = REACTION * (own[:, None] - tried)
@@ -127,6 +131,7 @@ def _walls(people: People, rows: Index, tried: Float, clear: Clearance) -> Float
     flat = np.concatenate([points.reshape(count, -1, 2), start[:, None]], 1)
     room = clear(flat.astype(np.float32))
     # a person that is too near already may go wherever it is no nearer
-    wanted = np.minimum(people.radius[rows] + WALL_ROOM, room[:, -1])
+    wanted = np.minimum(people.radius[rows] + WALL_ROOM, WALL_SHARE * half)
+    wanted = np.minimum(wanted, room[:, -1])
     lack = np.maximum(wanted[:, None] - room[:, :-1], 0).reshape(count, fan, len(times))
     return np.asarray(WALL * (lack / WALL_ROOM).max(-1))

@@ -34,6 +34,10 @@ COMFORT: Final = 0.35  # preferred room between two, beside their radii
 REACTION: Final = 0.25  # seconds until a body follows a new velocity
 SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly
 WALL_ROOM: Final = 0.1  # preferred between a person's radius and a wall
+WALL_SHARE: Final = 0.42  # but in a narrow way at most that share of half its width
+LANES: Final = 0.9  # half of a way's width within which it has lanes (see scenes/lanes.py): …
+PASSING: Final = 0.3  # … who comes the other way keeps to its own, and no more room is asked for
+PASS_SHARE: Final = 0.8  # share of half the width that is then between two who pass
 WALL_TIMES: Final = (0.3, 0.7, 1.2)  # at which a way is looked at for walls
 
 DEVIATION: Final = 2.0  # costs, of 1 m/s: not to go where one would
@@ -173,7 +177,9 @@ def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -
 
 
 @compiled
-def _keep_right(everybody: Everybody, me: int, px: float, py: float) -> tuple[float, float]:
+def _keep_right(
+    everybody: Everybody, me: int, px: float, py: float, lane: float
+) -> tuple[float, float]:
     """The preferred velocity, turned to the right for who is oncoming.
 
     Everybody in sight counts, not the nearest few: in a stream those are one's own. What counts is
@@ -200,7 +206,7 @@ def _keep_right(everybody: Everybody, me: int, px: float, py: float) -> tuple[fl
         fast = max(_length(x, y), TINY)
         if -(x * ux + y * uy) / fast <= OPPOSITE:
             continue
-        aside = max(LANE - left, 0.0) / max(ahead / (speed + fast), LANE_SOON)
+        aside = max(lane - left, 0.0) / max(ahead / (speed + fast), LANE_SOON)
         pair = max(pair, aside * min(max(left + BESIDE, 0.0), 1.0))
         total += aside
         count += 1
@@ -229,7 +235,15 @@ def _candidates(wx: float, wy: float, tried: Float) -> None:
 
 
 @compiled
-def _meet(everybody: Everybody, me: int, other: int, left: float, fan: Fan) -> None:
+def _opposed(everybody: Everybody, me: int, other: int) -> bool:
+    """Whether two would walk against each other."""
+    x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
+    px, py = float(everybody.preferred[me, 0]), float(everybody.preferred[me, 1])
+    return x * px + y * py < -OPPOSITE * _length(x, y) * _length(px, py)
+
+
+@compiled
+def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, fan: Fan) -> None:
     """How soon and how nearly one other is met at each velocity of the fan, added to its costs."""
     own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
     their_x, their_y = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
@@ -249,6 +263,8 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, fan: Fan) -> N
     if everybody.group[me] > 0 and everybody.group[me] == everybody.group[other]:
         room, weight = IN_GROUP, COLLISION / IN_GROUP
     room += touch
+    if half < LANES and walks and _opposed(everybody, me, other):
+        room = min(room, PASSING)
     # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
     # close by it would be too late to rely on that
     share = 1.0
@@ -272,15 +288,18 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, fan: Fan) -> N
 
 
 @compiled
-def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made: Choices) -> None:
+def weigh(
+    everybody: Everybody, rows: Index, preferred: Float, left: Float, half: Float, made: Choices
+) -> None:
     """What people `rows` [A] may do that would walk at `preferred` [A, 2], into `made`.
 
-    left [A]: metres to where each will stop. Walls are not among the costs.
+    left [A]: metres to where each will stop; half [A]: half the width of its way. Walls are not
+    among the costs.
     """
     fan = Fan(np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE))
     urgencies = np.empty(NEIGHBOURS)
     for row in range(len(rows)):
-        me, stops = rows[row], float(left[row])
+        me, stops, wide = rows[row], float(left[row]), float(half[row])
         slowed = _keep_together(everybody, me, float(preferred[row, 0]), float(preferred[row, 1]))
         made.preferred[row, 0] = slowed * preferred[row, 0]
         made.preferred[row, 1] = slowed * preferred[row, 1]
@@ -290,7 +309,7 @@ def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made
         if everybody.yields[me] > 0:
             px, py = YIELD_SPEED * everybody.retreat[me, 0], YIELD_SPEED * everybody.retreat[me, 1]
         else:
-            px, py = _keep_right(everybody, me, px, py)
+            px, py = _keep_right(everybody, me, px, py, min(LANE, PASS_SHARE * wide))
         last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
         _candidates(px, py, made.tried[row])
         made.tried[row, TRIED - 2, 0], made.tried[row, TRIED - 2, 1] = last_x, last_y
@@ -302,7 +321,7 @@ def weigh(everybody: Everybody, rows: Index, preferred: Float, left: Float, made
             stop = stops / max(_length(fan.x[k], fan.y[k]), 1e-3)
             fan.last[k] = min(HORIZON, max(stop, SOON))
         for k in range(made.known[row]):
-            _meet(everybody, me, near[k], stops, fan)
+            _meet(everybody, me, near[k], stops, wide, fan)
         for k in range(TRIED):
             cost = DEVIATION * _length(fan.x[k] - px, fan.y[k] - py)
             cost += CHANGE * _length(fan.x[k] - last_x, fan.y[k] - last_y)

@@ -39,10 +39,13 @@ class CollisionAvoidance:
         """A new step begins: everybody may have moved."""
         self._seen.clear()
 
-    def bend(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array) -> None:
+    def bend(
+        self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array, half: Array
+    ) -> None:
         """Let rows `led` of `ahead` walk around others, or wait for them.
 
-        `rows` are their slots, `hips` [A, 2] where they are, `left` [A] metres to where each stops.
+        `rows` are their slots, `hips` [A, 2] where they are, `left` [A] metres to where each stops,
+        `half` [A] half the width of their ways.
         """
         slots = self._slots
         avoiding: Flags = slots.avoids[rows]
@@ -57,7 +60,8 @@ class CollisionAvoidance:
             clear = self.clearance(rows[mine])
             places = others.rows(rows[mine])
             stops = left[mine].astype(np.float32)
-            course = avoid(others.people, places, preferred, clear, STEP_SECONDS, stops)
+            wide = half[mine].astype(np.float32)
+            course = avoid(others.people, places, preferred, clear, STEP_SECONDS, stops, wide)
             slots.memory.put(rows[mine], course.memory)
             self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
 

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from wayfarer.errors import Text
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Slots
+from wayfarer.world.agents.heading import angle_between, facing_of
+from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.detours import AHEAD, STOPS, Detours
+from wayfarer.world.scenes.lanes import SIDEWAYS, lanes
 from wayfarer.world.scenes.passages import turns
 from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.planner import Tell
@@ -45,6 +47,12 @@ PATIENCE: Final = 2.5
 
 WAITS: Final = 0.4
 """Metres from its spot within which an agent that is too far from its goal waits."""
+
+BEFORE: Final = np.array([0.1, 0.4, 0.7, 1.0])
+"""Metres along its way at which an agent looks how wide it is."""
+
+TURNED: Final = 0.25
+"""Radians from which shoulders are turned at all."""
 
 GOAL_MOVES: Final = 0.3
 """Metres by which a goal moves when the way around others leads there no more."""
@@ -139,6 +147,38 @@ class Company:
             aside = np.flatnonzero(turn.waits & ~there)
             ahead.position[led[which[aside]], :2] = turn.place[aside]
             pass_through(ahead, led[which[aside]], way[aside])
+
+    def keep_lanes(
+        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+    ) -> Array:
+        """Let rows `led` keep to the right in narrow ways, and turn their shoulders there.
+
+        Returns half the width of their ways [A]; inf where nothing is known. See `bar`.
+        """
+        slots = self._slots
+        half = np.full(len(rows), np.inf, np.float32)
+        in_scene = slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & ahead.given[led]
+        for which, everybody in self._sessions(rows, np.flatnonzero(in_scene)):
+            some = rows[which]
+            points = self._detours.ahead(some, hips[which], goals.position[led[which]], BEFORE)
+            clear = self._avoidance.clearance(some)
+            lane = lanes(everybody.people, everybody.rows(some), points, clear)
+            half[which] = lane.half
+            keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
+            ahead.position[led[which[keeps]], :2] = lane.place[keeps]
+            facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
+            # who has turned its shoulders turns them back before it walks on: a body goes where
+            # it faces, and that is the wall
+            turned = slots.planned.gait.mode[some] == Mode.STRAFING
+            turned &= angle_between(facing, lane.way) > TURNED
+            sideways = (turned | (lane.turn > TURNED)) & ~ahead.strafe[led[which]]
+            mine, turn = led[which[sideways]], lane.turn[sideways, None]
+            way = lane.way[sideways]
+            right = np.stack([way[:, 1], -way[:, 0]], -1)
+            ahead.strafe[mine] = True
+            ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
+            ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
+        return half
 
     def lead_on_floor(
         self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns

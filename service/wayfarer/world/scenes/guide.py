@@ -155,10 +155,11 @@ class SceneGuide:
     ) -> None:
         self.company.bar(rows, hips, led, goals, ahead)
         self.company.take_turns(rows, hips, led, goals, ahead)
+        half = self.company.keep_lanes(rows, hips, led, goals, ahead)
         left = np.linalg.norm(goals.position[led, :2] - hips, axis=-1)
         left = np.where(goals.through[led], np.inf, left)
         goes = np.flatnonzero(ahead.given[led])
-        self.avoidance.bend(rows[goes], hips[goes], led[goes], ahead, left[goes])
+        self.avoidance.bend(rows[goes], hips[goes], led[goes], ahead, left[goes], half[goes])
 
     def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
         """The same for rows that are all in scenes."""

@@ -1,0 +1,52 @@
+// Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders. The server's
+// world/scenes/lanes.py, where the rules are explained. World: metres.
+
+import { bounded, minus, plus, times } from "./steering.js";
+
+/** @typedef {import("./scene.js").Point} Point */
+/** @typedef {import("./company.js").Seen} Seen */
+/** @typedef {{ half: number, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
+
+const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 2, REACTION = 0.35, DRIFT = 0.5, SEES = 7, PAST = -0.3;
+const AGAINST = 0.5, TURNS = [0.46, 0.66], TURN = (40 * Math.PI) / 180, SQUEEZE = [0.23, 0.29], TURN_SECONDS = 1.4;
+export const SIDEWAYS = 0.9;
+
+/**
+ * The lane of one of the people, whose way leads through `points` next. `clear`: metres to the nearest wall.
+ * @param {Seen[]} people @param {Seen} self @param {Point[]} points @param {(x: number, y: number) => number} clear @returns {Lane}
+ */
+export function lane(people, self, points, clear) {
+  const last = points[points.length - 1], whole = minus(last, points[0]);
+  const way = times(1 / Math.max(Math.hypot(...whole), 1e-6), whole), right = /** @type {Point} */ ([way[1], -way[0]]);
+  const sides = points.map((point) => [-1, 1].map((sign) => sign * wall(point, times(sign, right), clear)));
+  const half = Math.min(...sides.map(([low, high]) => (high - low) / 2));
+  const [low, high] = sides[sides.length - 1];
+  let keeps = false, passes = false;
+  for (const { position, velocity, walks, memory: { preferred } } of people) {
+    const apart = minus(position, self.position), ahead = dot(apart, way);
+    const against = dot(preferred, way) / Math.max(Math.hypot(...preferred), 1e-6) < -AGAINST;
+    if (!walks || !against || ahead <= PAST || ahead >= SEES || Math.abs(dot(apart, right)) >= 2 * LANES) continue;
+    keeps = half < LANES;
+    passes ||= ahead < Math.max(dot(minus(self.velocity, velocity), way), 0.5) * TURN_SECONDS;
+  }
+  const turn = Math.max(passes ? narrower(half, TURNS) : 0, narrower(half, SQUEEZE));
+  const wanted = (high + low) / 2 + (LANE * (high - low)) / 2;
+  const soon = plus(self.position, times(REACTION, self.velocity)), off = wanted - dot(minus(soon, last), right);
+  return { half, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };
+}
+
+/** Metres from a point of a way to the wall beside it. @param {Point} point @param {Point} side @param {(x: number, y: number) => number} clear */
+function wall(point, side, clear) {
+  let most = 0;
+  for (let k = 0; k * STEP < REACH + 1e-6; k += 1) {
+    const room = clear(...plus(point, times(k * STEP, side)));
+    if (room <= 0) break;
+    most = Math.max(most, k * STEP + room);
+  }
+  return most;
+}
+
+/** Radians by which shoulders are turned in a way of that half width. @param {number} half @param {number[]} between */
+const narrower = (half, [low, high]) => TURN * (1 - bounded((half - low) / (high - low), 0, 1));
+/** @param {Point} a @param {Point} b */
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1];
