@@ -12,8 +12,8 @@ namespace {
 const double SNAP = std::cos(25 * 3.141592653589793 / 180);  // an up or left so near to an axis is meant to be it
 constexpr double REACH = 0.999;  // of a leg's length: how far it is stretched at most
 constexpr double SINKS = 0.018;  // of a leg's length: how far hips sink at most for a standing foot to reach its print
-// heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the first,
-// by nothing when it is above the second
+// heights of a sole over the ground by the leg's length: hips sink and a heel rises by all that a foot lacks while it is
+// below the first, by nothing when it is above the second
 constexpr double STANDS = 0.02, LEAVES = 0.06;
 constexpr double TIPTOE = 0.25;   // radians: how far a heel rises at most for a foot to reach its print
 constexpr double FLEX = 0.5;     // radians: how far toes turn up at most where a shoe is longer than the agent's foot
@@ -241,9 +241,11 @@ void Retarget::pose(const float* frame, double ground) {
   double sunk = 0;
   for (int leg = 0; leg < 2; ++leg) {
     const double high = std::max(0.0, legs_[at(leg)].clear - ground) * ratio_;
-    legs_[at(leg)].goal = goal_of(leg, ground + high);
-    legs_[at(leg)].most = reach(leg);
-    sunk = std::max(sunk, lacks(leg, high));
+    Leg& own = legs_[at(leg)];
+    own.goal = goal_of(leg, ground + high);
+    own.most = reach(leg);
+    own.stays = std::clamp((LEAVES - high / own.length) / (LEAVES - STANDS), 0.0, 1.0);
+    sunk = std::max(sunk, lacks(leg));
   }
   for (const int b : mapped_) places_[at(b)] = places_[at(b)] - sunk * up;
   for (int leg = 0; leg < 2; ++leg) {
@@ -335,14 +337,13 @@ double Retarget::reach(int leg) const {
   return std::min(REACH, agents + room * (1 - std::exp(-std::max(0.0, over) / room))) * own.length;
 }
 
-/// How far the hips must sink for a foot to reach its print; `high`: of the sole over the ground.
-double Retarget::lacks(int leg, double high) const {
+/// How far the hips must sink for a foot to reach its print.
+double Retarget::lacks(int leg) const {
   const Leg& own = legs_[at(leg)];
   const Vec3 way = places_[at(LEGS[leg].hip)] - own.goal;
   const double away = length(basis_.level(way));
   const double lacking = dot(way, basis_.up) - std::sqrt(std::max(0.0, own.most * own.most - away * away));
-  const double share = std::clamp((LEAVES - high / own.length) / (LEAVES - STANDS), 0.0, 1.0);
-  return std::min(SINKS * own.length, std::max(0.0, lacking) * share);
+  return std::min(SINKS * own.length, std::max(0.0, lacking) * own.stays);
 }
 
 /// Lift the heel so far that the leg reaches its goal: the foot turns about its ball, as far as the ball bears it.
@@ -364,7 +365,7 @@ void Retarget::raise(int leg) {
   const double share = wanted / std::max(std::hypot(near, ahead), 1e-9);
   const double lacking = std::atan2(ahead, near) - std::acos(std::clamp(share, -1.0, 1.0));
   const double bears = std::clamp(1 - dot(ball - heel, basis_.up) / (STANDS * own.length), 0.0, 1.0);
-  const double half = bears * std::clamp(lacking, 0.0, TIPTOE) / 2, sine = std::sin(half);
+  const double half = own.stays * bears * std::clamp(lacking, 0.0, TIPTOE) / 2, sine = std::sin(half);
   const Quat turn{sine * axis.x, sine * axis.y, sine * axis.z, std::cos(half)};
   world_[at(ankle)] = multiply(turn, world_[at(ankle)]);
   own.goal = own.goal + ball - rotate(turn, ball);

@@ -23,8 +23,8 @@ SINKS: Final = 0.018
 """Most that hips sink for a standing foot to reach its print, as a share of the leg's length."""
 STANDS: Final = 0.02
 LEAVES: Final = 0.06
-"""Heights of a sole over the ground, as shares of the leg's length: hips sink by all that a foot
-lacks while it is below the first, by nothing when it is above the second.
+"""Heights of a sole over the ground, as shares of the leg's length: hips sink and a heel rises by
+all that a foot lacks while it is below the first, by nothing when it is above the second.
 """
 TIPTOE: Final = 0.25
 """Most that a heel rises for a foot to reach its print: radians about the ball."""
@@ -252,14 +252,18 @@ class Retarget:
         self._put(world, found)
         high = [max(0.0, height - ground) * self.ratio for height in clear]
         goals = [self._goal(leg, turns, places, ground + high[leg]) for leg in range(len(LEGS))]
+        stays = [
+            min(1.0, max(0.0, (LEAVES - above / length) / (LEAVES - STANDS)))
+            for above, length in zip(high, self.length, strict=True)
+        ]
         most = [self._reach(leg, goals[leg], places, found) for leg in range(len(LEGS))]
         sunk = max(
-            self._lacks(leg, goals[leg], most[leg], high[leg], found) for leg in range(len(LEGS))
+            self._lacks(leg, goals[leg], most[leg], stays[leg], found) for leg in range(len(LEGS))
         )
         for b in found:
             found[b] = found[b] - sunk * up
         for leg, bones in enumerate(LEGS):
-            goal = self._raised(leg, goals[leg], most[leg], turns, world, found)
+            goal = self._raised(leg, goals[leg], most[leg], stays[leg], turns, world, found)
             self._bend(bones, goal, most[leg], turns, world, found)
         self._put(world, found)
         return CharacterPose(world, found, *self._local(world, found), ground)
@@ -340,22 +344,22 @@ class Retarget:
         return float(min(REACH, soft) * self.length[leg])
 
     def _lacks(
-        self, leg: int, goal: Array, most: float, high: float, places: dict[int, Array]
+        self, leg: int, goal: Array, most: float, stays: float, places: dict[int, Array]
     ) -> float:
-        """How far the hips must sink for a foot to reach its print; `high`: of the sole over the
-        ground.
+        """How far the hips must sink for a foot to reach its print; `stays`: 1 for a foot on the
+        ground, 0 for one that has left it.
         """
         start, length = places[LEGS[leg][0]], self.length[leg]
         away = float(np.linalg.norm(self.basis.level(goal - start)))
         lacks = float((start - goal) @ self.basis.up) - np.sqrt(max(0.0, most**2 - away**2))
-        share = (LEAVES - high / length) / (LEAVES - STANDS)
-        return float(min(SINKS * length, max(0.0, lacks) * min(1.0, max(0.0, share))))
+        return float(min(SINKS * length, max(0.0, lacks) * stays))
 
     def _raised(
         self,
         leg: int,
         goal: Array,
         most: float,
+        stays: float,
         turns: list[Array],
         world: dict[int, Array],
         places: dict[int, Array],
@@ -380,7 +384,7 @@ class Retarget:
         share = wanted / max(float(np.hypot(near, ahead)), 1e-9)
         lacking = float(np.arctan2(ahead, near) - np.arccos(min(1.0, max(-1.0, share))))
         bears = min(1.0, max(0.0, 1 - float((ball - heel) @ up) / (STANDS * self.length[leg])))
-        angle = bears * min(TIPTOE, max(0.0, lacking))
+        angle = stays * bears * min(TIPTOE, max(0.0, lacking))
         turn = np.array([*(np.sin(angle / 2) * axis), np.cos(angle / 2)])
         world[ankle] = multiply(turn, world[ankle])
         return np.asarray(goal + ball - rotate(turn, ball))

@@ -69,6 +69,7 @@ class Retarget {
     double clear = 0;  // height of the agent's sole
     Vec3 goal;         // where the ankle goes
     double most = 0;   // how far it may be from the thigh joint
+    double stays = 0;  // 1 for a foot on the ground, 0 for one that has left it
   };
 
   static std::size_t at(int bone) { return static_cast<std::size_t>(bone); }
@@ -82,7 +83,7 @@ class Retarget {
   Vec3 goal_of(int leg, double sole) const;
   void flex(int leg, double low);
   double reach(int leg) const;
-  double lacks(int leg, double high) const;
+  double lacks(int leg) const;
   void raise(int leg);
   void bend(int leg);
   Vec3 within(const Vec3& start, const Vec3& goal, double most, double least) const;

@@ -12,8 +12,8 @@ namespace Wayfarer
         private const double Reach = 0.999; // of a leg's length: how far it is stretched at most
         private const double Sinks = 0.018; // of a leg's length: how far hips sink at most for a standing foot to reach its print
 
-        // heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the
-        // first, by nothing when it is above the second
+        // heights of a sole over the ground by the leg's length: hips sink and a heel rises by all that a foot lacks while
+        // it is below the first, by nothing when it is above the second
         private const double Stands = 0.02, Leaves = 0.06;
         private const double Tiptoe = 0.25; // radians: how far a heel rises at most for a foot to reach its print
         private const double Flex = 0.5; // radians: how far toes turn up at most where a shoe is longer than the agent's foot
@@ -38,6 +38,7 @@ namespace Wayfarer
         private readonly double[] scratch = new double[More + 3];
         private readonly double[] clear = new double[2]; // height of each of the agent's soles
         private readonly double[] reaches = new double[2]; // how far each ankle may be from its thigh joint
+        private readonly double[] stays = new double[2]; // 1 for a foot on the ground, 0 for one that has left it
 
         /// <param name="boneMap">Which node of the character is which bone.</param>
         /// <param name="restOffsets">Of the agent, three numbers a bone, in the stream's basis and unit.</param>
@@ -140,7 +141,8 @@ namespace Wayfarer
                 double lifted = Math.Max(0, clear[leg] - ground) * rest.Ratio;
                 FindGoal(leg, ground + lifted);
                 reaches[leg] = FindReach(leg);
-                sunk = Math.Max(sunk, Lacks(leg, lifted));
+                stays[leg] = Math.Min(1, Math.Max(0, (Leaves - lifted / rest.Lengths[leg]) / (Leaves - Stands)));
+                sunk = Math.Max(sunk, Lacks(leg));
             }
             for (int n = 0; n < mapped.Length; n++)
             {
@@ -282,8 +284,8 @@ namespace Wayfarer
             return Math.Min(Reach, soft) * rest.Lengths[leg];
         }
 
-        /// <summary>How far the hips must sink for a foot to reach its print; lifted: of the sole over the ground.</summary>
-        private double Lacks(int leg, double lifted)
+        /// <summary>How far the hips must sink for a foot to reach its print.</summary>
+        private double Lacks(int leg)
         {
             double[] s = scratch;
             int start = 3 * RetargetRest.Legs[leg][0];
@@ -296,8 +298,7 @@ namespace Wayfarer
             Without(Side, up, 0);
             double away = Size(Side);
             double lacking = down - Math.Sqrt(Math.Max(0, most * most - away * away));
-            double share = Math.Min(1, Math.Max(0, (Leaves - lifted / length) / (Leaves - Stands)));
-            return Math.Min(Sinks * length, Math.Max(0, lacking) * share);
+            return Math.Min(Sinks * length, Math.Max(0, lacking) * stays[leg]);
         }
 
         /// <summary>
@@ -336,7 +337,7 @@ namespace Wayfarer
             double share = wanted / Math.Max(Math.Sqrt(near * near + ahead * ahead), 1e-9);
             double lacking = Math.Atan2(ahead, near) - Math.Acos(Math.Min(1, Math.Max(-1, share)));
             double bears = Math.Min(1, Math.Max(0, 1 - (High(Ball) - High(From)) / (Stands * rest.Lengths[leg])));
-            double half = bears * Math.Min(Tiptoe, Math.Max(0, lacking)) / 2, sine = sign * Math.Sin(half);
+            double half = stays[leg] * bears * Math.Min(Tiptoe, Math.Max(0, lacking)) / 2, sine = sign * Math.Sin(half);
             for (int n = 0; n < 3; n++)
             {
                 s[Turn + n] = sine * s[Ahead + n];

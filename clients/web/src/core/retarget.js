@@ -8,8 +8,8 @@ import { PARENTS } from "./rig.js";
 
 const REACH = 0.999; // of a leg's length: how far it is stretched at most
 const SINKS = 0.018; // of a leg's length: how far hips sink at most for a standing foot to reach its print
-// heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the first,
-// by nothing when it is above the second
+// heights of a sole over the ground by the leg's length: hips sink and a heel rises by all that a foot lacks while it is
+// below the first, by nothing when it is above the second
 const STANDS = 0.02, LEAVES = 0.06;
 const TIPTOE = 0.25; // radians: how far a heel rises at most for a foot to reach its print
 const FLEX = 0.5; // radians: how far toes turn up at most where a shoe is longer than the agent's foot
@@ -17,8 +17,8 @@ const BEND = 0.1; // of the thigh's length: a knee that bends less than this ben
 
 // places in the scratch array of vectors
 const AHEAD = 0, BESIDE = 3, GOALS = 6, ALONG = 12, SIDE = 15, FRONT = 18, FROM = 21, TO = 24, BALL = 27, TURN = 30, MORE = 34;
-const GROUND = 37, LOW = 38, SOLE = 39, MOST = 40, LEAST = 41, LENGTH = 42, SUNK = 43, REACHES = 44; // and of numbers
-// (those that a function returned would be boxed; GOALS and REACHES: one a leg)
+const GROUND = 37, LOW = 38, SOLE = 39, MOST = 40, LEAST = 41, LENGTH = 42, SUNK = 43, REACHES = 44, STAYS = 46; // and of numbers
+// (those that a function returned would be boxed; GOALS, REACHES, STAYS: one a leg)
 
 /** Turns frames of an agent into poses of a character. */
 export class Retarget {
@@ -60,7 +60,7 @@ export class Retarget {
     this.turns = new Float64Array(4 * COUNT);
     this.source = new Float64Array(3 * COUNT);
     this.clear = new Float64Array(2);
-    this.scratch = new Float64Array(REACHES + 2);
+    this.scratch = new Float64Array(STAYS + 2);
     /** Height of the ground that the last pose stands on, in an array of one. */
     this.ground = this.scratch.subarray(GROUND, GROUND + 1);
   }
@@ -102,6 +102,8 @@ export class Retarget {
     s[SUNK] = 0;
     for (let leg = 0; leg < 2; leg += 1) {
       s[SOLE] = Math.max(0, clear[leg] - s[GROUND]) * ratio;
+      const lifted = s[SOLE] / this.#rest.lengths[leg];
+      s[STAYS + leg] = Math.min(1, Math.max(0, (LEAVES - lifted) / (LEAVES - STANDS))); // 1 on the ground, 0 off it
       this.#goal(leg);
       this.#reach(leg);
       this.#sink(leg);
@@ -250,8 +252,7 @@ export class Retarget {
     flatten(s, SIDE, up);
     const away = s[SIDE] * s[SIDE] + s[SIDE + 1] * s[SIDE + 1] + s[SIDE + 2] * s[SIDE + 2];
     const lacks = Math.max(0, down - Math.sqrt(Math.max(0, most * most - away)));
-    const share = Math.min(1, Math.max(0, (LEAVES - s[SOLE] / length) / (LEAVES - STANDS)));
-    s[SUNK] = Math.max(s[SUNK], Math.min(SINKS * length, lacks * share));
+    s[SUNK] = Math.max(s[SUNK], Math.min(SINKS * length, lacks * s[STAYS + leg]));
   }
 
   /**
@@ -288,7 +289,7 @@ export class Retarget {
     const share = wanted / Math.max(Math.sqrt(near * near + ahead * ahead), 1e-9);
     const lacking = Math.atan2(ahead, near) - Math.acos(Math.min(1, Math.max(-1, share)));
     const bears = Math.min(1, Math.max(0, 1 - over / (STANDS * this.#rest.lengths[leg])));
-    const half = (bears * Math.min(TIPTOE, Math.max(0, lacking))) / 2, sine = sign * Math.sin(half);
+    const half = (s[STAYS + leg] * bears * Math.min(TIPTOE, Math.max(0, lacking))) / 2, sine = sign * Math.sin(half);
     for (let n = 0; n < 3; n += 1) s[TURN + n] = sine * s[AHEAD + n];
     s[TURN + 3] = Math.cos(half);
     multiply(s, TURN, rotations, 4 * ankle, rotations, 4 * ankle);

@@ -10,8 +10,8 @@ const _ARMS: Array[Array] = [[16, 18, 20], [17, 19, 21]]
 const _REACH := 0.999  # of a leg's length: how far it is stretched at most
 ## Of a leg's length: how far hips sink at most for a standing foot to reach its print.
 const _SINKS := 0.018
-## Heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while
-## it is below the first, by nothing when it is above the second.
+## Heights of a sole over the ground by the leg's length: hips sink and a heel rises by all that a
+## foot lacks while it is below the first, by nothing when it is above the second.
 const _STANDS := 0.02
 const _LEAVES := 0.06
 ## Radians: how far a heel rises at most for a foot to reach its print.
@@ -134,16 +134,18 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	_put()
 	var goals := PackedVector3Array()
 	var most := PackedFloat64Array()
+	var stays := PackedFloat64Array()  # 1 for a foot on the ground, 0 for one that has left it
 	var sunk := 0.0
 	for leg in 2:
 		var high := maxf(0.0, clear[leg] - ground) * ratio
 		goals.append(_goal(leg, ground + high))
 		most.append(_reach(leg, goals[leg]))
-		sunk = maxf(sunk, _lacks(leg, goals[leg], most[leg], high))
+		stays.append(clampf((_LEAVES - high / _lengths[leg]) / (_LEAVES - _STANDS), 0.0, 1.0))
+		sunk = maxf(sunk, _lacks(leg, goals[leg], most[leg], stays[leg]))
 	for b in mapped:
 		places[b] -= sunk * _up
 	for leg in 2:
-		_bend(leg, _raised(leg, goals[leg], most[leg]), most[leg])
+		_bend(leg, _raised(leg, goals[leg], most[leg], stays[leg]), most[leg])
 	_put()
 	_relate()
 
@@ -380,19 +382,17 @@ func _reach(leg: int, goal: Vector3) -> float:
 	return minf(_REACH, soft) * _lengths[leg]
 
 
-## How far the hips must sink for a foot to reach its print; `high`: of the sole over the ground.
-func _lacks(leg: int, goal: Vector3, most: float, high: float) -> float:
+## How far the hips must sink for a foot to reach its print.
+func _lacks(leg: int, goal: Vector3, most: float, stays: float) -> float:
 	var start := places[LEGS[leg][0]]
-	var length := _lengths[leg]
 	var away := basis.level(goal - start).length()
 	var lacking := (start - goal).dot(_up) - sqrt(maxf(0.0, most * most - away * away))
-	var share := clampf((_LEAVES - high / length) / (_LEAVES - _STANDS), 0.0, 1.0)
-	return minf(_SINKS * length, maxf(0.0, lacking) * share)
+	return minf(_SINKS * _lengths[leg], maxf(0.0, lacking) * stays)
 
 
 ## The goal with the heel up so far that the leg reaches it: the foot turns about its ball, as far
 ## as the ball bears it.
-func _raised(leg: int, goal: Vector3, most: float) -> Vector3:
+func _raised(leg: int, goal: Vector3, most: float, stays: float) -> Vector3:
 	var ankle: int = LEGS[leg][2]
 	var start := places[LEGS[leg][0]]
 	var heel := _turns[ankle] * _soles[leg].heel
@@ -411,7 +411,7 @@ func _raised(leg: int, goal: Vector3, most: float) -> Vector3:
 	var share := wanted / maxf(sqrt(near * near + ahead * ahead), 1e-9)
 	var lacking := atan2(ahead, near) - acos(clampf(share, -1.0, 1.0))
 	var bears := clampf(1.0 - (ball - heel).dot(_up) / (_STANDS * _lengths[leg]), 0.0, 1.0)
-	var half := bears * clampf(lacking, 0.0, _TIPTOE) / 2.0
+	var half := stays * bears * clampf(lacking, 0.0, _TIPTOE) / 2.0
 	var about := sin(half) * axis
 	var turn := Quaternion(about.x, about.y, about.z, cos(half))
 	rotations[ankle] = turn * rotations[ankle]
