@@ -191,7 +191,9 @@ def main() -> None:
 
 def page(release: str, stale: bool, every: bool) -> str:
     """One of the two pages."""
-    intro = INTRO.format(which=FULL if every else SHORT, results="" if every else "../benchmarks/results/")
+    intro = INTRO.format(
+        which=FULL if every else SHORT, results="" if every else "../benchmarks/results/"
+    )
     parts = [intro, *([STALE] if stale else [])]
     for name, command in COMMANDS.items():
         path = RESULTS / f"{name}.json"
