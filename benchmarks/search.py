@@ -33,7 +33,7 @@ from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.search.problem import Ending, MotionPlan, PlanningProblem
 from wayfarer_lab.evaluation.gait import Windows, gait_row
-from wayfarer_lab.evaluation.goals import random_specs
+from wayfarer_lab.evaluation.tasks import random_specs
 from wayfarer_lab.evaluation.tracks import skin_track
 
 LATENTS = {

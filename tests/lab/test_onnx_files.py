@@ -1,8 +1,10 @@
 import onnx
 import onnxruntime as ort
+import pytest
 import torch
 from torch import nn
 
+from wayfarer.errors import ArtifactError
 from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore
 from wayfarer_lab.training.export import parity, round_to_half, save_graph
 from wayfarer_lab.training.graphs import ExportGraph
@@ -14,38 +16,36 @@ def small_graph(seed: int) -> ExportGraph:
     return ExportGraph(module, {"x": torch.randn(3, 40)}, ("y",), {"x": ("rows",)})
 
 
-def test_graphs_share_equal_weights_and_give_the_same_numbers(tmp_path):
-    store = WeightStore()
-    first, again, other = small_graph(0), small_graph(0), small_graph(1)
-    for name, graph in (("a", first), ("b", again), ("c", other)):
-        save_graph(graph, tmp_path / f"{name}.onnx", store, name)
-    store.write(tmp_path)
+GRAPHS = {"a": small_graph(0), "b": small_graph(0), "c": small_graph(1)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three graphs, of which two are equal; the name of each is its contract."""
+    made, store = tmp_path_factory.mktemp("graphs"), WeightStore()
+    for name, graph in GRAPHS.items():
+        save_graph(graph, made / f"{name}.onnx", store, name)
+    store.write(made)
+    return made
+
+
+def test_graphs_share_equal_weights_and_give_the_same_numbers(folder):
     one_model = 2 * 40 * 40 * 2  # two float16 matrices
-    assert 2 * one_model <= (tmp_path / WEIGHTS_FILE).stat().st_size < 2.5 * one_model
-    for name, graph in (("a", first), ("b", again), ("c", other)):
+    assert 2 * one_model <= (folder / WEIGHTS_FILE).stat().st_size < 2.5 * one_model
+    for name, graph in GRAPHS.items():
         wide = {"x": torch.randn(7, 40)}
-        assert parity(graph.module, tmp_path / f"{name}.onnx", wide, ("y",)) < 1e-5
+        assert parity(graph.module, folder / f"{name}.onnx", wide, ("y",)) < 1e-5
 
 
-def test_contract_is_in_the_file(tmp_path):
-    store = WeightStore()
-    save_graph(small_graph(0), tmp_path / "a.onnx", store, "contract")
-    store.write(tmp_path)
-    session = ort.InferenceSession(str(tmp_path / "a.onnx"))
-    assert session.get_modelmeta().custom_metadata_map["wayfarer"] == "contract"
+def test_contract_is_in_the_file(folder):
+    session = ort.InferenceSession(str(folder / "a.onnx"))
+    assert session.get_modelmeta().custom_metadata_map["wayfarer"] == "a"
 
 
-def test_parity_fails_for_another_module(tmp_path):
-    import pytest
-
-    from wayfarer.errors import ArtifactError
-
-    store = WeightStore()
-    save_graph(small_graph(0), tmp_path / "a.onnx", store, "")
-    store.write(tmp_path)
-    other = small_graph(1)
+def test_parity_fails_for_another_module(folder):
+    other = GRAPHS["c"]
     with pytest.raises(ArtifactError, match="differ"):
-        parity(other.module, tmp_path / "a.onnx", other.inputs, ("y",))
+        parity(other.module, folder / "a.onnx", other.inputs, ("y",))
 
 
 def test_values_that_half_cannot_hold_stay_float32(tmp_path):

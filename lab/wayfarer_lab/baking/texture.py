@@ -44,7 +44,7 @@ class Mapped(TextureMesh):
 
 
 def texture_arrays(full: Mapped, low: TextureMesh) -> dict[str, NDArray[Any]]:
-    """What the texture file holds: coordinates, and of each corner of a face its row of them.
+    """Contents of the texture file: coordinates, and for each corner of a face its row of them.
 
     From OBJ's origin at the lower left to glTF's at the upper left.
     """

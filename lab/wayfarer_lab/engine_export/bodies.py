@@ -29,7 +29,7 @@ class BodyTensor:
 
 
 def body_parts(body: BodyModel, start_poses: Array) -> list[BodyTensor]:
-    """What is in the file of one body; start_poses [P, 22, 4]."""
+    """Contents of the file of one body; start_poses [P, 22, 4]."""
     zero, unit = np.zeros(body.betas), np.eye(body.betas)
     bones, bones_dirs = _linear(lambda betas: _offsets(body, betas), zero, unit)
     parts = [

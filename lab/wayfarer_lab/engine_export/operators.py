@@ -6,7 +6,7 @@ https://docs.unity3d.com/Packages/com.unity.sentis@2.1/manual/supported-operator
 Opsets 7 to 15, and tensors of at most eight dimensions: page "Supported models" of Sentis 2.0,
 2026-11-23. Sentis 2.6 takes opsets up to 25.
 
-Unreal has no table of its own: its runtimes NNERuntimeORTCpu and NNERuntimeORTDml are ONNX Runtime,
+Unreal has no separate table: its runtimes NNERuntimeORTCpu and NNERuntimeORTDml are ONNX Runtime,
 which runs every operator of ONNX's own domain of opsets 7 and later on the CPU
 (docs/Versioning.md and docs/OperatorKernels.md of microsoft/onnxruntime, 2026-11-23). The exporter
 therefore opens and runs each file with ONNX Runtime, on the CPU alone.
@@ -20,7 +20,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer_lab.engine_export.graph import operators
 
 MOST_DIMENSIONS: Final = 8
-"""Of a tensor in Unity."""
+"""Maximum rank of a tensor in Unity."""
 
 SENTIS: Final = {
     "Abs", "Acos", "Acosh", "Add", "And", "ArgMax", "ArgMin", "Asin", "Asinh", "Atan", "Atanh",

@@ -29,9 +29,9 @@ from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances, first, mean, share
 from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, lean
-from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs, run_errands
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
-from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT, judge
+from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT, goal_outcome
+from wayfarer_lab.evaluation.tasks import AgentTask, Plan, TimedCommand, random_specs, run_tasks
 from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 Array = NDArray[np.floating[Any]]
@@ -70,9 +70,9 @@ def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[
 
 
 def told_the_goal_alone() -> Steering:
-    """Steering for policies trained by PPO, which were told a goal and a speed and nothing else.
+    """Steering for policies trained by PPO, which receive only a goal and a speed.
 
-    The service's gives each agent noise of its own.
+    The steering of the service also gives each agent its own noise.
     """
     usual = Steering()
     walking = replace(usual.searches[Mode.WALKING], own=0.0)
@@ -114,17 +114,17 @@ def online(
     """Trials of single bodies in a world, as served; without the foot lock, as the model makes
     them, which is how trees are judged, too.
     """
-    errands = [
-        Errand(replace(p.spec, foot_lock=foot_lock), (Order(0.0, _always([p.goal])),))
+    tasks = [
+        AgentTask(replace(p.spec, foot_lock=foot_lock), (TimedCommand(0.0, _always([p.goal])),))
         for p in pairs
     ]
     # a goal takes effect a primitive after it is given
     seconds = (STEP_LIMIT + 2) * STEP_SECONDS
-    for pair, course in zip(pairs, run_errands(world, errands, seconds), strict=True):
-        outcome = judge(course)
+    for pair, trajectory in zip(pairs, run_tasks(world, tasks, seconds), strict=True):
+        outcome = goal_outcome(trajectory)
         left = 0.0 if outcome.reached is not None else outcome.final_distance
         body = bodies[pair.spec.gender]
-        track = course.track(body, outcome.walking())
+        track = trajectory.track(body, outcome.walking())
         yield Trial(outcome.steps, outcome.near is not None, np.array([left]), [track])
 
 
@@ -193,7 +193,7 @@ def _always(path: Sequence[Goal]) -> Plan:
 
 
 def _owners(levels: Sequence[BeamLevel]) -> list[Index]:
-    """For each level, the pair that each of its nodes belongs to."""
+    """Returns, by level, the pair that each of its nodes belongs to."""
     owners: list[Index] = []
     for level in levels:
         owners.append(owners[-1][level.parent] if owners else level.parent)

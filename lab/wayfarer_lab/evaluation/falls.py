@@ -57,7 +57,7 @@ class Fallen:
         }
 
     def clip(self) -> Clip:
-        """What was sent around it. At least one chunk was sent."""
+        """The chunks sent around it, of which there is at least one."""
         return Clip(
             np.concatenate([chunk.translation for chunk in self.chunks]),
             np.concatenate([chunk.rotations for chunk in self.chunks]),

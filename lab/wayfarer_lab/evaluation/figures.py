@@ -1,4 +1,4 @@
-"""Small figures of courses, and averages over values of which NaN means "never happened"."""
+"""Small figures of trajectories, and averages over values of which NaN means "never happened"."""
 
 from collections.abc import Sequence
 from typing import Any

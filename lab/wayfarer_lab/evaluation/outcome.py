@@ -1,4 +1,4 @@
-"""How an agent reached one goal and stood: a pure function of its course."""
+"""How an agent reached one goal and stood: a pure function of its trajectory."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from wayfarer_lab.evaluation.figures import (
     share,
 )
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.goals import Course
+from wayfarer_lab.evaluation.tasks import Trajectory
 
 REACHED: Final = 0.75
 """Metres, horizontal, hips to goal: reached, as in the paper (Sec. 4.2)."""
@@ -38,7 +38,7 @@ DRIFT_SECONDS: Final = 2
 
 @dataclass(frozen=True)
 class GoalOutcome:
-    """Of one goal; frames count from the first one made for it. NaN: never happened."""
+    """Events of a run to a goal; frames count from the first one made for it, NaN: never."""
 
     reached: int | None  # frame at which the hips are first within 0.75 m, in 60 primitives
     near: int | None  # within 0.3 m, in 60 primitives
@@ -56,7 +56,7 @@ class GoalOutcome:
 
     @property
     def seconds_to_stand(self) -> float:
-        """From reaching the goal to standing."""
+        """Seconds from reaching the goal to standing."""
         if self.reached is None or self.stopped is None:
             return float("nan")
         return (self.stopped - self.reached) / FPS
@@ -72,13 +72,13 @@ class GoalOutcome:
         return slice(self.stopped + FPS, self.stopped + STAND_SECONDS * FPS)
 
 
-def judge(course: Course) -> GoalOutcome:
+def goal_outcome(trajectory: Trajectory) -> GoalOutcome:
     """Outcome of the goal of the last order.
 
     A stand counts when it comes after the goal was reached and can be watched for 5 s.
     """
-    course = course.latest()
-    goal, hips = course.goal, course.hips
+    trajectory = trajectory.latest()
+    goal, hips = trajectory.goal, trajectory.hips
     limit = STEP_LIMIT * NEW_FRAMES
     distance = distances(hips, goal)
     reached = first(distance[:limit] <= REACHED)
@@ -87,12 +87,12 @@ def judge(course: Course) -> GoalOutcome:
     arrival_error = facing_error = float("nan")
     if reached is not None:
         time = np.arange(len(hips))
-        stopped = first(course.standing & (time >= reached) & (time <= len(hips) - len(drift)))
+        stopped = first(trajectory.standing & (time >= reached) & (time <= len(hips) - len(drift)))
     if stopped is not None:
         arrival_error = float(distance[stopped])
         drift = distances(hips[stopped : stopped + len(drift)], hips[stopped])
         if goal.heading is not None:
-            facing_error = float(degrees_off(course.facing[stopped], facing_at(goal.heading)))
+            facing_error = float(degrees_off(trajectory.facing[stopped], facing_at(goal.heading)))
     return GoalOutcome(
         reached=reached,
         near=first(distance[:limit] <= NEAR),

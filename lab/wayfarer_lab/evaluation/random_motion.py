@@ -39,7 +39,7 @@ Watch = Callable[[str], None]
 """Called with the name of each row before it is made."""
 
 Maker = Callable[[Sequence[FrozenPoses], int], list[Rollout]]
-"""Rollouts of so many frames from poses."""
+"""Rollouts from poses, of a number of frames."""
 
 SHAPES: Final = 10
 """Bodies between the two ends of the shape space, and start poses (Sec. A.2)."""
@@ -154,7 +154,7 @@ def realism(
     """
     body, walking = bench.body, list[Row]()
 
-    def judge(name: str, motion: JudgedMotion) -> Row:
+    def measure(name: str, motion: JudgedMotion) -> Row:
         windows = motion.windows().at_walking_speed()
         walking.append(gait_row(f"{name}, 0.9-1.4 m/s", windows, body.sole_markers))
         row = realism_row(name, motion, body, reference, bench.pose_score)
@@ -171,11 +171,11 @@ def realism(
     for name, make in some(makers, only).items():
         bench.watch(name)
         made = make(poses, round(seconds * FPS))
-        row = judged(name, made, judge)
+        row = judged(name, made, measure)
         rows.append(row | carried_figures([r.sound() for r in made], body.marker_names))
     if mocap is not None:
         bench.watch("mocap")
-        rows.append(judge("mocap", mocap))
+        rows.append(measure("mocap", mocap))
     return {"Realism": rows, "At walking speed": walking}
 
 
@@ -188,7 +188,7 @@ def skating(
     bodies and data. It does not say whether its limit was MOJO's speed or MOJO's 5 mm a frame.
     """
 
-    def judge(name: str, motion: JudgedMotion) -> Row:
+    def measure(name: str, motion: JudgedMotion) -> Row:
         return skating_row(name, motion, bench.body)
 
     rows = []
@@ -196,10 +196,10 @@ def skating(
         if variant.name in bench.parts.predictors or variant.policy:
             bench.watch(variant.name)
             made = bench.make(variant, poses, primitives * NEW_FRAMES)
-            rows.append(judged(variant.name, made, judge))
+            rows.append(judged(variant.name, made, measure))
     if mocap is not None:
         bench.watch("mocap")
-        rows.append(judge("mocap", mocap))
+        rows.append(measure("mocap", mocap))
     return {"Skating": rows}
 
 
@@ -226,13 +226,13 @@ def bodies(
     plain = next(v for v in reversed(variants(bench.parts)) if v.name in bench.parts.predictors)
     steered = next((v for v in variants(bench.parts) if v.policy), None)
 
-    def judge(name: str, motion: JudgedMotion) -> Row:
+    def measure(name: str, motion: JudgedMotion) -> Row:
         return realism_row(name, motion, bench.body, pose_score=bench.pose_score)
 
     def row(name: str, turns: torch.Tensor, betas: torch.Tensor) -> Row:
         bench.watch(name)
         group = [FrozenPoses(p.gender, turns, betas.expand(len(turns), -1)) for p in poses]
-        made = judged(name, bench.make(plain, group, round(seconds * FPS)), judge)
+        made = judged(name, bench.make(plain, group, round(seconds * FPS)), measure)
         return made | bench.reach(steered, group) if steered else made
 
     turns = poses[0].rotations  # both genders get them
@@ -251,23 +251,23 @@ def bodies(
         _over("mean of shapes", shapes, np.mean),
         _over("mean of poses", starts, np.mean),
     ]
-    real = [judge("mocap", mocap)] if mocap is not None else []
+    real = [measure("mocap", mocap)] if mocap is not None else []
     return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}
 
 
-def judged(name: str, made: Sequence[Rollout], judge: Callable[[str, JudgedMotion], Row]) -> Row:
+def judged(name: str, made: Sequence[Rollout], measure: Callable[[str, JudgedMotion], Row]) -> Row:
     """The row of a variant: `lost` are those that did not stay bodies; only the others count."""
     sound = [rollout.sound() for rollout in made]
     tracks = [track for rollout in sound for track in rollout.tracks()]
     count = sum(len(rollout.hips) for rollout in made)
     row: Row = {"name": name, "motions": count, "lost": 1 - len(tracks) / count}
-    return row | judge(name, JudgedMotion(tracks, made[0].seam_every)) if tracks else row
+    return row | measure(name, JudgedMotion(tracks, made[0].seam_every)) if tracks else row
 
 
 def _over(name: str, rows: Sequence[Row], take: Callable[[list[float]], np.floating[Any]]) -> Row:
     """Mean or standard deviation over rows of every figure that is not a count.
 
-    Of rows in which it could not be measured nothing is known: they are left out.
+    Rows in which it could not be measured are left out.
     """
     figures = [k for k, v in rows[0].items() if isinstance(v, float) and k != "seconds"]
     found: Row = {"name": name}

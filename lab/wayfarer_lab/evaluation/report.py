@@ -64,7 +64,7 @@ def show(title: str, rows: Sequence[Row]) -> None:
 
 
 def write(path: Path, tables: Tables, plots: Sequence[str] = (), **about: Any) -> None:
-    """Write `{"rows": […], "meta": {…}}` to `path` (.json), and beside it .md and .png.
+    """Write `{"rows": […], "meta": {…}}` to `path` (.json), and .md and .png next to it.
 
     `rows` are those of all tables; `about` (arguments, seed) joins the meta part. `plots` names
     the figures to draw; without, all that are not counts. A figure that could not be measured

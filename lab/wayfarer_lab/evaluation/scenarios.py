@@ -8,8 +8,8 @@ import numpy as np
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import Goal
-from wayfarer_lab.evaluation.goals import Errand, Order, random_specs, relative
 from wayfarer_lab.evaluation.outcome import STAND_SECONDS, STEP_LIMIT
+from wayfarer_lab.evaluation.tasks import AgentTask, TimedCommand, random_specs, relative
 
 DISTANCE: Final = (3.0, 8.0)
 """Metres to a goal whose arrival is measured."""
@@ -34,18 +34,20 @@ class Scenario:
         """Length of a run, from the first order."""
         return self._start + STEP_LIMIT * STEP_SECONDS + SLACK + STAND_SECONDS
 
-    def errands(self, agents: int, random: np.random.Generator) -> list[Errand]:
+    def tasks(self, agents: int, random: np.random.Generator) -> list[AgentTask]:
         """Random people with their orders."""
-        return [Errand(spec, self._orders(random)) for spec in random_specs(agents, random)]
+        return [AgentTask(spec, self._orders(random)) for spec in random_specs(agents, random)]
 
     @property
     def _start(self) -> float:
         return WALK_SECONDS if self.walking else 0.0
 
-    def _orders(self, random: np.random.Generator) -> tuple[Order, ...]:
+    def _orders(self, random: np.random.Generator) -> tuple[TimedCommand, ...]:
         angle, metres = radians(random.uniform(0, 360)), float(random.uniform(*DISTANCE))
         heading = float(random.uniform(-pi, pi)) if self.facing else None
         away = (metres * cos(angle), metres * sin(angle))
-        there = Order(self._start, lambda agent: [Goal(relative(agent, *away), heading=heading)])
-        ahead = Order(0.0, lambda agent: [Goal(relative(agent, 20.0, 0.0))])
+        there = TimedCommand(
+            self._start, lambda agent: [Goal(relative(agent, *away), heading=heading)]
+        )
+        ahead = TimedCommand(0.0, lambda agent: [Goal(relative(agent, 20.0, 0.0))])
         return (ahead, there) if self.walking else (there,)

@@ -115,7 +115,7 @@ class Take:
 
     @cached_property
     def stances(self) -> list[feet.Stance]:
-        """Of both feet."""
+        """Stances of both feet."""
         return feet.stances(self.soles, self.height)
 
     @cached_property

@@ -16,9 +16,9 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.gait import Windows
-from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.health import SPIN_RANGE, MotionHealth
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
+from wayfarer_lab.evaluation.tasks import Watch
 from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 Array = NDArray[np.floating[Any]]
@@ -89,7 +89,7 @@ def wander(
         if is_answer:
             if ChunkFlag.ARRIVED in chunk.flags:
                 reached, ahead[agent] = reached + 1, NOWHERE
-            # who has just been sent stands on for a moment, and is not there yet
+            # an agent with a new goal still stands for a moment, and has not arrived
             if chunk.state == AgentState.STANDING and ahead[agent] == NOWHERE:
                 revision[agent], since[agent] = 0, now
         if now - since[agent] >= (PATIENCE if revision[agent] else REST):

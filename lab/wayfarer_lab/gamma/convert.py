@@ -1,7 +1,7 @@
 """Tensors of GAMMA-release's checkpoints → our networks, by name and shape.
 
 A checkpoint (`epoch-300.ckp`) is a dictionary with `model_state_dict`. That of a predictor, of a
-regressor, of a policy, and of the "combo" of predictor and regressor are told apart by their names.
+regressor, of a policy, and of the "combo" of predictor and regressor differ in their names.
 What only its configuration file knows is an argument here.
 """
 

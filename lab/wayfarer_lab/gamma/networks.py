@@ -41,7 +41,7 @@ class GammaPolicy(nn.Module):
     def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
         """Seed [A, S, 201], canonical frame → the distribution of latents [A, 128].
 
-        Of what is asked, only the goal counts: these weights know no speed and no facing.
+        Only the goal of a condition counts: these weights know no speed and no facing.
         """
         encoded = self.encoder.encode(state(seed, condition.goal))
         mean, log_variance = self.output(self.actor(encoded)).chunk(2, -1)

@@ -1,4 +1,4 @@
-"""What a load run does."""
+"""The plan of a load run."""
 
 import math
 import random

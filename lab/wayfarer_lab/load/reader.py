@@ -36,7 +36,7 @@ class Reader:
     has fallen behind are misses all the same, and as late as they are when that shows. They count
     in the ring in which the agent came last.
 
-    With rings, nothing is due of an agent who is out of sight: until it is in `added`, and once it
+    With rings, nothing is due of an agent that is out of sight: until it is in `added`, and once it
     is in `hidden`.
     """
 

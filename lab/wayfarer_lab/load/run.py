@@ -77,7 +77,7 @@ async def _watch(tally: Tally, start: float, progress: Callable[[float, Tally], 
 
 
 SAMPLES = 240
-"""Of one run, at most; no more often than once in a tenth of a second."""
+"""Maximum number of samples of a run; at most ten a second."""
 
 
 class MemoryWatch:

@@ -1,4 +1,4 @@
-"""What a load run counts, and the summary that is written."""
+"""Counters of a load run, and its written summary."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -57,7 +57,7 @@ class Interval:
 
     due: int = 0
     missed: int = 0
-    late_s: float = 0.0  # sum over all of them; who is early counts as on time
+    late_s: float = 0.0  # sum over all of them; early primitives count as on time
     most_s: float = 0.0
 
 
@@ -110,7 +110,7 @@ class RingTally:
     over_time: OverTime = field(default_factory=OverTime)  # lateness and misses by due time
     chunks: int = 0
     late: int = 0  # chunks that came after their last frame's time
-    lost: int = 0  # primitives that never came, of agents who were seen in it last
+    lost: int = 0  # primitives that never came, of agents seen last in it
     reduced: int = 0  # chunks with fewer candidates than set
     held: int = 0  # chunks that hold a pose
     bytes: int = 0  # of messages, without descriptions of agents
@@ -146,7 +146,7 @@ class RingTally:
 
 
 FULL_CHUNK_BYTES = NEW_FRAMES * (12 + 16 * POSED_JOINTS + 1)
-"""Of a primitive in full: frames of 22 bones in float32, and their contacts."""
+"""Bytes of a primitive in full: frames of 22 bones in float32, and their contacts."""
 
 
 @dataclass
@@ -162,13 +162,13 @@ class Tally:
     refused: int = 0  # agents that were not
     silent: int = 0  # agents without any chunk
     repeated: int = 0  # chunks that had come before: a fault
-    malformed: int = 0  # of a sample of chunks, those that hold no poses: a fault
+    malformed: int = 0  # chunks of a sample that hold no poses: a fault
     popped: int = 0  # chunks of people who appear or jump without a word: a fault
-    idle: int = 0  # chunks of agents who stand
+    idle: int = 0  # chunks of standing agents
     goals: int = 0  # commands that were taken
     unanswered: int = 0  # goals that never showed
     failures: dict[str, int] = field(default_factory=dict)  # calls that failed, by status
-    described: int = 0  # bytes of descriptions of agents who come into sight
+    described: int = 0  # bytes of descriptions of agents that come into sight
 
     @property
     def lateness(self) -> Latencies:

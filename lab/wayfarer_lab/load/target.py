@@ -1,4 +1,4 @@
-"""The server under load: a running one, or one that we start."""
+"""The server under load: one that runs already, or our own."""
 
 import asyncio
 import json

@@ -34,7 +34,7 @@ class StreamError(Exception):
 
 
 class Connection:
-    """A gRPC channel of its own, as a client on its own machine would have."""
+    """A separate gRPC channel, as a client on another machine would have."""
 
     def __init__(self, target: Target) -> None:
         self.metadata = target.metadata

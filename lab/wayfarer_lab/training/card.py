@@ -41,7 +41,7 @@ subjects carry most of the walking, so gaits are less varied than people's. Adul
 
 
 def model_card(name: str, runs: dict[str, Path], data: Path | None) -> str:
-    """Markdown: what was trained, with which settings, and each run's last validation."""
+    """Markdown with the networks, their settings, and each run's last validation."""
     parts = [
         HEADER.format(
             name=name,

@@ -32,7 +32,7 @@ STRIDE = PRIMITIVE_FRAMES - SEED_FRAMES
 
 
 class CloningConfig(BaseModel):
-    """What a policy is cloned with; files in `training/configs/`."""
+    """Settings of cloning; files in `training/configs/`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

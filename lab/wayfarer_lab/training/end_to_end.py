@@ -117,7 +117,7 @@ def _write_run(run: TrainingRun, name: str, network: nn.Module, config: dict[str
     state = {"model": network.state_dict(), "step": run.step, "rng": torch.get_rng_state()}
     torch.save(state | {"optimizer": {}}, folder / "last.pt")
     (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
-    # the effort is that of all three networks together: it is told once, with the predictor's
+    # the effort is that of all three networks together, and stands only with the predictor's
     for file in ("log.txt", "effort.json") if network is run.model else ("log.txt",):
         if (run.folder / file).exists():
             shutil.copy(run.folder / file, folder / file)

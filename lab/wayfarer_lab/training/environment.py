@@ -45,7 +45,7 @@ class AgentBatch(NamedTuple):
 
 
 class State(NamedTuple):
-    """What the policy sees: canonical frame of each agent."""
+    """Observations of the policy: canonical frame of each agent."""
 
     seed: Tensor  # [A, S, 201]
     condition: Condition

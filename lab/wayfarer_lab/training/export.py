@@ -244,7 +244,7 @@ def check_graph(path: Path, graph: ExportGraph) -> float:
 
 
 def identity(body: str, gender: str) -> BodyIdentity:
-    """What the contract says of a shipped body."""
+    """The identity of a shipped body in contracts."""
     return BodyIdentity(
         body, sha256_of(body_file(body, gender)), load_body(body, gender).marker_names
     )

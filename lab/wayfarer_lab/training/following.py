@@ -39,14 +39,14 @@ FLOATING = 0.005
 """Metres by which the lowest sole may be off the floor."""
 
 RUNNING = 1.9
-"""m/s: who is asked to go faster may leave the floor with both feet."""
+"""m/s: an agent that is asked to go faster may leave the floor with both feet."""
 
 DEAREST = 20.0
-"""What a step may cost at most: slopes of freak bodies would drown the rest otherwise."""
+"""Maximum cost of a step: otherwise slopes of freak bodies would drown the rest."""
 
 
 class FollowingConfig(BaseModel):
-    """What a policy is taught with; files in `training/configs/`."""
+    """Settings of the training; files in `training/configs/`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -80,7 +80,7 @@ class FollowingConfig(BaseModel):
 
 @dataclass
 class Orders:
-    """What A agents are to do, world space; the same quantities as a service asks for."""
+    """Requests to A agents, world space: the same quantities as in the service."""
 
     goal: Tensor  # [A, 2] m
     speed: Tensor  # [A] m/s; 0: stand at the goal
@@ -276,7 +276,7 @@ class FollowingTrainer:
         }
 
     def _go_on(self, gender: str, crowd: TrainingCrowd, orders: Orders) -> None:
-        """Replace broken agents, and some others, by new ones; ask some for something else."""
+        """Replaces broken agents, and some others, by new ones; gives some a new request."""
         leave = crowd.broken() | (torch.rand(self.config.agents) < self.config.renewal)
         rows = torch.nonzero(leave).squeeze(-1)
         if len(rows):

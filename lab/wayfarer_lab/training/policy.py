@@ -36,7 +36,7 @@ from wayfarer_lab.training.starts import StartSampler
 
 
 class PolicyConfig(BaseModel):
-    """What a policy is trained with."""
+    """Settings of a training by PPO."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

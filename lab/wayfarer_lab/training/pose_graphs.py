@@ -1,4 +1,4 @@
-"""The pose prior as ONNX graphs: one that codes poses, one that makes them."""
+"""The pose prior as ONNX graphs: an encoder and a decoder of poses."""
 
 import torch
 from torch import Tensor, nn

@@ -15,7 +15,7 @@ from wayfarer_lab.training.vposer import load_vposer
 
 
 class PosePriorConfig(BaseModel):
-    """What a pose prior is trained with."""
+    """Settings of the training of a pose prior."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -28,7 +28,7 @@ RESTS = 0.004
 
 
 class PredictorConfig(BaseModel):
-    """What a predictor is trained with; files in `training/configs/`."""
+    """Settings of the training of a predictor; files in `training/configs/`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -80,7 +80,7 @@ def marker_terms(made: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class Terms(NamedTuple):
-    """What a primitive costs, each a scalar."""
+    """Losses of a primitive, each a scalar."""
 
     reconstruction: Tensor  # metres, Eq. 1
     velocity: Tensor  # metres a frame, Eq. 1

@@ -46,7 +46,7 @@ LIMBS = tuple(
 
 
 class RegressorConfig(BaseModel):
-    """What a regressor is trained with."""
+    """Settings of the training of a regressor."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

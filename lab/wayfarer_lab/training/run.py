@@ -35,7 +35,7 @@ Network = TypeVar("Network", bound=nn.Module)
 
 
 class Effort(BaseModel):
-    """What a run has taken so far."""
+    """The effort of a run so far."""
 
     steps: int
     cpu_minutes: float | None  # of all threads together; None: part of it was not counted
@@ -216,7 +216,7 @@ def _note(values: dict[str, float]) -> str:
 
 
 def print_line(folder: Path, step: int, values: dict[str, float]) -> None:
-    """Append one line to the run's plain log, for those who watch with `tail -f`."""
+    """Appends one line to the run's plain log, for a terminal with `tail -f`."""
     with (folder / "log.txt").open("a") as log:
         log.write(f"{time.strftime('%H:%M:%S')} step {step} {_note(values)}\n")
 
@@ -242,7 +242,7 @@ def cosine_rate(base: float, step: int, steps: int, warmup: int | None = None) -
 
 
 def read_run_config(folder: Path) -> dict[str, Any]:
-    """What a run was trained with. Raises ArtifactError."""
+    """Settings that a run was trained with. Raises ArtifactError."""
     try:
         config: dict[str, Any] = json.loads((folder / "config.json").read_text())
     except (OSError, ValueError) as error:

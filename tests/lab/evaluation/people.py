@@ -1,4 +1,4 @@
-"""Bodies with a trunk, and courses that are known because they were written down."""
+"""Bodies with a trunk, and trajectories that are known because they were written down."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering, default_searches
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
-from wayfarer_lab.evaluation.goals import CarriedOut, Course
+from wayfarer_lab.evaluation.tasks import IssuedCommand, Trajectory
 
 TRUNK = {"LFWT": (-0.1, 1.0), "LBWT": (-0.1, 1.0), "RFWT": (0.1, 1.0), "RBWT": (0.1, 1.0)}
 CHEST = {"C7": (0.0, 1.4), "CLAV": (0.0, 1.4)}
@@ -54,13 +54,13 @@ def make_world(engine: FakeEngine | None = None) -> World:
     return World(engine or FakeEngine(), BODIES, start_poses(), settings)
 
 
-def course(
+def trajectory(
     places: np.ndarray,
     goals: Goal | Sequence[Goal],
     headings: float | np.ndarray = 0.0,
     standing: np.ndarray | None = None,
     frame: int = 0,
-) -> Course:
+) -> Trajectory:
     """Hips at places [T, 2] with headings [T] (radians); `goals` were given at `frame`."""
     frames = len(places)
     half = np.broadcast_to(np.asarray(headings, float) / 2, frames)
@@ -68,9 +68,9 @@ def course(
     rotations[..., 3] = 1.0
     rotations[:, 0, 2], rotations[:, 0, 3] = np.sin(half), np.cos(half)
     path = (goals,) if isinstance(goals, Goal) else tuple(goals)
-    return Course(
+    return Trajectory(
         spec=AgentSpec(),
-        given=(CarriedOut(path, frame),),
+        given=(IssuedCommand(path, frame),),
         hips=np.concatenate([places, np.full((frames, 1), 0.9)], -1),
         rotations=rotations,
         standing=np.zeros(frames, bool) if standing is None else standing,

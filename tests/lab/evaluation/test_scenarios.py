@@ -7,15 +7,15 @@ import pytest
 
 from tests.lab.evaluation.people import make_world
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.goals import run_errands
-from wayfarer_lab.evaluation.outcome import goal_row, judge
+from wayfarer_lab.evaluation.outcome import goal_outcome, goal_row
 from wayfarer_lab.evaluation.scenarios import Scenario
+from wayfarer_lab.evaluation.tasks import run_tasks
 
 
 def row(scenario: Scenario, agents: int = 4) -> Row:
-    errands = scenario.errands(agents, np.random.default_rng(0))
-    courses = run_errands(make_world(), errands, scenario.seconds)
-    return goal_row(scenario.name, [judge(course) for course in courses])
+    tasks = scenario.tasks(agents, np.random.default_rng(0))
+    trajectories = run_tasks(make_world(), tasks, scenario.seconds)
+    return goal_row(scenario.name, [goal_outcome(trajectory) for trajectory in trajectories])
 
 
 def test_arrivals() -> None:

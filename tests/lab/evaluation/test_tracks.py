@@ -10,9 +10,9 @@ from wayfarer.errors import DataError, InvalidArgument
 from wayfarer.spec import FPS
 from wayfarer.world.agents.slots import Mode
 from wayfarer_lab.evaluation.gait import gait_row
-from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.realism import JudgedMotion
 from wayfarer_lab.evaluation.seeds import walking_seeds
+from wayfarer_lab.evaluation.tasks import random_specs
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
 

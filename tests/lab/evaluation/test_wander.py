@@ -8,7 +8,7 @@ from tests.lab.evaluation.people import BODIES, make_world
 from tests.world.fakes import FakeEngine
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer_lab.evaluation import wander as module
-from wayfarer_lab.evaluation.goals import random_specs
+from wayfarer_lab.evaluation.tasks import random_specs
 from wayfarer_lab.evaluation.wander import Wandering, wander
 
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from wayfarer_lab.training.run import TrainingRun
 
 warnings.simplefilter("error")
-folder, *numbers = sys.argv[1:]
+arguments = sys.argv[1:]
 
 class NoConfig(BaseModel):
     pass
@@ -31,13 +31,9 @@ class Signalled(torch.autograd.Function):
     @staticmethod
     def backward(ctx, gradient):
         if run.step == 2:
-            for number in numbers:
+            for number in numbers.split("+"):
                 os.kill(os.getpid(), int(number))
         return gradient
-
-model = torch.nn.Linear(1, 1, bias=False)
-optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
-run = TrainingRun(Path(folder), NoConfig(), model, optimizer)
 
 def update():
     optimizer.zero_grad()
@@ -46,36 +42,52 @@ def update():
     return {}
 
 before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
-try:
-    run.drive(10, update, dict)
-except KeyboardInterrupt:
-    assert before == [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
-    print("interrupted")
+for folder, numbers in zip(arguments[::2], arguments[1::2]):
+    model = torch.nn.Linear(1, 1, bias=False)
+    optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
+    run = TrainingRun(Path(folder), NoConfig(), model, optimizer)
+    try:
+        run.drive(10, update, dict)
+    except KeyboardInterrupt:
+        assert before == [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+        print("interrupted", folder)
 """
-"""A training in a process of its own, for it receives signals: in the backward pass of step 3."""
+"""Trainings in a process of their own, for it receives signals: in the backward pass of step 3."""
+
+SIGNALS = {
+    "interrupt": [signal.SIGINT],
+    "terminate": [signal.SIGTERM],
+    "twice": [signal.SIGINT, signal.SIGTERM],
+}
 
 
-def train_under_signals(folder, signals):
-    """What a training printed that got these signals, and the step of its checkpoint."""
-    arguments = [folder, *(str(int(number)) for number in signals)]
+@pytest.fixture(scope="module")
+def signalled(tmp_path_factory):
+    """The folder with a run for each of `SIGNALS`, and what the process printed."""
+    runs = tmp_path_factory.mktemp("runs")
+    arguments = [
+        text
+        for name, signals in SIGNALS.items()
+        for text in (str(runs / name), "+".join(str(int(number)) for number in signals))
+    ]
     ended = subprocess.run(
         [sys.executable, "-c", TRAINING, *arguments], capture_output=True, text=True, timeout=120
     )
-    assert ended.returncode == 0 and "interrupted" in ended.stdout, ended.stdout + ended.stderr
-    step = torch.load(folder / "last.pt", weights_only=True)["step"]
-    return ended.stdout + ended.stderr, step
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert ended.stdout.count("interrupted") == len(SIGNALS)
+    return runs, ended.stdout + ended.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_lets_the_step_end_and_saves_it(number, tmp_path):
-    printed, step = train_under_signals(tmp_path, [number])
-    assert step == 3
-    assert "stopping after this step" in printed and "Warning" not in printed
+@pytest.mark.parametrize("name", ["interrupt", "terminate"])
+def test_a_signal_lets_the_step_end_and_saves_it(name, signalled):
+    runs, printed = signalled
+    assert torch.load(runs / name / "last.pt", weights_only=True)["step"] == 3
+    assert printed.count("stopping after this step") >= 2 and "Warning" not in printed
 
 
-def test_a_second_signal_breaks_the_step_off(tmp_path):
-    _, step = train_under_signals(tmp_path, [signal.SIGINT, signal.SIGTERM])
-    assert step == 2
+def test_a_second_signal_breaks_the_step_off(signalled):
+    runs, _ = signalled
+    assert torch.load(runs / "twice" / "last.pt", weights_only=True)["step"] == 2
 
 
 def test_a_short_training_reaches_its_rate():

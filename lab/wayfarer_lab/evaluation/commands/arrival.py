@@ -12,22 +12,13 @@ from wayfarer.model_bundle import DEFAULT_MODEL, Bodies, open_world
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    CandidatesOption,
-    DataOption,
-    EngineOption,
-    JsonOption,
-    ModelsOption,
-    SeedOption,
-    SplitOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
 from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows, stillness_row
-from wayfarer_lab.evaluation.goals import Course, run_errands
-from wayfarer_lab.evaluation.outcome import STEP_LIMIT, goal_row, judge
+from wayfarer_lab.evaluation.outcome import STEP_LIMIT, goal_outcome, goal_row
 from wayfarer_lab.evaluation.scenarios import Scenario
 from wayfarer_lab.evaluation.seeds import walking_seeds
+from wayfarer_lab.evaluation.tasks import Trajectory, run_tasks
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
 
@@ -45,15 +36,15 @@ WALKING = "from walking"
 
 @app.command(short_help="Walk to goals, stop and stand.")
 def arrival(
-    models: ModelsOption = DEFAULT_MODEL,
+    models: options.Models = DEFAULT_MODEL,
     goals: Annotated[int, typer.Option(help="Goals 3 to 8 m away, per table row.", min=1)] = 100,
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    candidates: CandidatesOption = 4,
-    engine: EngineOption = "onnxruntime",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    candidates: options.Candidates = 4,
+    engine: options.Engine = "onnxruntime",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Measure how agents walk to goals 3 to 8 m away, stop and stand.
 
@@ -88,38 +79,40 @@ def _arrivals(
         Scenario(WALKING, walking=recorded is None),
         Scenario("facing asked", facing=True),
     ):
-        errands, seeds = scenario.errands(goals, random), None
+        tasks, seeds = scenario.tasks(goals, random), None
         if recorded and scenario.name == WALKING:
-            seeds = walking_seeds(recorded, [errand.spec for errand in errands], random)
+            seeds = walking_seeds(recorded, [task.spec for task in tasks], random)
         with progress(scenario.name) as watch:
-            courses = run_errands(world, errands, scenario.seconds, seeds=seeds, watch=watch)
-        outcomes = [judge(course) for course in courses]
+            trajectories = run_tasks(world, tasks, scenario.seconds, seeds=seeds, watch=watch)
+        outcomes = [goal_outcome(trajectory) for trajectory in trajectories]
         tables["Goals"].append(goal_row(scenario.name, outcomes))
-        tables["On the way"] += _gait(scenario.name, courses, bodies)
-        tables["Standing"] += _stillness(scenario.name, courses, bodies)
+        tables["On the way"] += _gait(scenario.name, trajectories, bodies)
+        tables["Standing"] += _stillness(scenario.name, trajectories, bodies)
         if scenario.name == STANDING:  # the lock moves legs only: goals and stops are the same
-            raw = [replace(e, spec=replace(e.spec, foot_lock=False)) for e in errands]
+            raw = [replace(e, spec=replace(e.spec, foot_lock=False)) for e in tasks]
             with progress(UNLOCKED) as watch:
-                courses = run_errands(world, raw, STEP_LIMIT * STEP_SECONDS, watch=watch)
-            tables["On the way"] += _gait(UNLOCKED, courses, bodies)
+                trajectories = run_tasks(world, raw, STEP_LIMIT * STEP_SECONDS, watch=watch)
+            tables["On the way"] += _gait(UNLOCKED, trajectories, bodies)
     return tables
 
 
-def _gait(name: str, courses: Sequence[Course], bodies: Bodies) -> list[Row]:
+def _gait(name: str, trajectories: Sequence[Trajectory], bodies: Bodies) -> list[Row]:
     """Gait on the way to the goal."""
     parts = [
-        course.latest().track(bodies[course.spec.gender], judge(course).walking()).windows()
-        for course in courses
+        trajectory.latest()
+        .track(bodies[trajectory.spec.gender], goal_outcome(trajectory).walking())
+        .windows()
+        for trajectory in trajectories
     ]
     return posed_gait_rows(name, Windows.join(parts), bodies["male"])
 
 
-def _stillness(name: str, courses: Sequence[Course], bodies: Bodies) -> list[Row]:
-    """Stillness of those who came to a stand; no row where nobody did."""
+def _stillness(name: str, trajectories: Sequence[Trajectory], bodies: Bodies) -> list[Row]:
+    """Stillness of the agents that came to a stand; no row if none did."""
     parts = [
-        course.latest().track(bodies[course.spec.gender], frames).windows()
-        for course in courses
-        if (frames := judge(course).standing())
+        trajectory.latest().track(bodies[trajectory.spec.gender], frames).windows()
+        for trajectory in trajectories
+        if (frames := goal_outcome(trajectory).standing())
     ]
     return [stillness_row(f"{name}, standing", Windows.join(parts))] if parts else []
 

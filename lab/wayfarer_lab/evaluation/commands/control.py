@@ -13,17 +13,7 @@ from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    DataOption,
-    GoalCvaeOption,
-    JsonOption,
-    ModelsOption,
-    Policy1Option,
-    Policy10Option,
-    SeedOption,
-    SplitOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin
 from wayfarer_lab.evaluation.control import (
     TOGETHER,
@@ -60,10 +50,10 @@ class ControlMethod:
 
 @app.command(short_help="Random bodies to random goals: policy and searches (Table 1).")
 def control(
-    models: ModelsOption = DEFAULT_MODEL,
-    policy_10: Policy10Option = None,
-    policy_1: Policy1Option = None,
-    g_cvae: GoalCvaeOption = None,
+    models: options.Models = DEFAULT_MODEL,
+    policy_10: options.Policy10 = None,
+    policy_1: options.Policy1 = None,
+    g_cvae: options.GoalCvae = None,
     only: Annotated[
         str,
         typer.Option(
@@ -81,11 +71,11 @@ def control(
         int, typer.Option(help="Number of random bodies, each with a goal.", min=1)
     ] = 100,
     speed: Annotated[float, typer.Option(help="Target speed, m/s.", min=0.2, max=4.0)] = 1.4,
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Send random bodies to random goals, by the paper's methods and by the service's (Table 1).
 
@@ -93,8 +83,8 @@ def control(
     search that keeps the k best of 32 primitives at every level. The row "policy" is the policy of
     --models; the shipped one is trained by analytic gradients, which the paper does not do
     (docs/models.md). The rows policy(10) and policy(1) need --policy-10 and --policy-1: PPO with
-    that weight of the KL term (Eq. 10); they and the g-CVAE are told the goal and the speed alone,
-    as in their training, where others are told to turn on the spot first. "search" rows are single
+    that weight of the KL term (Eq. 10); they and the g-CVAE receive the goal and the speed alone,
+    as in their training; steering turns all others on the spot first. "search" rows are single
     bodies in the world that serves, with K candidates per step. Only the last row has the foot
     lock. Bodies begin at rest; with --lead those of offline rows begin as the paper's, with a
     primitive of the 1-frame predictor; a policy that was trained so seldom sets off without it.
@@ -102,12 +92,12 @@ def control(
     shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}
     first = _lead(models, threads, seed) if lead else None
-    methods = chosen(list(_methods(shipped, of_paper, g_cvae, pairs, threads, seed, first)), only)
+    every = methods(shipped, of_paper, g_cvae, pairs, threads, seed, first)
     everyone = random_pairs(pairs, speed, np.random.default_rng(seed))
     body = shipped.bodies["male"]
     rows = []
     with report.progress() as bar:
-        for method in methods:
+        for method in chosen(list(every), only):
             task = bar.add_task(f"{method.name} (pairs)", total=pairs)
             trials = []
             for trial in method.run(everyone):
@@ -125,7 +115,9 @@ def control(
 
 
 def chosen(methods: list[ControlMethod], only: str) -> list[ControlMethod]:
-    """Those whose names begin with `only`. Raises InvalidArgument with all names for none."""
+    """The methods whose names begin with `only`. Raises InvalidArgument with all names if none
+    does.
+    """
     found = [method for method in methods if method.name.startswith(only)]
     if not found:
         names = ", ".join(method.name for method in methods)
@@ -133,7 +125,7 @@ def chosen(methods: list[ControlMethod], only: str) -> list[ControlMethod]:
     return found
 
 
-def _methods(
+def methods(
     shipped: ModelBundle,
     of_paper: Mapping[str, Path | None],
     g_cvae: Path | None,

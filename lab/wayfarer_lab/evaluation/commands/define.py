@@ -1,4 +1,4 @@
-"""`wayfarer eval define`: what the figures mean."""
+"""`wayfarer eval define`: definitions of figures."""
 
 from difflib import get_close_matches
 from typing import Annotated

@@ -7,18 +7,11 @@ from typing import Annotated, Any, Final
 import typer
 
 from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.arrival import arrival
 from wayfarer_lab.evaluation.commands.control import control
 from wayfarer_lab.evaluation.commands.long import long
 from wayfarer_lab.evaluation.commands.maneuvers import maneuvers
-from wayfarer_lab.evaluation.commands.options import (
-    ModelsOption,
-    RecordedOption,
-    RunsOption,
-    SeedOption,
-    SplitOption,
-    ThreadsOption,
-)
 from wayfarer_lab.evaluation.commands.recorded import mocap, predictor, regressor
 from wayfarer_lab.evaluation.commands.rollouts import bodies, realism, skating
 from wayfarer_lab.evaluation.commands.scenes import scenes
@@ -38,7 +31,7 @@ TABLES: Final[dict[str, Callable[..., None]]] = {
     "long": long,
     "scenes": scenes,
 }
-"""In the order in which they are made: the long ones last."""
+"""Tables in the order of their making: the long ones last."""
 
 PARTS: Final = ("realism", "skating", "bodies", "predictor", "regressor")
 """Tables of networks that may come from training runs; the others measure the served graph."""
@@ -65,16 +58,16 @@ QUICK: Final[dict[str, dict[str, Any]]] = {
 
 @app.command("all", short_help="All tables at their default sizes.")
 def everything(
-    data: RecordedOption,
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
+    data: options.Recorded,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
     out: Annotated[Path, typer.Option(help="Folder for the tables.")] = Path("runs/eval"),
     quick: Annotated[
         bool, typer.Option("--quick", help="A tenth of the size, for a trial.")
     ] = False,
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
 ) -> None:
     """Make all tables at their default sizes: NAME.json, NAME.md and NAME.png of each in a folder.
 

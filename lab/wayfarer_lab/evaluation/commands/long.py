@@ -10,25 +10,16 @@ from wayfarer.model_bundle import DEFAULT_MODEL, Bodies, open_bundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    CandidatesOption,
-    DataOption,
-    EngineOption,
-    JsonOption,
-    ModelsOption,
-    SeedOption,
-    SplitOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
 from wayfarer_lab.evaluation.falls import FallWatch, draw_falls
 from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows
-from wayfarer_lab.evaluation.goals import Watch, random_specs, run_errands
 from wayfarer_lab.evaluation.health import FAULTS, health_row
 from wayfarer_lab.evaluation.maneuvers import robust
+from wayfarer_lab.evaluation.maneuvers.case_runner import measured_takes
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case
 from wayfarer_lab.evaluation.maneuvers.robust import MORE_SCRIPTS, SCRIPTS
-from wayfarer_lab.evaluation.maneuvers.sessions import shots_of
+from wayfarer_lab.evaluation.tasks import Watch, random_specs, run_tasks
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.evaluation.wander import wander
 from wayfarer_lab.training.mocap.selection import Use
@@ -41,25 +32,25 @@ PLOTS = (*(f"{fault}_agents" for fault in FAULTS), "slide_cm_s", "contact_strict
 
 @app.command(short_help="Minutes of goal after goal: falling, sinking, floating, spinning.")
 def long(
-    models: ModelsOption = DEFAULT_MODEL,
+    models: options.Models = DEFAULT_MODEL,
     agents: Annotated[int, typer.Option(help="Number of agents.", min=1)] = 256,
     minutes: Annotated[float, typer.Option(help="Minutes of motion.", min=0.5)] = 10.0,
     scripted: Annotated[
         int, typer.Option(help="Agents per adversarial script; 0: no scripts.", min=0)
     ] = 32,
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    candidates: CandidatesOption = 4,
-    engine: EngineOption = "onnxruntime",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    candidates: options.Candidates = 4,
+    engine: options.Engine = "onnxruntime",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
     strips: Annotated[
         Path | None,
         typer.Option(help="Folder for film strips of the agents that got up.", file_okay=False),
     ] = None,
-    json: JsonOption = None,
+    json: options.Json = None,
 ) -> None:
-    """Let agents walk from goal to goal for minutes, and count faults of their bodies.
+    """Counts faults of bodies while agents walk from goal to goal for minutes.
 
     These agents get a new goal only when they stand. The adversarial scripts put goals behind
     walking agents, turn them round twice a second, and give a new goal every quarter of a second.
@@ -111,7 +102,7 @@ def _script(
     watch: Watch,
 ) -> Row:
     """The row of one adversarial script."""
-    courses = run_errands(world, case.errands(agents, random), case.seconds, watch=watch)
-    shots = shots_of(courses, bodies)
-    figures = robust.summary(shots, [robust.judge(shot) for shot in shots])
+    trajectories = run_tasks(world, case.tasks(agents, random), case.seconds, watch=watch)
+    shots = measured_takes(trajectories, bodies)
+    figures = robust.robust_row(shots, [robust.measure_robust(shot) for shot in shots])
     return {"name": case.name, "agents": agents, "resets": world.scheduler.resets, **figures}

@@ -8,15 +8,9 @@ import typer
 
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    CandidatesOption,
-    DataOption,
-    EngineOption,
-    ModelsOption,
-    SeedOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import origin, progress
+from wayfarer_lab.evaluation.maneuvers.case_runner import CaseRunner
 from wayfarer_lab.evaluation.maneuvers.crowd import CROWD
 from wayfarer_lab.evaluation.maneuvers.likeness import LIKENESS
 from wayfarer_lab.evaluation.maneuvers.maneuver import Maneuver
@@ -24,7 +18,6 @@ from wayfarer_lab.evaluation.maneuvers.path import PATH
 from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips
 from wayfarer_lab.evaluation.maneuvers.robust import RANDOM, REVERSALS
 from wayfarer_lab.evaluation.maneuvers.run import no_recordings, play
-from wayfarer_lab.evaluation.maneuvers.sessions import Players
 from wayfarer_lab.evaluation.maneuvers.stairs import STAIRS
 from wayfarer_lab.evaluation.maneuvers.stand import STAND
 from wayfarer_lab.evaluation.maneuvers.stop import STOP
@@ -71,7 +64,7 @@ def _check_json(path: Path | None) -> Path | None:
 
 @app.command(short_help="Every manoeuvre, beside recorded people and with bars to meet.")
 def maneuvers(
-    models: ModelsOption = DEFAULT_MODEL,
+    models: options.Models = DEFAULT_MODEL,
     only: Annotated[
         str, typer.Option(help="Manoeuvres, separated by commas.", callback=_check_only)
     ] = ",".join(PARTS),
@@ -84,11 +77,11 @@ def maneuvers(
     check: Annotated[
         bool, typer.Option("--check", help="Exit with 1 if any bar is missed or not judged.")
     ] = False,
-    data: DataOption = None,
-    candidates: CandidatesOption = 1,
-    engine: EngineOption = "onnxruntime",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
+    data: options.Data = None,
+    candidates: options.Candidates = 1,
+    engine: options.Engine = "onnxruntime",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
     strips: Annotated[
         Path | None,
         typer.Option(
@@ -105,7 +98,7 @@ def maneuvers(
         ),
     ] = None,
 ) -> None:
-    """Let agents perform every manoeuvre that goals can ask for, and measure the poses sent.
+    """Measures the poses of agents that perform every manoeuvre that goals can ask for.
 
     The two-sided figures come first: medians of people as sent and of the model alone ("raw": no
     rule after it) beside the range of recorded people, whether each holds, and how far rules move
@@ -121,7 +114,7 @@ def maneuvers(
     `wayfarer eval define` explains the figures. Agents have random shapes of both genders. A seed
     gives a manoeuvre the same agents whatever --only selects.
     """
-    players = Players(open_bundle(models, threads, engine), candidates, seed)
+    runner = CaseRunner(open_bundle(models, threads, engine), candidates, seed)
     results = Results(
         report.meta(
             origin(models, None, data, "", seed)
@@ -131,14 +124,14 @@ def maneuvers(
     names = only.split(",")
     if MANEUVER in names:
         people = max(2, round(PEOPLE * (QUICK if quick else 1.0)))
-        sides = compare(players, load_ranges(), people, seeds, progress)
+        sides = compare(runner, load_ranges(), people, seeds, progress)
         show_sides(sides)
         results.two_sided = [side.row() for side in sides]
         if json:
             results.write(json)
     recorded = RecordedClips(data) if data else no_recordings
     chosen = [MANEUVERS[name] for name in names if name != MANEUVER]
-    for played in play(players, chosen, QUICK if quick else 1.0, progress, recorded):
+    for played in play(runner, chosen, QUICK if quick else 1.0, progress, recorded):
         before = len(results.verdicts)
         results.add(played.maneuver, played.rows, played.each)
         results.meta["cpu_seconds"] = round(process_time())

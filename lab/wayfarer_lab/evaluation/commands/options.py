@@ -22,33 +22,31 @@ def _check_json(path: Path | None) -> Path | None:
     return path
 
 
-Policy10Option = Annotated[
+Policy10 = Annotated[
     Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 10.")
 ]
-Policy1Option = Annotated[
+Policy1 = Annotated[
     Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 1.")
 ]
-GoalCvaeOption = Annotated[
+GoalCvae = Annotated[
     Path | None, typer.Option(help="Model folder of the baseline, the goal-conditioned CVAE.")
 ]
-ModelsOption = Annotated[
+Models = Annotated[
     Path, typer.Option(help="Folder of a motion model.", show_default="the shipped model")
 ]
-RunsOption = Annotated[
+Runs = Annotated[
     Path | None,
     typer.Option(help="Folder of training runs; their networks replace those of the model."),
 ]
-DataOption = Annotated[
+Data = Annotated[
     Path | None,
     typer.Option(
         help='Folder made by `wayfarer data prepare`. Without it, there is no row "mocap".'
     ),
 ]
-RecordedOption = Annotated[Path, typer.Option(help="Folder made by `wayfarer data prepare`.")]
-SplitOption = Annotated[
-    str, typer.Option(help="Split of the recordings: train, validation or heldout.")
-]
-JsonOption = Annotated[
+Recorded = Annotated[Path, typer.Option(help="Folder made by `wayfarer data prepare`.")]
+Split = Annotated[str, typer.Option(help="Split of the recordings: train, validation or heldout.")]
+Json = Annotated[
     Path | None,
     typer.Option(
         "--json",
@@ -56,12 +54,12 @@ JsonOption = Annotated[
         callback=_check_json,
     ),
 ]
-SeedOption = Annotated[int, typer.Option(help="The same seed gives the same rows.", min=0)]
-CandidatesOption = Annotated[int, typer.Option(help="Candidate primitives tried per step.", min=1)]
-EngineOption = Annotated[
+Seed = Annotated[int, typer.Option(help="The same seed gives the same rows.", min=0)]
+Candidates = Annotated[int, typer.Option(help="Candidate primitives tried per step.", min=1)]
+Engine = Annotated[
     EngineKind,
     typer.Option(help="Engine that steps the agents; auto: the faster one on this machine."),
 ]
-ThreadsOption = Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)]
-CountOption = Annotated[int, typer.Option(help="Recorded primitives per gender.", min=1)]
-OnlyOption = Annotated[str, typer.Option(help="Rows to make, as ro-1f,ro-2f.", show_default="all")]
+Threads = Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)]
+Count = Annotated[int, typer.Option(help="Recorded primitives per gender.", min=1)]
+Only = Annotated[str, typer.Option(help="Rows to make, as ro-1f,ro-2f.", show_default="all")]

@@ -10,15 +10,7 @@ import typer
 from wayfarer.errors import DataError, InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    GoalCvaeOption,
-    ModelsOption,
-    Policy1Option,
-    Policy10Option,
-    RunsOption,
-    SeedOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.paper.page import page
 from wayfarer_lab.evaluation.paper.results import ResultsFolder
 from wayfarer_lab.evaluation.report import console
@@ -39,13 +31,13 @@ FAILURES: Final = "failures.json"
 
 @app.command(short_help="The motions that the paper's pictures show (Fig. 4, S1, S2).")
 def figures(
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
-    policy_10: Policy10Option = None,
-    policy_1: Policy1Option = None,
-    g_cvae: GoalCvaeOption = None,
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
+    policy_10: options.Policy10 = None,
+    policy_1: options.Policy1 = None,
+    g_cvae: options.GoalCvae = None,
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
     json: Annotated[Path, typer.Option(help="File to write.")] = Path("benchmarks/results")
     / FIGURES,
 ) -> None:

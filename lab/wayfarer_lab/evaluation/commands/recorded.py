@@ -6,17 +6,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.model_bundle import DEFAULT_MODEL
-from wayfarer_lab.evaluation.commands.options import (
-    CountOption,
-    JsonOption,
-    ModelsOption,
-    OnlyOption,
-    RecordedOption,
-    RunsOption,
-    SeedOption,
-    SplitOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import (
     finish,
     origin,
@@ -32,7 +22,7 @@ app = typer.Typer()
 
 
 @app.command(short_help="The recordings themselves, one row per split.")
-def mocap(data: RecordedOption, json: JsonOption = None) -> None:
+def mocap(data: options.Recorded, json: options.Json = None) -> None:
     """Measure the recordings with the code that measures the models: one row per split."""
     gait: list[Row] = []
     still: list[Row] = []
@@ -45,16 +35,16 @@ def mocap(data: RecordedOption, json: JsonOption = None) -> None:
 
 @app.command(short_help="Errors and diversity of the marker predictors (Tab. S1).")
 def predictor(
-    data: RecordedOption,
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
-    split: SplitOption = "heldout",
+    data: options.Recorded,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
+    split: options.Split = "heldout",
     samples: Annotated[int, typer.Option(help="Futures per seed.", min=2)] = 10,
-    only: OnlyOption = "",
-    count: CountOption = 1000,
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    only: options.Only = "",
+    count: options.Count = 1000,
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Measure errors and diversity of the marker predictors (Tab. S1), beside simple baselines.
 
@@ -76,14 +66,14 @@ def predictor(
 
 @app.command(short_help="Errors of the body regressors (Tab. S2).")
 def regressor(
-    data: RecordedOption,
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
-    split: SplitOption = "heldout",
-    count: CountOption = 300,
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    data: options.Recorded,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
+    split: options.Split = "heldout",
+    count: options.Count = 300,
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Measure errors of the body regressors (Tab. S2), with recorded and with random shapes."""
     from wayfarer_lab.evaluation.models import regressor_rows

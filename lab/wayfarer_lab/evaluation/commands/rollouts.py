@@ -15,18 +15,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    CountOption,
-    DataOption,
-    JsonOption,
-    ModelsOption,
-    OnlyOption,
-    RecordedOption,
-    RunsOption,
-    SeedOption,
-    SplitOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin
 from wayfarer_lab.evaluation.tracks import Recorded
 
@@ -49,16 +38,16 @@ PosesOption = Annotated[int, typer.Option(help="Start poses, half of each gender
 
 @app.command(short_help="Random motion of every variant of the models (Fig. 3).")
 def realism(
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
     poses: PosesOption = 100,
     seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
-    only: OnlyOption = "",
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    only: options.Only = "",
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Measure the realism of random motion, for every variant of the models (Fig. 3).
 
@@ -97,14 +86,14 @@ def realism(
 @app.command(short_help="The least usual poses of random motion (Fig. S3).")
 def failures(
     runs: Annotated[Path, typer.Option(help="Folder of runs direct_body…, direct_humor….")],
-    models: ModelsOption = DEFAULT_MODEL,
+    models: options.Models = DEFAULT_MODEL,
     poses: PosesOption = 100,
     seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
     count: Annotated[int, typer.Option(help="Poses of each predictor.", min=1)] = 7,
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
     json: Annotated[Path, typer.Option(help="File to write.")] = Path("benchmarks/results")
     / "failures.json",
 ) -> None:
@@ -138,8 +127,8 @@ def failures(
 
 @app.command(short_help="Influence of body shape and start pose (Sec. A.2).")
 def bodies(
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
     extent: Annotated[
         float, typer.Option(help="Outermost shapes, in standard deviations.", min=0.1, max=6.0)
     ] = 2.5,
@@ -149,11 +138,11 @@ def bodies(
         Starts,
         typer.Option(help="Ten start poses: frames of --data, or drawn from the pose prior."),
     ] = Starts.RECORDED,
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Compare ten body shapes from the same ten start poses, and each pose alone (Sec. A.2).
 
@@ -185,15 +174,15 @@ def bodies(
 
 @app.command(short_help="Foot skating of random motion (Sec. A.3).")
 def skating(
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
     poses: PosesOption = 900,
     primitives: Annotated[int, typer.Option(help="Primitives of each motion.", min=5)] = 20,
-    data: DataOption = None,
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    data: options.Data = None,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Measure foot skating of random motion, by MOJO's measure (Sec. A.3) and stricter ones."""
     from wayfarer_lab.evaluation.random_motion import skating as make
@@ -210,19 +199,19 @@ def skating(
 
 @app.command(short_help="The regressor beside reprojection by optimisation (MOJO, Sec. A.3).")
 def reprojection(
-    data: RecordedOption,
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
+    data: options.Recorded,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
     poses: PosesOption = 100,
     primitives: Annotated[int, typer.Option(help="Primitives of each motion.", min=5)] = 20,
-    count: CountOption = 100,
+    count: options.Count = 100,
     iterations: Annotated[
         list[int], typer.Option(help="Iterations of a row of optimisation.", min=1)
     ] = [30, 100],  # noqa: B006
-    split: SplitOption = "heldout",
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
-    json: JsonOption = None,
+    split: options.Split = "heldout",
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
 ) -> None:
     """Find bodies behind markers by the regressor, and by optimisation as MOJO does.
 
@@ -253,7 +242,7 @@ def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[FrozenPose
 
 @contextmanager
 def _bench(models: Path, runs: Path | None, threads: int, seed: int) -> "Iterator[Bench]":
-    """What the rows of a table share, and a progress line that names the current row."""
+    """The settings that rows of a table share, and a progress line with the current row."""
     from wayfarer_lab.evaluation.parts import load_parts
     from wayfarer_lab.evaluation.random_motion import Bench
 

@@ -9,19 +9,10 @@ import typer
 from rich.progress import Progress, TaskID
 
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
-from wayfarer_lab.evaluation.commands.options import (
-    CandidatesOption,
-    EngineOption,
-    JsonOption,
-    ModelsOption,
-    SeedOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin
-from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.report import progress
 from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
-from wayfarer_lab.evaluation.scenes.play import House
 from wayfarer_lab.evaluation.scenes.scenarios.changes import crates, doors
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
 from wayfarer_lab.evaluation.scenes.scenarios.walking import (
@@ -32,11 +23,13 @@ from wayfarer_lab.evaluation.scenes.scenarios.walking import (
     square,
     storeys,
 )
+from wayfarer_lab.evaluation.scenes.scene_run import SceneRig
+from wayfarer_lab.evaluation.tasks import Watch
 
 app = typer.Typer()
 
-Scenario = Callable[[House, int, int, Watch], Seen]
-"""(house, seed, how many people, watch)"""
+Scenario = Callable[[SceneRig, int, int, Watch], Seen]
+"""(rig, seed, how many people, watch)"""
 
 SCENARIOS: Final[Mapping[str, tuple[Scenario, int]]] = {
     "cubes": (cubes, 100),
@@ -61,7 +54,7 @@ CAMERAS: Final = {
     "crates": Focus((10.0, 9.0), 13.0),
     SQUARE: Focus((0.0, -3.0), 19.0),
 }
-"""What the pictures show of each."""
+"""Cameras of the pictures, by scenario."""
 
 PLOTS = ("success", "penetration_frames", "overlap_frames", "walked_ratio", "foot_gap_mean_cm")
 
@@ -74,7 +67,7 @@ def _check_only(names: str) -> str:
 
 @app.command(short_help="Example scenes: walls, other people, slopes, doors that shut.")
 def scenes(
-    models: ModelsOption = DEFAULT_MODEL,
+    models: options.Models = DEFAULT_MODEL,
     only: Annotated[
         str, typer.Option(help="Scenarios, separated by commas.", callback=_check_only)
     ] = ",".join(ALL),
@@ -88,17 +81,17 @@ def scenes(
         Path | None,
         typer.Option(help="Folder for pictures of each scene: all trails from above, and a view."),
     ] = None,
-    candidates: CandidatesOption = 4,
-    engine: EngineOption = "onnxruntime",
-    threads: ThreadsOption = 1,
-    seed: SeedOption = 0,
+    candidates: options.Candidates = 4,
+    engine: options.Engine = "onnxruntime",
+    threads: options.Threads = 1,
+    seed: options.Seed = 0,
     repeats: Annotated[
         int, typer.Option(help="Runs of each scenario, with seeds from --seed on.", min=1)
     ] = 1,
-    json: JsonOption = None,
+    json: options.Json = None,
 ) -> None:
-    """Let people find their way through example scenes, and measure what they touch."""
-    house = House(open_bundle(models, threads, engine), candidates)
+    """Measures what people touch on their way through example scenes."""
+    rig = SceneRig(open_bundle(models, threads, engine), candidates)
     tried: dict[str, tuple[Scenario, int]] = {
         **SCENARIOS,
         SQUARE: (partial(square, 60 * minutes), PEOPLE),
@@ -111,12 +104,12 @@ def scenes(
             called = name if repeats == 1 else f"{name}, seed {number}"
             task = bar.add_task(called, total=None)
             people = max(1, round(scale * usual))
-            seen = scenario(house, number, people, partial(_advance, bar, task))
+            seen = scenario(rig, number, people, partial(_advance, bar, task))
             rows.append(seen.row | {"name": called})
-            worst[called] = seen.witness.worst()
+            worst[called] = seen.monitor.worst()
             if pictures:
-                save(pictures / f"{called}.png", plan(seen.scene, seen.witness.trails()))
-                drawn = view(seen.scene, seen.witness, CAMERAS[name])
+                save(pictures / f"{called}.png", plan(seen.scene, seen.monitor.trails()))
+                drawn = view(seen.scene, seen.monitor, CAMERAS[name])
                 save(pictures / f"{called}_view.png", drawn)
     finish(
         json, {"Scenes": rows}, PLOTS, **origin(models, None, None, "", seed), engine=engine,

@@ -9,7 +9,7 @@ from typing import Any
 from wayfarer.model_bundle import Bodies
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, stillness_row
-from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.tasks import Watch
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
 
@@ -36,7 +36,7 @@ def recorded_stillness(recorded: Recorded, name: str = report.MOCAP) -> list[Row
 def origin(
     models: Path, runs: Path | None, data: Path | None, split: str, seed: int
 ) -> dict[str, Any]:
-    """What a table was made from, for its meta part."""
+    """The origin of a table, for its meta part."""
     return {
         "seed": seed,
         "models": str(models),
@@ -51,7 +51,7 @@ def origin(
 def training_minutes(runs: Path) -> dict[str, float | None]:
     """Minutes of processor time of each training in a folder of runs; None: not counted.
 
-    What a run was started from is a run of its own.
+    A run that another started from is counted separately.
     """
     return {
         path.parent.name: json_module.loads(path.read_text())["cpu_minutes"]

@@ -7,13 +7,7 @@ import typer
 
 from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.commands.options import (
-    ModelsOption,
-    RecordedOption,
-    RunsOption,
-    SeedOption,
-    ThreadsOption,
-)
+from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import origin
 from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips
 from wayfarer_lab.evaluation.twosided import ranges as recorded
@@ -28,7 +22,7 @@ JsonOption = Annotated[
 
 @app.command(short_help="Ranges of recorded people, for the two-sided figures.")
 def ranges(
-    data: RecordedOption,
+    data: options.Recorded,
     out: Annotated[Path, typer.Option(help="File to write.")] = recorded.FILE,
 ) -> None:
     """Find in recordings what people are asked to do, measure it, and write the ranges.
@@ -48,8 +42,8 @@ def ranges(
 
 @app.command(short_help="The model alone against the ranges, without any rule after it.")
 def bare(
-    models: ModelsOption = DEFAULT_MODEL,
-    runs: RunsOption = None,
+    models: options.Models = DEFAULT_MODEL,
+    runs: options.Runs = None,
     predictor: Annotated[str, typer.Option(help="2f or ro-2f.")] = "ro-2f",
     policy: Annotated[
         Path | None, typer.Option(help="Run folder of a trajectory policy that drives it.")
@@ -57,9 +51,9 @@ def bare(
     candidates: Annotated[
         int, typer.Option(help="Draws of the search, without a policy.", min=1)
     ] = 64,
-    people: Annotated[int, typer.Option(help="Of each order.", min=2)] = 8,
-    threads: ThreadsOption = 0,
-    seed: SeedOption = 0,
+    people: Annotated[int, typer.Option(help="People of each order.", min=2)] = 8,
+    threads: options.Threads = 0,
+    seed: options.Seed = 0,
     json: JsonOption = None,
 ) -> None:
     """Drive a predictor for 12 s of each order, and judge its people.
@@ -92,7 +86,7 @@ def bare(
             for gender, step in bodies.items()
         }
     found = play(steps, people, seed)
-    judged = verdicts.judge(found, recorded.load())
+    judged = verdicts.verdicts_of(found, recorded.load())
     verdicts.show("the model alone", judged)
     if json:
         driver = {"policy": str(policy)} if policy else {"candidates": candidates}

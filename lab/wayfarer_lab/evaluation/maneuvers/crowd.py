@@ -15,7 +15,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Case,
     Figures,
     Maneuver,
-    Shot,
+    MeasuredTake,
     case,
     pooled,
     way_to,
@@ -43,7 +43,7 @@ def _case(name: str, **body: Any) -> Case:
     return case(name, SECONDS, lambda request: way_to(0.0, METRES, SPEED), placed=placed)
 
 
-def judge(shot: Shot) -> Figures:
+def measure_crowd(shot: MeasuredTake) -> Figures:
     """`start_s` from the order; the first foot."""
     foot = feet.first_foot(shot.take.height) if shot.goal is not None else None
     walked = _steps(shot)
@@ -54,14 +54,14 @@ def judge(shot: Shot) -> Figures:
     }
 
 
-def _steps(shot: Shot) -> tuple[stride.FootStrikes, int] | None:
+def _steps(shot: MeasuredTake) -> tuple[stride.FootStrikes, int] | None:
     """Steps of the steady part, and the frame of the take at which that begins."""
     take, start = steady(shot), 0 if shot.goal is None else SPEEDING
     walked = None if take is None else stride.steps(take.ankles, take.hips)
     return None if walked is None else (walked, start)
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def crowd_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """Figures of all walkers; a person's gait cycle is the mean of all takes of that person.
 
     Phases count while those of nearly all are known: the few that are known soon after a strike
@@ -118,8 +118,8 @@ CROWD: Final = Maneuver(
         _case("one body", gender="female", betas=(0.0,) * BETAS),
         _case("random bodies"),
     ),
-    judge=judge,
-    summary=summary,
+    measure=measure_crowd,
+    row=crowd_row,
     bars=(
         Bar("cycle_sd_deg", low=3, case="one body"),
         Bar("phase_order", high=0.4, case="one body"),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wayfarer_lab.evaluation.figures import mean, quantile
-from wayfarer_lab.evaluation.maneuvers.maneuver import Figures, Shot, pooled
+from wayfarer_lab.evaluation.maneuvers.maneuver import Figures, MeasuredTake, pooled
 from wayfarer_lab.evaluation.metrics import feet
 from wayfarer_lab.evaluation.takes import Take
 
@@ -43,6 +43,6 @@ def contact_figures(takes: Sequence[Take]) -> Figures:
     }
 
 
-def all_takes(shots: Sequence[Shot]) -> list[Take]:
+def all_takes(shots: Sequence[MeasuredTake]) -> list[Take]:
     """The takes of some shots."""
     return [shot.take for shot in shots]

@@ -8,22 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer_lab.evaluation.figures import mean
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     RECORDED,
     Bar,
     Figures,
     Maneuver,
+    MeasuredTake,
+    MeasuredTakes,
     Request,
     Rows,
-    Shot,
-    Shots,
     case,
     part,
     way_to,
 )
 from wayfarer_lab.evaluation.maneuvers.walk import steady
 from wayfarer_lab.evaluation.metrics import frechet, likeness
+from wayfarer_lab.evaluation.tasks import Plan
 
 Array = NDArray[np.floating[Any]]
 People = tuple[Array, NDArray[np.int64]]
@@ -50,7 +50,7 @@ def _plan(request: Request) -> Plan:
     return way_to(0.0, 12.0, round(float(request.random.uniform(*SPEEDS)), 3))
 
 
-def windows(shots: Sequence[Shot]) -> People:
+def windows(shots: Sequence[MeasuredTake]) -> People:
     """All 2 s of steady walks at 0.9 to 1.5 m/s."""
     people = {person: k for k, person in enumerate(sorted({s.take.person for s in shots}))}
     takes = [(take, people[shot.take.person]) for shot in shots if (take := steady(shot))]
@@ -73,13 +73,13 @@ def windows_of(
     return np.concatenate(found), np.concatenate(whose)
 
 
-def judge(shot: Shot) -> Figures:
+def measure_likeness(shot: MeasuredTake) -> Figures:
     """How much of it there is."""
     rows, _ = windows([shot])
     return {"windows": float(len(rows))}
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def likeness_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """How much there is."""
     return {"windows": sum(figures["windows"] for figures in each)}
 
@@ -121,8 +121,8 @@ def _among(people: People) -> Figures:
     return {name: mean([result[name] for result in results]) for name in results[0]}
 
 
-def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
-    """What is made against what is recorded; people against other people; and by which features
+def across(rows: Rows, shots: MeasuredTakes) -> dict[tuple[str, str], Figures]:
+    """Ours against recorded people, people against other people, and by which features
     the first two differ, in standard deviations of the recorded ones.
     """
     found: dict[tuple[str, str], Figures] = {}
@@ -151,8 +151,8 @@ LIKENESS: Final = Maneuver(
     about="a linear classifier on 2 s of straight walking at 0.9 to 1.5 m/s, and Fréchet distance",
     agents=64,
     cases=(case(CASE, 12.0, _plan),),
-    judge=judge,
-    summary=summary,
+    measure=measure_likeness,
+    row=likeness_row,
     bars=(Bar("auc", high=0.75, case=AGAINST),),
     across=across,
     worst="windows",

@@ -98,8 +98,8 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import mean, quantile
-from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs, relative
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.tasks import AgentTask, Plan, TimedCommand, random_specs, relative
 
 Array = NDArray[np.floating[Any]]
 Figures = dict[str, float]
@@ -112,7 +112,7 @@ RECORDED: Final = "recorded"
 
 
 @dataclass(frozen=True)
-class Shot:
+class MeasuredTake:
     """A take and its goal; a recorded take has none."""
 
     take: Take
@@ -125,14 +125,14 @@ class Case:
 
     name: str
     seconds: float  # from the first order
-    errands: Callable[[int, np.random.Generator], list[Errand]]  # of N agents
+    tasks: Callable[[int, np.random.Generator], list[AgentTask]]  # of N agents
     scene: Callable[[], SceneSpec] | None = None  # None: an endless flat floor
     share: float = 1.0  # of the manoeuvre's agents
 
 
 @dataclass(frozen=True)
 class Request:
-    """An order that an agent is to get: numbers of both, from 0 on."""
+    """An order for an agent: numbers of both, from 0 on."""
 
     agent: int
     order: int
@@ -150,25 +150,25 @@ def case(
     scene: Callable[[], SceneSpec] | None = None,
     share: float = 1.0,
 ) -> Case:
-    """Random people, moved by `placed`, who get the path that `plan` makes of each request.
+    """A case of random people, moved by `placed`, and the path that `plan` makes of each request.
 
-    Orders come at 0 s alone, or `every` so many seconds; without `plan`, nobody gets any.
+    Orders come at 0 s alone, or every `every` seconds; without `plan` there are none.
     """
     moments = np.arange(0.0, seconds - 1e-6, every or seconds)
 
-    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
+    def tasks(agents: int, random: np.random.Generator) -> list[AgentTask]:
         found = []
         for number, spec in enumerate(random_specs(agents, random)):
             person = placed(spec, random)
             orders = [
-                Order(round(float(at), 3), plan(Request(number, order, person, random)))
+                TimedCommand(round(float(at), 3), plan(Request(number, order, person, random)))
                 for order, at in enumerate(moments)
                 if plan is not None
             ]
-            found.append(Errand(person, tuple(orders)))
+            found.append(AgentTask(person, tuple(orders)))
         return found
 
-    return Case(name, seconds, errands, scene, share)
+    return Case(name, seconds, tasks, scene, share)
 
 
 @dataclass(frozen=True)
@@ -196,11 +196,11 @@ Rows = Mapping[tuple[str, str], Figures]
 """(case, source) → its row."""
 
 
-Shots = Mapping[tuple[str, str], Sequence[Shot]]
+MeasuredTakes = Mapping[tuple[str, str], Sequence[MeasuredTake]]
 """(case, source) → its takes."""
 
 
-def nothing_more(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
+def nothing_more(rows: Rows, shots: MeasuredTakes) -> dict[tuple[str, str], Figures]:
     """The default of `Maneuver.across`: no further rows."""
     return {}
 
@@ -213,14 +213,14 @@ class Maneuver:
     about: str  # a line
     agents: int  # of each case
     cases: tuple[Case, ...]
-    judge: Callable[[Shot], Figures]  # of one take
-    summary: Callable[[Sequence[Shot], Sequence[Figures]], Figures]  # of all takes of a case
+    measure: Callable[[MeasuredTake], Figures]  # of one take
+    row: Callable[[Sequence[MeasuredTake], Sequence[Figures]], Figures]  # of all takes of a case
     bars: tuple[Bar, ...]
-    across: Callable[[Rows, Shots], dict[tuple[str, str], Figures]] = nothing_more
+    across: Callable[[Rows, MeasuredTakes], dict[tuple[str, str], Figures]] = nothing_more
     # rows that need several cases or sources
     least: int = 2  # agents of a case, in the smallest trial, too
     worst: str = ""  # figure whose largest value marks the worst take, for the pictures
-    strip: Callable[[Shot], Take] = lambda shot: shot.take[
+    strip: Callable[[MeasuredTake], Take] = lambda shot: shot.take[
         : 4 * FPS
     ]  # the part of a take that is drawn
 

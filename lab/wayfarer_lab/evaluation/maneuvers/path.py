@@ -10,18 +10,18 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances, first, smooth_speed
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Figures,
     Maneuver,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     spread,
     way_to,
 )
 from wayfarer_lab.evaluation.maneuvers.walk import BRAKING, SPEEDING
+from wayfarer_lab.evaluation.tasks import Plan
 
 SIDES: Final = (0.0, 90.0, -90.0, 180.0)
 """Degrees to the left of straight ahead at which a near goal lies, in turn."""
@@ -53,7 +53,7 @@ def _zigzag(bend: float) -> Callable[[Request], Plan]:
     return lambda request: lambda agent: goals(agent, (-1) ** request.agent)
 
 
-def measure_path(shot: Shot) -> Figures:
+def measure_path(shot: MeasuredTake) -> Figures:
     """Arrival at the last goal; a recorded take has none, and a near goal has no waypoint."""
     hips, figures = shot.take.hips, dict.fromkeys(FIGURES, nan)
     if shot.goal is None:
@@ -75,7 +75,7 @@ def measure_path(shot: Shot) -> Figures:
     return figures
 
 
-def path_row(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def path_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """Means over agents, of the time to arrive also the 90th percentile."""
     means = {name: f"mean of {name}" for name in FIGURES}
     return spread(each, **means, arrive_s_p90="p90 of arrive_s")
@@ -89,8 +89,8 @@ PATH: Final = Maneuver(
         case("1.5 m away", 12.0, lambda it: way_to(SIDES[it.agent % len(SIDES)], 1.5)),
         *(case(name, 18.0, _zigzag(bend)) for name, bend in BENDS.items()),
     ),
-    judge=measure_path,
-    summary=path_row,
+    measure=measure_path,
+    row=path_row,
     bars=(
         Bar("arrive", low=0.95),
         *(Bar("passed", low=0.95, case=name) for name in BENDS),

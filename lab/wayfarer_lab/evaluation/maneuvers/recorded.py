@@ -19,7 +19,7 @@ from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.maneuvers import crowd, likeness, robust, stand, stop, turn, walk
-from wayfarer_lab.evaluation.maneuvers.maneuver import RECORDED, Maneuver, Shot
+from wayfarer_lab.evaluation.maneuvers.maneuver import RECORDED, Maneuver, MeasuredTake
 from wayfarer_lab.evaluation.metrics import feet
 from wayfarer_lab.evaluation.takes import Take
 from wayfarer_lab.training.mocap.selection import Use
@@ -40,7 +40,7 @@ PLAIN: Final = ("walk", "crowd", "likeness", "random")
 
 GENDER: Final = "male"
 HELDOUT: Final = f"{RECORDED}, held out"
-"""The split that nothing is trained on; it has rows of its own."""
+"""The split that nothing is trained on; it has its own rows."""
 
 SHORTEST: Final = FPS
 """Shortest take in frames: 1 s."""
@@ -71,10 +71,10 @@ HALF: Final = FPS // 2
 """Frames on either side over which way and speed of a walk are taken: a second in all."""
 
 STRAIGHT: Final = 12.0
-"""Degrees by which the way may change in a second, …"""
+"""Degrees by which the way of a straight walk may change in a second."""
 
 EVEN: Final = 0.3
-"""… and metres per second by which the speed may."""
+"""Metres per second by which the speed of a straight walk may change."""
 
 AHEAD: Final = 25.0
 """Largest angle between facing and way of a straight walk, in degrees."""
@@ -103,17 +103,17 @@ class RecordedClips:
         if not self._clips:
             raise InvalidArgument(f"{folder} has no {GENDER} clips as recorded", "data")
 
-    def __call__(self, maneuver: Maneuver) -> dict[tuple[str, str], list[Shot]]:
+    def __call__(self, maneuver: Maneuver) -> dict[tuple[str, str], list[MeasuredTake]]:
         """Takes by (case, source): those of all splits, and of them the held-out ones."""
         cutter = CUTTERS.get(maneuver.name)
-        found: dict[tuple[str, str], list[Shot]] = {}
+        found: dict[tuple[str, str], list[MeasuredTake]] = {}
         if cutter is None:
             return found
         for clip, take, use in self._takes:
             if maneuver.name in PLAIN and is_acted(clip):
                 continue
             for case, part in cutter(take, use):
-                shot = Shot(part)
+                shot = MeasuredTake(part)
                 found.setdefault((case, RECORDED), []).append(shot)
                 if clip.split == "heldout":
                     found.setdefault((case, HELDOUT), []).append(shot)

@@ -1,4 +1,4 @@
-"""Adversarial orders: goals behind, again and again; and random sessions."""
+"""Adversarial orders, such as repeated goals behind, and random sessions."""
 
 from collections.abc import Sequence
 from math import pi
@@ -9,14 +9,13 @@ import numpy as np
 from wayfarer.spec import FPS
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Figures,
     Maneuver,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     part,
     spread,
@@ -24,18 +23,19 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.tasks import Plan
 
 TILTED: Final = 30.0
 """Degrees of the trunk: a walking person never leans so far."""
 
 FOLDED: Final = 0.75
-"""Of the hips' full height: lower is a squat."""
+"""Share of the hips' full height below which a body squats."""
 
 ARRIVED: Final = 0.3
 """Metres from the goal, at the end of the take."""
 
 
-def judge(shot: Shot) -> Figures:
+def measure_robust(shot: MeasuredTake) -> Figures:
     """Worst moments of a take, and shares of its frames."""
     take = shot.take
     hips = take.hips[:, 2] / take.hips_height
@@ -57,14 +57,14 @@ def judge(shot: Shot) -> Figures:
     }
 
 
-def worst_moment(shot: Shot) -> Take:
+def worst_moment(shot: MeasuredTake) -> Take:
     """Two seconds on either side of where the trunk leans the most."""
     moment = float(shot.take.tilt.argmax()) / FPS
     return part(shot.take, moment - 2.0, moment + 2.0)
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
-    """Of all frames of all takes, and the worst of them."""
+def robust_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
+    """Means over all takes, and the worst of them."""
     return spread(
         each,
         over_30_deg="mean of over_30_deg",
@@ -131,8 +131,8 @@ REVERSALS: Final = Maneuver(
     about="a goal 1.5 m behind, once; goals behind, about-faces and random goals again and again",
     agents=32,
     cases=(case("goal behind", 8.0, lambda it: way_to(180.0, 1.5)), *SCRIPTS),
-    judge=judge,
-    summary=summary,
+    measure=measure_robust,
+    row=robust_row,
     bars=BARS,
     worst="tilt_max_deg",
     strip=worst_moment,
@@ -143,8 +143,8 @@ RANDOM: Final = Maneuver(
     about="sessions of two goals 3 to 9 m away in any direction, at 0.6 to 2.5 m/s, 11 s each",
     agents=96,
     cases=(case("two goals", 22.0, _anywhere, every=11.0),),
-    judge=judge,
-    summary=summary,
+    measure=measure_robust,
+    row=robust_row,
     bars=BARS,
     worst="tilt_max_deg",
     strip=worst_moment,

@@ -5,31 +5,33 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     RAW,
     SENT,
     Case,
     Figures,
     Maneuver,
-    Shot,
+    MeasuredTake,
 )
+from wayfarer_lab.evaluation.tasks import Watch
 
 Progress = Callable[[str], AbstractContextManager[Watch]]
 
 
-class CasePlayers(Protocol):
-    """Who plays a case; see `sessions.CasePlayers`."""
+class RunsCases(Protocol):
+    """Interface of `case_runner.CaseRunner`."""
 
-    def play(self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch) -> list[Shot]:
-        """Play a case with a number of agents."""
+    def run(
+        self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch
+    ) -> list[MeasuredTake]:
+        """Runs a case with a number of agents."""
 
 
-Recorded = Callable[[Maneuver], Mapping[tuple[str, str], Sequence[Shot]]]
+Recorded = Callable[[Maneuver], Mapping[tuple[str, str], Sequence[MeasuredTake]]]
 """Recorded takes of a manoeuvre by (case, source)."""
 
 
-def no_recordings(maneuver: Maneuver) -> Mapping[tuple[str, str], Sequence[Shot]]:
+def no_recordings(maneuver: Maneuver) -> Mapping[tuple[str, str], Sequence[MeasuredTake]]:
     """Without data: no takes."""
     return {}
 
@@ -39,23 +41,23 @@ class Played:
     """A finished manoeuvre."""
 
     maneuver: Maneuver
-    shots: dict[tuple[str, str], Sequence[Shot]] = field(default_factory=dict)
+    shots: dict[tuple[str, str], Sequence[MeasuredTake]] = field(default_factory=dict)
     figures: dict[tuple[str, str], list[Figures]] = field(default_factory=dict)  # of each shot
     rows: dict[tuple[str, str], Figures] = field(default_factory=dict)
     each: list[dict[str, Any]] = field(default_factory=list)
 
-    def judge(self, case: str, source: str, shots: Sequence[Shot]) -> None:
+    def add(self, case: str, source: str, shots: Sequence[MeasuredTake]) -> None:
         """Make the row of a case, and the figures of each of its takes."""
         maneuver = self.maneuver
         each = [
-            {name: float(value) for name, value in maneuver.judge(shot).items()} for shot in shots
+            {name: float(value) for name, value in maneuver.measure(shot).items()} for shot in shots
         ]
         people = {shot.take.person for shot in shots}
         self.shots[case, source], self.figures[case, source] = shots, each
         self.rows[case, source] = {
             "n": float(len(shots)),
             "people": float(len(people)),
-            **{name: float(value) for name, value in maneuver.summary(shots, each).items()},
+            **{name: float(value) for name, value in maneuver.row(shots, each).items()},
         }
         for shot, figures in zip(shots, each, strict=True):
             self.each.append(
@@ -72,7 +74,7 @@ class Played:
 
 
 def play(
-    players: CasePlayers,
+    runner: RunsCases,
     chosen: Sequence[Maneuver],
     scale: float,
     progress: Progress,
@@ -87,9 +89,9 @@ def play(
             agents = max(maneuver.least, round(maneuver.agents * case.share * scale))
             for source in (SENT, RAW):
                 with progress(f"{maneuver.name} {case.name}, {source}") as watch:
-                    shots = players.play(maneuver.name, case, agents, source == RAW, watch)
-                played.judge(case.name, source, shots)
+                    shots = runner.run(maneuver.name, case, agents, source == RAW, watch)
+                played.add(case.name, source, shots)
         for (name, source), takes in recorded(maneuver).items():
-            played.judge(name, source, takes)
+            played.add(name, source, takes)
         played.rows |= maneuver.across(played.rows, played.shots)
         yield played

@@ -12,19 +12,19 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Case,
     Figures,
     Maneuver,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     spread,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.tasks import Plan
 
 SPEEDS: Final = (0.6, 1.2, 1.8)
 """Target speeds, m/s, in turn."""
@@ -39,13 +39,13 @@ GALLERY: Final = 3.0
 SECONDS: Final = 40.0
 
 PLACED_SPEED: Final = 0.3
-"""Metres per second: an ankle slower than this stands, …"""
+"""Speed (m/s) below which an ankle stands."""
 
 PLACED_FRAMES: Final = 3
-"""… after this number of frames, …"""
+"""Frames after which a slow ankle counts as standing."""
 
 PLACED_APART: Final = 0.10
-"""… and stands on another step if it is this far (metres) from where it stood before."""
+"""Metres between two places of an ankle that are different steps."""
 
 
 def _case(up: bool) -> Case:
@@ -66,7 +66,7 @@ def _case(up: bool) -> Case:
 
 
 def placements(places: np.ndarray) -> list[tuple[int, np.ndarray]]:
-    """Frame and place of each time that an ankle [T, 3] comes to stand somewhere else."""
+    """Frame and place of each time that an ankle [T, 3] comes to stand in another place."""
     speed = np.linalg.norm(np.gradient(places, axis=0), axis=-1) * FPS
     found: list[tuple[int, np.ndarray]] = []
     for run in feet.runs(speed < PLACED_SPEED):
@@ -85,7 +85,7 @@ def on_the_stairs(take: Take) -> slice | None:
     return slice(int(frames[0]), int(frames[-1]) + 1) if len(frames) > FPS // 4 else None
 
 
-def the_climb(shot: Shot) -> Take:
+def the_climb(shot: MeasuredTake) -> Take:
     """The part on the stairs, brought down to the floor: pictures show no stairs."""
     climb = shot.take[on_the_stairs(shot.take) or slice(0, 4 * FPS)]
     places = np.array(climb.clip.translation)
@@ -111,8 +111,8 @@ def steps_per_riser(take: Take, part: slice) -> float:
     return (len(heights) - 1) / risers if risers > 3 else nan
 
 
-def judge(shot: Shot) -> Figures:
-    """On the stairs."""
+def measure_stairs(shot: MeasuredTake) -> Figures:
+    """Figures of the part on the stairs."""
     take, part = shot.take, on_the_stairs(shot.take)
     end = nan if shot.goal is None else float(distances(take.hips[-1], shot.goal))
     row = {
@@ -138,8 +138,8 @@ FIGURES: Final = (
 )  # fmt: skip
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
-    """The bars: means of steps and of the largest bends; the fastest of twenty people."""
+def stairs_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
+    """Means over takes, and the fastest of twenty people."""
     return spread(
         each,
         arrive="mean of arrive",
@@ -160,8 +160,8 @@ STAIRS: Final = Maneuver(
     about="15 stairs of 20 × 30 cm up and down; target speeds 0.6, 1.2, 1.8 m/s in turn",
     agents=18,
     cases=(_case(up=True), _case(up=False)),
-    judge=judge,
-    summary=summary,
+    measure=measure_stairs,
+    row=stairs_row,
     bars=(Bar("speed_mps_p95", high=0.7),),
     worst="knee_max_deg",
     strip=the_climb,

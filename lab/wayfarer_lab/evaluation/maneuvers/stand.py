@@ -6,20 +6,20 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Figures,
     Maneuver,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     spread,
     way_to,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import WRISTS, Take
+from wayfarer_lab.evaluation.tasks import Plan
 
 SECONDS: Final = 60.0
 WALK: Final = 10.0
@@ -30,12 +30,12 @@ def _walk(request: Request) -> Plan:
     return way_to(float(request.random.uniform(0, 360)), 3.0)
 
 
-def the_stand(shot: Shot) -> Take:
+def the_stand(shot: MeasuredTake) -> Take:
     """The measured part."""
     return shot.take if shot.goal is None else shot.take[round(WALK * FPS) :]
 
 
-def judge(shot: Shot) -> Figures:
+def measure_stand(shot: MeasuredTake) -> Figures:
     """Figures of one stand."""
     take = the_stand(shot)
     slides = [100 * slide for slide in feet.slides(take.soles, take.height)]
@@ -67,7 +67,7 @@ def arms(take: Take) -> Figures:
     }
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def stand_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """The bars are for the 95th percentile of people."""
     return spread(
         each,
@@ -102,8 +102,8 @@ STAND = Maneuver(
         case("at once", SECONDS),
         case("after a walk", WALK + SECONDS, _walk),
     ),
-    judge=judge,
-    summary=summary,
+    measure=measure_stand,
+    row=stand_row,
     bars=tuple(Bar(name, high=high, case=case) for case in _CASES for name, high in _BARS),
     worst="slide_cm",
     strip=the_stand,

@@ -7,14 +7,13 @@ import numpy as np
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.figures import distances, first
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Figures,
     Maneuver,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     part,
     spread,
@@ -23,16 +22,17 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
 from wayfarer_lab.evaluation.maneuvers.stand import arms
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import HEAD, Take
+from wayfarer_lab.evaluation.tasks import Plan
 
 SPEEDS: Final = (0.6, 2.0)
 METRES: Final = (3.0, 8.0)
 SECONDS: Final = 20.0
 
 REST_SPEED: Final = 0.08
-"""Metres per second, horizontal: hips and ankles that are all slower rest, …"""
+"""Horizontal speed (m/s) below which hips and ankles rest."""
 
 REST_SECONDS: Final = 1.0
-"""… for this number of frames."""
+"""Seconds of rest after which a body has stopped."""
 
 AFTER: Final = 2.0
 """Seconds from rest to the measurement of feet and knees: time for a closing step."""
@@ -41,10 +41,10 @@ REACH: Final = 2
 """Frames on either side over which speeds are taken."""
 
 SLOWED: Final = 0.3
-"""Metres per second of the hips below which a walk is over, and its settling begins …"""
+"""Speed of the hips (m/s) below which a walk is over, and its settling begins."""
 
 SETTLING: Final = 3.0
-"""… and seconds that it lasts."""
+"""Seconds that settling lasts."""
 
 HEEL_UP: Final = 0.02
 """Metres: a heel higher than this stands on its ball."""
@@ -70,7 +70,7 @@ def _plan(request: Request) -> Plan:
     return way_to(0.0, float(metres), float(speed))
 
 
-def _braked(shot: Shot) -> int:
+def _braked(shot: MeasuredTake) -> int:
     """The frame at which hips come within 0.75 m of the goal."""
     assert shot.goal is not None
     return first(distances(shot.take.hips, shot.goal) <= 0.75) or 0
@@ -94,7 +94,7 @@ def settling(take: Take) -> Figures:
     }
 
 
-def judge(shot: Shot) -> Figures:
+def measure_stop(shot: MeasuredTake) -> Figures:
     """Figures of one stop. An agent that never rests is measured at the end."""
     take = shot.take
     start = 0 if shot.goal is None else _braked(shot)
@@ -125,7 +125,7 @@ def judge(shot: Shot) -> Figures:
     )
 
 
-def the_stop(shot: Shot) -> Take:
+def the_stop(shot: MeasuredTake) -> Take:
     """From two seconds before rest, or before the end, until the measurement."""
     start = 0 if shot.goal is None else _braked(shot)
     begun = rest(shot.take[start:])
@@ -133,8 +133,8 @@ def the_stop(shot: Shot) -> Take:
     return part(shot.take, seconds - 2.0, seconds + AFTER)
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
-    """Of all stops."""
+def stop_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
+    """Quantiles and shares of all stops."""
     return spread(
         each,
         apart_cm_median="median of apart_cm",
@@ -167,8 +167,8 @@ STOP = Maneuver(
     about="walks of 3 to 8 m at 0.6 to 2.0 m/s that end in a stand, looked at 2 s after rest",
     agents=96,
     cases=(case("at a goal", SECONDS, _plan),),
-    judge=judge,
-    summary=summary,
+    measure=measure_stop,
+    row=stop_row,
     bars=(
         Bar("apart_cm_median", high=8, case="at a goal"),
         Bar("apart_cm_p90", high=15, case="at a goal"),

@@ -14,9 +14,9 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Case,
     Figures,
     Maneuver,
+    MeasuredTake,
+    MeasuredTakes,
     Rows,
-    Shot,
-    Shots,
     case,
     pooled,
     spread,
@@ -41,7 +41,7 @@ def _case(name: str, angle: float) -> Case:
     return case(name, SECONDS, lambda it: strafe_to(angle, METRES, SPEEDS[it.agent % len(SPEEDS)]))
 
 
-def on_the_way(shot: Shot) -> Take:
+def on_the_way(shot: MeasuredTake) -> Take:
     """Until it arrives, 1 s at least; all of a recorded take."""
     if shot.goal is None:
         return shot.take
@@ -49,7 +49,7 @@ def on_the_way(shot: Shot) -> Take:
     return shot.take[: max(near or len(shot.take), FPS)]
 
 
-def judge(shot: Shot) -> Figures:
+def measure_strafe(shot: MeasuredTake) -> Figures:
     """`hips_…`: share of the hips' height in the T-pose."""
     take = on_the_way(shot)
     hips = take.hips[:, 2] / take.hips_height
@@ -75,13 +75,13 @@ def judge(shot: Shot) -> Figures:
     }
 
 
-def _off_heading(shot: Shot, take: Take) -> float:
+def _off_heading(shot: MeasuredTake, take: Take) -> float:
     if shot.goal is None or shot.goal.heading is None:
         return float("nan")
     return float(np.quantile(degrees_off(take.facing, facing_at(shot.goal.heading)), 0.95))
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def strafe_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """Quantiles and shares of hips, lean and soles are of all frames of all takes together."""
     takes = [on_the_way(shot) for shot in shots]
     lean = [joints.body_lean(take.ankles, take.joints[:, HEAD]) for take in takes]
@@ -110,7 +110,7 @@ POINTS: Final = ("hips_p5", "float_share", "contact_up", "arrive")
 """Shares whose difference between left and right is counted, in points of 100."""
 
 
-def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
+def across(rows: Rows, shots: MeasuredTakes) -> dict[tuple[str, str], Figures]:
     """Differences between left and right."""
     found = {}
     for source in dict.fromkeys(source for _, source in rows):
@@ -132,8 +132,8 @@ STRAFE = Maneuver(
     about="2.5 m to the left, right, back, heading kept; target speeds 0.4, 0.6, 1.2 m/s in turn",
     agents=48,
     cases=tuple(_case(name, angle) for name, angle in SIDES.items()),
-    judge=judge,
-    summary=summary,
+    measure=measure_strafe,
+    row=strafe_row,
     bars=(
         *_every_side(Bar("hips_p5", low=0.90)),
         *_every_side(Bar("lean_p95_deg", high=12)),

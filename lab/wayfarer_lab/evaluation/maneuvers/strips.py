@@ -51,7 +51,7 @@ def draw(played: Played, folder: Path) -> list[Path]:
 
 
 def worst_and_middle(values: list[float]) -> tuple[int, int]:
-    """Places of the largest value and of the median one; what was not measured comes first."""
+    """Places of the largest value and of the median one; NaN sorts first."""
     order = np.argsort([-np.inf if isnan(value) else value for value in values], kind="stable")
     known = [int(k) for k in order if not isnan(values[k])] or [int(k) for k in order]
     return known[-1], known[len(known) // 2]

@@ -71,7 +71,7 @@ class Results:
 
     @property
     def missed(self) -> list[Verdict]:
-        """Bars that are not met; those that could not be judged are not."""
+        """Bars that are not met, with the bars that could not be judged."""
         return [verdict for verdict in self.verdicts if verdict.met is not True]
 
     def write(self, path: Path) -> None:
@@ -103,7 +103,7 @@ def judged(maneuver: Maneuver, rows: Mapping[Key, Figures]) -> list[Verdict]:
 
 
 def show(maneuver: Maneuver, rows: Mapping[Key, Figures], verdicts: Sequence[Verdict]) -> None:
-    """A manoeuvre's table: a row for each figure of each case; columns sent, raw, recorded."""
+    """Prints a manoeuvre's table: a row for each figure of each case, a column for each source."""
     sources = sorted({source for _, source in rows}, key=_order)
     table = Table(title=f"{maneuver.name}: {maneuver.about}", title_justify="left")
     table.add_column("case")

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import (
     all_takes,
     contact_figures,
@@ -15,14 +14,15 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
     Figures,
     Maneuver,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     part,
     spread,
     turn_by,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
+from wayfarer_lab.evaluation.tasks import Plan
 
 SECONDS: Final = 6.0
 ANGLES: Final = (90.0, 180.0)
@@ -33,7 +33,7 @@ def to_either_side(angle: float) -> Callable[[Request], Plan]:
     return lambda request: turn_by(angle * (-1) ** (request.agent + request.order))
 
 
-def judge(shot: Shot) -> Figures:
+def measure_turn(shot: MeasuredTake) -> Figures:
     """Figures of one turn."""
     take = shot.take
     turned = take.heading - take.heading[0]
@@ -56,7 +56,7 @@ def judge(shot: Shot) -> Figures:
     }
 
 
-def _asked(shot: Shot) -> float:
+def _asked(shot: MeasuredTake) -> float:
     """Degrees from the first heading to the target, on the side of the turn."""
     assert shot.goal is not None and shot.goal.heading is not None
     first, last = shot.take.heading[0], shot.take.heading[-1]
@@ -64,7 +64,7 @@ def _asked(shot: Shot) -> float:
     return asked + 360 * round((last - first - asked) / 360)
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def turn_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """Means over people, the peak also of the 95th percentile."""
     return (
         spread(
@@ -97,8 +97,8 @@ TURN = Maneuver(
     about="facing 90° or 180° elsewhere on the spot, to the left and to the right in turn",
     agents=48,
     cases=tuple(case(f"{angle:g}°", SECONDS, to_either_side(angle)) for angle in ANGLES),
-    judge=judge,
-    summary=summary,
+    measure=measure_turn,
+    row=turn_row,
     bars=(*_bars("90°"), *_bars("180°")),
     worst="pivot_deg",
     strip=lambda shot: part(shot.take, 0.0, 3.0),

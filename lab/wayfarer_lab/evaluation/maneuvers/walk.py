@@ -8,7 +8,6 @@ import numpy as np
 
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.figures import distances, first, smooth_speed
-from wayfarer_lab.evaluation.goals import Plan
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures, stance_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     RECORDED,
@@ -16,10 +15,10 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Case,
     Figures,
     Maneuver,
+    MeasuredTake,
+    MeasuredTakes,
     Request,
     Rows,
-    Shot,
-    Shots,
     case,
     part,
     spread,
@@ -28,6 +27,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
 from wayfarer_lab.evaluation.metrics import feet, joints, stride
 from wayfarer_lab.evaluation.metrics.spectrum import BANDS, band_power
 from wayfarer_lab.evaluation.takes import HEAD, LIMBS, SHOULDERS, WRISTS, Take
+from wayfarer_lab.evaluation.tasks import Plan
 
 SPEEDS: Final[dict[str, tuple[float, float]]] = {
     "0.6 m/s": (0.5, 0.7),
@@ -45,10 +45,10 @@ USUAL: Final = "1.1-1.5 m/s"
 """People's own speed: the bars are for it, and as many walk it as all others but one."""
 
 SPEEDING: Final = 2 * FPS
-"""Frames after the order, and …"""
+"""Frames after the order that are no part of a steady walk."""
 
 BRAKING: Final = 2.0
-"""… metres before the goal, that do not count as steady."""
+"""Metres before the goal that are no part of a steady walk."""
 
 LEAST: Final = round(1.5 * FPS)
 """Frames of a steady walk that is measured."""
@@ -74,7 +74,7 @@ def _case(name: str) -> Case:
     return case(name, min(16.0, 12.0 / low), plan, share=1.0 if usual else 1 / 3)
 
 
-def steady(shot: Shot) -> Take | None:
+def steady(shot: MeasuredTake) -> Take | None:
     """The part between starting and braking; None when there is too little of it."""
     take = shot.take
     if shot.goal is not None:
@@ -89,8 +89,8 @@ def start_seconds(take: Take) -> float:
     return nan if moving is None else moving / FPS
 
 
-def judge(shot: Shot) -> Figures:
-    """Of the steady part; `first_right` and `start_s` of the beginning."""
+def measure_walk(shot: MeasuredTake) -> Figures:
+    """Figures of the steady part, and of the start: `first_right`, `start_s`."""
     began = feet.first_foot(shot.take.height) if shot.goal is not None else None
     row: Figures = {
         "wished_mps": nan if shot.goal is None else shot.goal.speed,
@@ -152,7 +152,7 @@ GAIT: Final = (
 )  # fmt: skip
 
 
-def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+def walk_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     """Means over takes; slip and turn of all stances of all steady walks."""
     takes = [take for shot in shots if (take := steady(shot)) is not None]
     row = spread(
@@ -171,7 +171,7 @@ ALL: Final = "all speeds"
 LIKE_PEOPLE: Final = f"{USUAL} ÷ recorded"
 
 
-def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
+def across(rows: Rows, shots: MeasuredTakes) -> dict[tuple[str, str], Figures]:
     """The first foot at all speeds; power at the usual speed as a share of people's."""
     found: dict[tuple[str, str], Figures] = {}
     sources = dict.fromkeys(source for _, source in rows)
@@ -191,8 +191,10 @@ def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
     return found
 
 
-def _measured(shots: Sequence[Shot]) -> list[Figures]:
-    return [figures for figures in map(judge, shots) if not np.isnan(figures["limbs_6_10_hz"])]
+def _measured(shots: Sequence[MeasuredTake]) -> list[Figures]:
+    return [
+        figures for figures in map(measure_walk, shots) if not np.isnan(figures["limbs_6_10_hz"])
+    ]
 
 
 def power_shares(mine: Sequence[Figures], people: Sequence[Figures]) -> Figures:
@@ -217,8 +219,8 @@ WALK: Final = Maneuver(
     about="straight ahead for 12 m and more, the steady part of it",
     agents=36,
     cases=tuple(_case(name) for name in SPEEDS),
-    judge=judge,
-    summary=summary,
+    measure=measure_walk,
+    row=walk_row,
     bars=(Bar("right_first", 0.4, 0.6, ALL),),
     across=across,
     worst="trunk_deg",

@@ -92,12 +92,12 @@ class Depths:
                 self._keep(float(depth[row]), int(agent[row]), int(frame[row]))
 
     def share(self, count: int) -> float:
-        """Of all frames; NaN without any."""
+        """Share of all frames; NaN without any."""
         return count / self.frames if self.frames else float("nan")
 
     @property
     def mean(self) -> float:
-        """Metres, of those that touch; 0 when none does."""
+        """Mean depth of touching frames, metres; 0 when none touches."""
         return self.total / self.touching if self.touching else 0.0
 
     @property
@@ -106,7 +106,7 @@ class Depths:
         return self.worst[0][0] if self.worst else 0.0
 
     def _keep(self, depth: float, agent: int, frame: int) -> None:
-        """The deepest moment of each of the agents who were deepest."""
+        """Keeps the deepest moment of each of the deepest agents."""
         best = {who: (d, who, at) for d, who, at in reversed(self.worst)}
         if agent not in best or best[agent][0] < depth:
             best[agent] = (depth, agent, frame)
@@ -125,7 +125,7 @@ class Gaps:
         self.found.append(gap.astype(np.float32))
 
     def figures(self) -> Row:
-        """Of the gaps' magnitudes: sinking is as wrong as floating. None without gaps."""
+        """Magnitudes of the gaps, since sinking is as wrong as floating. None without gaps."""
         gaps = np.abs(np.concatenate(self.found)) if self.found else np.empty(0)
         if not len(gaps):
             return {}

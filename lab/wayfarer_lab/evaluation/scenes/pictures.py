@@ -16,22 +16,22 @@ from wayfarer_lab.evaluation.pictures.camera import Camera, Size, View
 from wayfarer_lab.evaluation.pictures.floor import Mark
 from wayfarer_lab.evaluation.pictures.scene import Prop, picture
 from wayfarer_lab.evaluation.pictures.top import TRAILS, ScaleDrawing
+from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
 from wayfarer_lab.evaluation.scenes.solids import standing
-from wayfarer_lab.evaluation.scenes.witness import Witness
 
 Array = NDArray[np.floating[Any]]
 
 GROUND, SOLID, CRATE = "#d9dde3", "#8d96a3", "#c47a3c"
 LOW, HIGH = np.array([207, 230, 214]), np.array([116, 178, 138])
 COLOURS: Final = 255
-"""Of a picture that is kept: few enough for a small file."""
+"""Colours of a stored picture: few enough for a small file."""
 
 AZIMUTH, ANGLE = radians(-28), radians(30)
 """Where a camera on a scene looks to, and its opening angle."""
 
 
 class Focus(NamedTuple):
-    """What a picture shows."""
+    """The part of a scene that a picture shows."""
 
     place: tuple[float, float]
     metres: float  # from its lower to its upper edge, at that place
@@ -89,14 +89,14 @@ def props(scene: Scene) -> list[Prop]:
     ]
 
 
-def view(scene: Scene, witness: Witness, focus: Focus, size: Size = (960, 540)) -> Image.Image:
+def view(scene: Scene, monitor: SceneMonitor, focus: Focus, size: Size = (960, 540)) -> Image.Image:
     """People as they were after some seconds, and their ways until then where the floor is 0."""
     ways = [
         Mark(way[:, :2], 0.05, TRAILS[number % len(TRAILS)], 0.7)
-        for number, way in enumerate(witness.trails())
+        for number, way in enumerate(monitor.trails())
         if len(way) > 1
     ]
-    return picture(_camera(scene, size, focus), witness.actors(), ways, props(scene))
+    return picture(_camera(scene, size, focus), monitor.actors(), ways, props(scene))
 
 
 def _camera(scene: Scene, size: Size, focus: Focus) -> Camera:

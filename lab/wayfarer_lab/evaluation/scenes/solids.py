@@ -16,7 +16,7 @@ from wayfarer.navigation.solids import floor_polygon, footprint
 Array = NDArray[np.floating[Any]]
 
 ON_TOP: Final = 0.1
-"""Metres: ground so near to a solid's top is that top."""
+"""Metres between ground and a solid's top within which the ground is that top."""
 
 
 @dataclass(frozen=True)

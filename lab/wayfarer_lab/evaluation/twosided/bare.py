@@ -1,6 +1,6 @@
 """The model alone: primitives driven by wished ways and facings, without the world that serves.
 
-No foot lock, no planting, no rule after the model. Who calls it gives a function that steps all
+No foot lock, no planting, no rule after the model. The caller gives a function that steps all
 people of a gender once; it may search, sample a policy, or look up recordings.
 """
 
@@ -20,8 +20,8 @@ from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
-from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.tasks import random_specs
 from wayfarer_lab.evaluation.twosided.verdicts import Person
 from wayfarer_lab.evaluation.twosided.wishes import AHEAD, ORDERS, SECONDS, Order, Wish
 
@@ -29,7 +29,7 @@ Array = NDArray[np.floating[Any]]
 
 BODY: Final = "anny52"
 MARGIN: Final = AHEAD[-1] + NEW_FRAMES
-"""Frames for which wishes go on after the last step."""
+"""Frames of wishes after the last step."""
 
 
 class BareStep(Protocol):

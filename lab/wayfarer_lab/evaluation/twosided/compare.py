@@ -8,13 +8,19 @@ from typing import Any
 from rich.table import Table
 
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.maneuvers.case_runner import CaseRunner
 from wayfarer_lab.evaluation.maneuvers.maneuver import RAW, SENT
-from wayfarer_lab.evaluation.maneuvers.sessions import Players
+from wayfarer_lab.evaluation.tasks import Watch
 from wayfarer_lab.evaluation.twosided.ranges import Ranges
 from wayfarer_lab.evaluation.twosided.repair import Repair, Row
 from wayfarer_lab.evaluation.twosided.served import SERVED, Served
-from wayfarer_lab.evaluation.twosided.verdicts import Person, RangeVerdict, count, judge, rows_of
+from wayfarer_lab.evaluation.twosided.verdicts import (
+    Person,
+    RangeVerdict,
+    count,
+    rows_of,
+    verdicts_of,
+)
 
 Progress = Callable[[str], AbstractContextManager[Watch]]
 MANEUVER = "two-sided"
@@ -45,31 +51,31 @@ class Side:
 
 
 def compare(
-    players: Players,
+    runner: CaseRunner,
     ranges: Ranges,
     people: int,
     seeds: int,
     progress: Progress,
     served: Sequence[Served] = SERVED,
 ) -> list[Side]:
-    """Let `people` follow each order as sent and by the model alone, with so many seeds from the
-    players' own on.
+    """Runs each order with `people`, as sent and by the model alone, for `seeds` seeds from that of
+    the runner on.
     """
     sides = []
-    for seed in range(players.seed, players.seed + seeds):
+    for seed in range(runner.seed, runner.seed + seeds):
         sent, raw, repairs = Side(SENT, seed), Side(RAW, seed), list[Repair]()
-        seeded = replace(players, seed=seed)
+        seeded = replace(runner, seed=seed)
         for order in served:
             case, agents = order.case, max(2, round(people * order.case.share))
             with progress(f"{case.name}, {sent.name}") as watch:
-                shots, repair = seeded.play_watched(MANEUVER, case, agents, watch)
+                shots, repair = seeded.run_watched(MANEUVER, case, agents, watch)
             sent.people += order.people(shots)
             repairs.append(repair)
             with progress(f"{case.name}, {raw.name}") as watch:
-                raw.people += order.people(seeded.play(MANEUVER, case, agents, True, watch))
+                raw.people += order.people(seeded.run(MANEUVER, case, agents, True, watch))
         sent.repair = Repair.joined(repairs)
         for side in (sent, raw):
-            side.verdicts = judge(side.people, ranges)
+            side.verdicts = verdicts_of(side.people, ranges)
             sides.append(side)
     return sides
 

@@ -120,7 +120,7 @@ def yaw_of_head(take: Take, base: int) -> np.ndarray:
 
 
 def standing(take: Take) -> Values:
-    """Of a stand of 3 s or more."""
+    """Figures of a stand of 3 s or more."""
     places = take.joints
     apart = np.linalg.norm(np.diff(take.ankles[..., :2], axis=1)[:, 0], axis=-1)
     found = upper_body(take)
@@ -140,7 +140,7 @@ def standing(take: Take) -> Values:
 
 
 def walking(take: Take) -> Values:
-    """Of a steady, straight walk. Who takes no steps has speed, arms and trunk alone."""
+    """Figures of a steady, straight walk; without steps only speed, arms and trunk."""
     metres = float(np.linalg.norm(take.hips[-1, :2] - take.hips[0, :2]))
     return (
         {"speed_mps": metres * FPS / (len(take) - 1)}
@@ -177,7 +177,7 @@ def _gait(take: Take) -> Values:
 
 
 def strafing(take: Take) -> Values:
-    """Of steps to the side or back."""
+    """Figures of steps to the side or back."""
     found = upper_body(take)
     return {
         "speed_mps": float(np.median(smooth_speed(take.hips))),
@@ -193,7 +193,7 @@ def strafing(take: Take) -> Values:
 
 
 def turning(take: Take) -> Values:
-    """Of a turn on the spot."""
+    """Figures of a turn on the spot."""
     return {
         "lifts_per_90": footwork.lifts_per_quarter(take.heading, take.height),
         "lift_cm": 100 * _median(feet.lift_tops(take.height)),
@@ -207,7 +207,7 @@ def turning(take: Take) -> Values:
 
 
 def curving(take: Take) -> Values:
-    """Of a curve that is walked."""
+    """Figures of a walked curve."""
     way = np.sign(take.heading[-1] - take.heading[0])
     found = upper_body(take)
     return {
@@ -221,7 +221,7 @@ def curving(take: Take) -> Values:
 
 
 def turning_back(take: Take) -> Values:
-    """Of somebody who walks and turns back."""
+    """Figures of a walk that turns back."""
     places, out = take.joints, away(take)
     raised = arms.lifted(places[:, SHOULDERS], places[:, WRISTS], out)
     return {
@@ -237,7 +237,7 @@ def turning_back(take: Take) -> Values:
 
 
 def starting(take: Take) -> Values:
-    """Of a stand and the walk after it."""
+    """Figures of a stand and the walk after it."""
     return {"before_lift_s": footwork.seconds_before_lift(take.hips, take.height)}
 
 

@@ -43,12 +43,12 @@ class Range:
 
     @property
     def width(self) -> float:
-        """From the 10th to the 90th percentile."""
+        """The 10th and the 90th percentile."""
         return self.high - self.low
 
 
 Ranges = dict[str, dict[str, Range]]
-"""By situation and figure."""
+"""Range of each figure of each situation."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def measure(
 
 
 def ranges_of(stretches: Iterable[Stretch]) -> Ranges:
-    """Ranges of measured stretches, and those that the literature gives."""
+    """Ranges of measured stretches, and ranges of the literature."""
     found: Ranges = {}
     every = list(stretches)
     for situation in SITUATIONS.values():

@@ -19,7 +19,7 @@ Array = NDArray[np.floating[Any]]
 Row = dict[str, float]
 
 EVERY: Final = 4
-"""Of so many steps of an agent one is measured."""
+"""Steps of an agent from one that is measured to the next."""
 
 ALL: Final = "all rules"
 

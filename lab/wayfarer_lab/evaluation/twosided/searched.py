@@ -1,4 +1,4 @@
-"""The simplest driver of a bare model: of K latents from the prior, the one that goes best."""
+"""The simplest driver of a bare model: the best of K latents from the prior."""
 
 from dataclasses import dataclass, field
 from typing import Final

@@ -11,11 +11,10 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import first
-from wayfarer_lab.evaluation.goals import Plan, relative
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Case,
+    MeasuredTake,
     Request,
-    Shot,
     case,
     part,
     strafe_to,
@@ -24,12 +23,13 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
 from wayfarer_lab.evaluation.maneuvers.stairs import STAIRS, on_the_stairs
 from wayfarer_lab.evaluation.maneuvers.turn import to_either_side
 from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.tasks import Plan, relative
 from wayfarer_lab.evaluation.twosided.situations import BACK, CURVE, SIDE, SITUATIONS
 from wayfarer_lab.evaluation.twosided.verdicts import Person
 from wayfarer_lab.evaluation.twosided.wishes import RADIUS, median_values
 
 PEOPLE: Final = 8
-"""Of each order."""
+"""Number of people of each order."""
 
 SECONDS: Final = 12.0
 STAND_SECONDS: Final = 30.0
@@ -57,7 +57,7 @@ class Served:
     case: Case
     parts: Parts
 
-    def people(self, shots: Sequence[Shot]) -> list[Person]:
+    def people(self, shots: Sequence[MeasuredTake]) -> list[Person]:
         """Figures of each person in each situation."""
         return [
             Person(
@@ -83,7 +83,7 @@ def _walks(name: str, speed: float, *, starts: bool = False) -> Served:
 
 
 def _strafes(name: str, angles: tuple[float, ...], speed: float) -> Served:
-    """To `angles` in turn, facing ahead."""
+    """Strafes to `angles` in turn, facing ahead."""
     return _goes(name, lambda it: strafe_to(angles[it.agent % len(angles)], 16.0 * speed, speed))
 
 

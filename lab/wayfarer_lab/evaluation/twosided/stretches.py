@@ -18,34 +18,34 @@ Uses = NDArray[np.uint8]
 Stretches = Iterator[Take]
 
 PLANTED: Final = 0.05
-"""Metres that an ankle moves in a stand at most, …"""
+"""Maximum way of an ankle in a stand, metres."""
 
 LOW: Final = 0.04
-"""… metres above the floor that a sole is, …"""
+"""Maximum height of a sole above the floor in a stand, metres."""
 
 FOOT_SPEED: Final = 0.25
-"""… and metres per second of an ankle."""
+"""Maximum speed of an ankle in a stand, m/s."""
 
 STANDS: Final = 3 * FPS
 LONGEST_STAND: Final = 20 * FPS
-"""Frames of a stand that is measured in one piece: what is longer is cut."""
+"""Maximum length in frames of a measured stand; longer ones are cut."""
 
 RADIUS: Final = (1.2, 3.2)
-"""Metres of a curve that is compared with one of 2 m, …"""
+"""Radii (m) of the curves that are compared with one of 2 m."""
 
 CURVE_SPEED: Final = (0.8, 1.6)
-"""… and metres per second."""
+"""Speeds (m/s) of these curves."""
 
 CURVES: Final = round(1.5 * FPS)
 
 BACK: Final = 130.0
-"""Degrees of a turn on the way that count as turning back, …"""
+"""Minimum degrees of a turn that counts as turning back."""
 
 BACK_SECONDS: Final = 2.5
-"""… in this time, …"""
+"""Maximum time of turning back."""
 
 WALKS: Final = 0.5
-"""… with a walk this fast, m/s, before and after."""
+"""Minimum speed (m/s) of the walk before and after turning back."""
 
 
 def stands(take: Take, use: Uses) -> Stretches:
@@ -75,7 +75,7 @@ def walks(low: float, high: float) -> Callable[[Take, Uses], Stretches]:
 
 
 def nowhere(take: Take, use: Uses) -> Stretches:
-    """What no recording has."""
+    """Finds nothing, for situations that no recording has."""
     yield from ()
 
 

@@ -47,7 +47,7 @@ class RangeVerdict:
 
     @property
     def inside(self) -> bool:
-        """Whether the median lies in the range. What cannot be measured does not."""
+        """Whether the median lies in the range. A figure that cannot be measured does not."""
         return bool(self.range.low <= self.middle <= self.range.high)
 
     @property
@@ -91,7 +91,7 @@ class RangeVerdict:
         }
 
 
-def judge(people: Iterable[Person], ranges: Ranges) -> list[RangeVerdict]:
+def verdicts_of(people: Iterable[Person], ranges: Ranges) -> list[RangeVerdict]:
     """A verdict for every figure that has a range, in every situation that somebody was in."""
     every, found = list(people), []
     for situation, row in ranges.items():
@@ -124,7 +124,7 @@ class Count:
 
 
 def count(verdicts: Sequence[RangeVerdict]) -> Count:
-    """Of those figures that count."""
+    """Counts figures that hold, of all that count."""
     counted = [verdict for verdict in verdicts if verdict.counts]
     return Count(
         sum(verdict.holds for verdict in counted),

@@ -26,7 +26,7 @@ BEGIN: Final = 1.0
 """Seconds of standing before an order."""
 
 PULL: Final = (0.1, 0.25, 0.5)
-"""Share of the way back to the place of somebody who is to stay there, at each of `AHEAD`."""
+"""Share of the way back to its place of a person that stays there, at each of `AHEAD`."""
 
 RADIUS: Final = 2.0
 """Metres, of the curve."""
@@ -163,7 +163,7 @@ ORDERS: Final[dict[str, Order]] = {
     "curve": curve,
     "stop": stop,
 }
-"""By name; each is given to as many people."""
+"""Orders by name; each is given to the same number of people."""
 
 
 def median_values(rows: Sequence[Values]) -> Values:

@@ -55,7 +55,7 @@ class PrepareOptions:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a run made, for the report."""
+    """Results of a run, for the report."""
 
     dataset: Dataset
     fits: list[Fits]

@@ -1,4 +1,4 @@
-"""What a prepared data set is worth: errors before and after the fit, amounts, skipped files."""
+"""The quality of a prepared data set: errors before and after the fit, amounts, skipped files."""
 
 import json
 from collections import defaultdict

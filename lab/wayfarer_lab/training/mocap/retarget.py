@@ -41,7 +41,7 @@ ARMS = [
 
 @dataclass(frozen=True)
 class Subject:
-    """What is measured once per recorded person."""
+    """Measures taken once per recorded person."""
 
     ankle_height: float  # of a flat foot, above the ball plane, metres
     straight_knee: float  # flexion that the recording shows when the leg is straightest, radians

@@ -42,7 +42,7 @@ MIN_QUIET = round(0.3 * FPS)  # frames: a shorter stretch is a pause, not standi
 
 
 class Use(IntEnum):
-    """What a frame may teach."""
+    """The use of a frame in training."""
 
     EXCLUDED = 0
     LOCOMOTION = 1

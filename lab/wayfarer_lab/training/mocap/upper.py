@@ -30,10 +30,10 @@ PLAIN = "plain"
 """The tag of clips whose upper body was replaced."""
 
 RIDGE = 1e-2
-"""Of the regression, in units of the features' variance."""
+"""Ridge of the regression, in units of the features' variance."""
 
 FASTEST = 2.2
-"""m/s: who moves faster runs, and holds his arms as runners do."""
+"""m/s: a faster person runs, and holds the arms as runners do."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from tests.lab.evaluation.people import ANNY, gliding_bundle
 from tests.lab.evaluation.recordings import write_recordings
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.commands import app, maneuvers
-from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
+from wayfarer_lab.evaluation.maneuvers.maneuver import MeasuredTake
 from wayfarer_lab.evaluation.twosided.served import SERVED
 
 
@@ -65,14 +65,14 @@ def test_two_sided_figures_come_without_a_manoeuvre(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "two.json"
-    monkeypatch.setattr(maneuvers, "compare", partial(maneuvers.compare, served=SERVED[:2]))
+    monkeypatch.setattr(maneuvers, "compare", partial(maneuvers.compare, served=SERVED[1:2]))
     assert run("--only", "two-sided", "--seeds", "1", "--json", str(path)).exit_code == 0
     made = json.loads(path.read_text())
     assert not made["rows"] and not made["bars"]
     assert [side["source"] for side in made["two_sided"]] == ["sent", "raw"]
     for side in made["two_sided"]:
         assert 0 <= side["holds"] < 0.3 * side["of"], "a glider is no person"
-        assert {p["situation"] for p in side["people"]} == {"stand", "walk 0.9"}
+        assert {p["situation"] for p in side["people"]} == {"walk 0.9"}
     assert made["two_sided"][0]["repair"]["all rules"]["cm_p95"] > 0
 
 
@@ -93,21 +93,21 @@ def test_what_is_not_there_is_refused_before_anything_is_played(tmp_path: Path) 
 def test_an_interrupt_leaves_what_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stop(shot: Shot) -> dict[str, float]:
+    def stop(shot: MeasuredTake) -> dict[str, float]:
         raise KeyboardInterrupt
 
-    turn = replace(maneuvers.MANEUVERS["turn"], judge=stop)
-    monkeypatch.setitem(maneuvers.MANEUVERS, "turn", turn)
+    strafe = replace(maneuvers.MANEUVERS["strafe"], measure=stop)
+    monkeypatch.setitem(maneuvers.MANEUVERS, "strafe", strafe)
     path = tmp_path / "both.json"
-    assert run("--only", "strafe,turn", "--json", str(path)).exit_code != 0
-    assert {row["maneuver"] for row in json.loads(path.read_text())["rows"]} == {"strafe"}
+    assert run("--only", "turn,strafe", "--json", str(path)).exit_code != 0
+    assert {row["maneuver"] for row in json.loads(path.read_text())["rows"]} == {"turn"}
 
 
 def test_recordings_stand_beside(tmp_path: Path) -> None:
-    data, path = write_recordings(tmp_path / "data", "heldout", "train"), tmp_path / "walk.json"
-    assert run("--only", "walk", "--data", str(data), "--json", str(path)).exit_code == 0
+    data, path = write_recordings(tmp_path / "data", "heldout", "train"), tmp_path / "walks.json"
+    assert run("--only", "likeness", "--data", str(data), "--json", str(path)).exit_code == 0
     made = json.loads(path.read_text())
-    rows = {r["source"]: r for r in made["rows"] if r["case"] == "1.1-1.5 m/s"}
+    rows = {r["source"]: r for r in made["rows"] if r["case"] == "straight walks"}
     assert list(rows) == ["sent", "raw", "recorded", "recorded, held out"]
     assert rows["recorded"]["n"] == 2 and rows["recorded, held out"]["n"] == 1
     people = {take["person"] for take in made["each"] if take["source"] == "recorded"}

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from tests.lab.evaluation.people import ANNY, gliding_bundle
 from wayfarer_lab.evaluation.commands import app, scenes
+from wayfarer_lab.evaluation.scenes.scenarios import changes
 
 
 @pytest.fixture(autouse=True)
@@ -39,8 +40,11 @@ def test_cubes_have_the_issues_figures_and_a_picture(tmp_path: Path) -> None:
     assert max(Image.open(tmp_path / "pictures" / "cubes.png").size) == 720
 
 
-def test_people_climb_and_see_doors_shut_and_crates_fall(tmp_path: Path) -> None:
-    rows = report(tmp_path, "--only", "slope,doors,crates", "--scale", "0.13")["rows"]
+def test_people_climb_and_see_doors_shut_and_crates_fall(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(changes, "LIMIT", 28.0)  # longer than any way here takes
+    rows = report(tmp_path, "--only", "slope,doors,crates", "--scale", "0.05")["rows"]
     slope, doors, crates = rows
     assert [row["name"] for row in rows] == ["slope", "doors", "crates"]
     assert slope["success"] == 1.0 and slope["penetration_frames"] < 0.05
@@ -50,13 +54,13 @@ def test_people_climb_and_see_doors_shut_and_crates_fall(tmp_path: Path) -> None
 
 
 def test_two_streams_meet_in_the_corridor_and_wanderers_in_the_square(tmp_path: Path) -> None:
-    rows = report(tmp_path, "--only", "corridor,square", "--scale", "0.05", "--minutes", "0.4")[
+    rows = report(tmp_path, "--only", "corridor,square", "--scale", "0.03", "--minutes", "0.3")[
         "rows"
     ]
     corridor, square = rows
     assert corridor["agents"] == 2 and corridor["success"] == 1.0
     assert corridor["seconds_last"] >= corridor["seconds_median"] > 10
-    assert square["agents"] == 10 and square["goals_per_minute_each"] > 0
+    assert square["agents"] == 6 and square["goals_per_minute_each"] > 0
     assert 0 <= square["overlap_frames"] < 1
 
 

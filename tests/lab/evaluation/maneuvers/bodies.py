@@ -8,7 +8,7 @@ from wayfarer.clips.clip import Clip
 from wayfarer.spec import BETAS, FPS, POSED_JOINTS
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.output.quaternion import multiply
-from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
+from wayfarer_lab.evaluation.maneuvers.maneuver import MeasuredTake
 from wayfarer_lab.evaluation.takes import JOINT, Take
 
 BODY = load_body("anny52", "female", "low")
@@ -52,12 +52,14 @@ def take(
     return Take.of(clip, BODY, name, person)
 
 
-def shot(made: Take, goal: tuple[float, float] | None = None, heading: float | None = None) -> Shot:
+def shot(
+    made: Take, goal: tuple[float, float] | None = None, heading: float | None = None
+) -> MeasuredTake:
     """A take with the goal (m) that was given; `heading` in degrees."""
     if goal is None:
-        return Shot(made)
+        return MeasuredTake(made)
     facing = None if heading is None else float(np.radians(heading))
-    return Shot(made, Goal((*goal, 0.0), heading=facing))
+    return MeasuredTake(made, Goal((*goal, 0.0), heading=facing))
 
 
 def walker(seconds: float = 8.0, bob: float = 0.03, **joints: tuple[float, float, float]) -> Take:

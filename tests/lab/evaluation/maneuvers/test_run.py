@@ -8,12 +8,12 @@ import pytest
 
 from tests.lab.evaluation.maneuvers.bodies import shot, walker
 from wayfarer_lab.evaluation.commands.maneuvers import MANEUVERS
-from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.maneuvers.likeness import AGAINST
-from wayfarer_lab.evaluation.maneuvers.maneuver import RECORDED, Case, Maneuver, Shot
+from wayfarer_lab.evaluation.maneuvers.maneuver import RECORDED, Case, Maneuver, MeasuredTake
 from wayfarer_lab.evaluation.maneuvers.run import Played, play
 from wayfarer_lab.evaluation.maneuvers.table import judged
 from wayfarer_lab.evaluation.maneuvers.walk import LIKE_PEOPLE
+from wayfarer_lab.evaluation.tasks import Watch
 
 
 class Walkers:
@@ -22,7 +22,9 @@ class Walkers:
     def __init__(self) -> None:
         self.asked: list[tuple[str, str, int, bool]] = []
 
-    def play(self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch) -> list[Shot]:
+    def run(
+        self, maneuver: str, case: Case, agents: int, raw: bool, watch: Watch
+    ) -> list[MeasuredTake]:
         self.asked.append((maneuver, case.name, agents, raw))
         made = walker(12.0)
         made = replace(made, clip=replace(made.clip, goals=((0.0, 30.0, 0.0),)))
@@ -34,7 +36,7 @@ def silent(title: str) -> Iterator[Watch]:
     yield lambda done, total: None
 
 
-def recorded(maneuver: Maneuver) -> dict[tuple[str, str], list[Shot]]:
+def recorded(maneuver: Maneuver) -> dict[tuple[str, str], list[MeasuredTake]]:
     made = walker(12.0)
     people = [shot(replace(made, person=f"person {k}")) for k in range(2)]
     return {(case.name, RECORDED): people for case in maneuver.cases}

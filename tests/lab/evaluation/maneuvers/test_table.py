@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer_lab.evaluation.maneuvers.maneuver import RAW, SENT, Bar, Case, Maneuver, Shot
+from wayfarer_lab.evaluation.maneuvers.maneuver import RAW, SENT, Bar, Case, Maneuver, MeasuredTake
 from wayfarer_lab.evaluation.maneuvers.table import Results, judged
 
 CASES = (Case("a", 1.0, lambda n, r: []), Case("b", 1.0, lambda n, r: []))
@@ -16,7 +16,7 @@ def maneuver(*bars: Bar) -> Maneuver:
     return Maneuver("hop", "up and down", 4, CASES, _nothing, lambda shots, each: {}, bars)
 
 
-def _nothing(shot: Shot) -> dict[str, float]:
+def _nothing(shot: MeasuredTake) -> dict[str, float]:
     return {}
 
 

@@ -6,13 +6,13 @@ import numpy as np
 from PIL import Image
 
 from tests.lab.evaluation.people import ANNY
-from tests.lab.evaluation.scenes.test_witness import chunk, scene
+from tests.lab.evaluation.scenes.test_monitor import chunk, scene
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box
 from wayfarer.world.agents.agent import AgentSpec
+from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
 from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
-from wayfarer_lab.evaluation.scenes.witness import Witness
 
 BOX = Box((4.0, 4.0), (4.0, 4.0), 1.0)
 
@@ -47,15 +47,15 @@ def test_an_upper_storey_covers_the_lower_and_is_darker() -> None:
 def test_a_view_shows_boxes_and_people_as_they_were(tmp_path: Path) -> None:
     place, seen = scene(BOX), []
     for agents in ((), ("a",)):
-        witness = Witness(ANNY, place)
+        monitor = SceneMonitor(ANNY, place)
         for agent in agents:
-            witness.meet(agent, AgentSpec())
-            witness.see(chunk(agent, 0, (0.0, 0.0, 0.0)))
-        seen.append(view(place, witness, Focus((0.0, 0.0), 6.0), (160, 120)))
+            monitor.meet(agent, AgentSpec())
+            monitor.see(chunk(agent, 0, (0.0, 0.0, 0.0)))
+        seen.append(view(place, monitor, Focus((0.0, 0.0), 6.0), (160, 120)))
     empty, peopled = map(pixels, seen)
     changed = np.argwhere((empty != peopled).any(-1))
     assert 100 < len(changed) < 6000, "one body and its shadow"
-    bare = pixels(view(scene(), Witness(ANNY, scene()), Focus((0.0, 0.0), 6.0), (160, 120)))
+    bare = pixels(view(scene(), SceneMonitor(ANNY, scene()), Focus((0.0, 0.0), 6.0), (160, 120)))
     assert (bare != empty).any(-1).sum() > 300, "the box"
     save(tmp_path / "new" / "view.png", seen[1])
     assert Image.open(tmp_path / "new" / "view.png").size == (160, 120)

@@ -8,7 +8,7 @@ from torch import Tensor
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer_lab.evaluation.twosided import bare, ranges
 from wayfarer_lab.evaluation.twosided.bare import roll
-from wayfarer_lab.evaluation.twosided.verdicts import count, judge
+from wayfarer_lab.evaluation.twosided.verdicts import count, verdicts_of
 from wayfarer_lab.evaluation.twosided.wishes import ORDERS, SECONDS
 from wayfarer_lab.training.rotation import matrix_from_quaternion, quaternion_from_matrix
 
@@ -47,7 +47,7 @@ def test_who_glides_arrives_as_wished_and_holds_next_to_nothing() -> None:
     assert ends["left"].hips[-1, 0] == pytest.approx(-10.5, abs=0.2)
     assert np.abs(ends["walk 1.2"].hips[:, 0]).max() < 0.05
     assert np.ptp(ends["turn 180"].heading) == pytest.approx(180, abs=25)
-    judged = judge([person for track in tracks for person in track.people()], ranges.load())
+    judged = verdicts_of([person for track in tracks for person in track.people()], ranges.load())
     known = {name for name in ranges.load() if not name.startswith("stairs")}
     assert {v.situation for v in judged} == known
     assert count(judged).holds < 0.2 * count(judged).total

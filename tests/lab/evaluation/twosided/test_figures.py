@@ -6,7 +6,7 @@ import pytest
 from tests.lab.evaluation.maneuvers.bodies import take, time, walker
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.twosided import figures, ranges
-from wayfarer_lab.evaluation.twosided.verdicts import Person, judge
+from wayfarer_lab.evaluation.twosided.verdicts import Person, verdicts_of
 
 HANGING = {"left_shoulder": (0.0, -75.0, 0.0), "right_shoulder": (0.0, 75.0, 0.0)}
 
@@ -15,7 +15,7 @@ def test_a_statue_stands_outside_of_every_range_of_life() -> None:
     found = figures.standing(take(10.0, **HANGING))
     assert found["still_share"] == 1 and found["hands_cm_s"] == found["sway_cm"] == 0
     people = [Person("stand", str(k), found) for k in range(5)]
-    judged = {v.figure: v for v in judge(people, ranges.load())}
+    judged = {v.figure: v for v in verdicts_of(people, ranges.load())}
     for figure in (
         "still_share",
         "sway_cm",

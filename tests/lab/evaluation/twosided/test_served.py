@@ -10,7 +10,7 @@ from tests.lab.evaluation.people import ANNY, gliding_bundle
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo
 from wayfarer_lab.evaluation.commands.shared import progress
-from wayfarer_lab.evaluation.maneuvers.sessions import Players
+from wayfarer_lab.evaluation.maneuvers.case_runner import CaseRunner
 from wayfarer_lab.evaluation.twosided import ranges
 from wayfarer_lab.evaluation.twosided.compare import compare, show
 from wayfarer_lab.evaluation.twosided.repair import ALL
@@ -29,9 +29,9 @@ class Standing:
 
 
 def goals(served: Served, number: int = 0) -> np.ndarray:
-    errand = served.case.errands(2, np.random.default_rng(0))[number]
+    task = served.case.tasks(2, np.random.default_rng(0))[number]
     agent: AgentInfo = Standing()  # type: ignore[assignment]
-    return np.array([goal.position[:2] for goal in errand.orders[0].plan(agent)])
+    return np.array([goal.position[:2] for goal in task.orders[0].plan(agent)])
 
 
 def test_every_situation_is_served() -> None:
@@ -65,14 +65,13 @@ def test_turns_are_measured_until_a_little_after_they_are_done() -> None:
 
 
 def test_sent_and_raw_are_judged_beside_each_other_and_repair_is_told() -> None:
-    players = Players(gliding_bundle(ANNY), candidates=1, seed=3)
-    orders = (BY_NAME["stand"], BY_NAME["walk 1.2"])
-    sides = compare(players, ranges.load(), 2, 2, progress, orders)
+    runner = CaseRunner(gliding_bundle(ANNY), candidates=1, seed=3)
+    sides = compare(runner, ranges.load(), 2, 2, progress, (BY_NAME["walk 1.2"],))
     assert [side.name for side in sides] == [
         "sent, seed 3", "raw, seed 3", "sent, seed 4", "raw, seed 4"
     ]  # fmt: skip
     sent, raw, other, _ = sides
-    assert {v.situation for v in sent.verdicts} == {"stand", "walk 1.2", "start"}
+    assert {v.situation for v in sent.verdicts} == {"walk 1.2", "start"}
     assert sent.repair[ALL]["cm_p95"] > 0 and "foot lock" in sent.repair and not raw.repair
     assert sent.people[0].values != other.people[0].values
     row = sent.row()

@@ -8,7 +8,7 @@ import pytest
 
 from wayfarer_lab.evaluation.twosided import verdicts
 from wayfarer_lab.evaluation.twosided.ranges import Range
-from wayfarer_lab.evaluation.twosided.verdicts import Person, judge
+from wayfarer_lab.evaluation.twosided.verdicts import Person, verdicts_of
 
 RANGES = {
     "stand": {"sway_cm": Range(1.0, 3.0, 2.0, 20, 5), "still_share": Range(0, 0.04, 0, 20, 5)}
@@ -33,30 +33,30 @@ def people(*sway: float, still: float = 0.0) -> list[Person]:
     ],
 )
 def test_a_figure_holds_inside_and_not_alike(sway: tuple[float, ...], text: str) -> None:
-    found = {v.figure: v for v in judge(people(*sway), RANGES)}
+    found = {v.figure: v for v in verdicts_of(people(*sway), RANGES)}
     assert found["sway_cm"].text == text and found["sway_cm"].holds == (text == "holds")
 
 
 def test_shares_may_be_alike_and_a_statue_fails() -> None:
-    found = {v.figure: v for v in judge(people(1.2, 1.9, 2.6), RANGES)}
+    found = {v.figure: v for v in verdicts_of(people(1.2, 1.9, 2.6), RANGES)}
     assert found["still_share"].holds
-    statue = judge(people(0.0, 0.0, 0.0, still=1.0), RANGES)
+    statue = verdicts_of(people(0.0, 0.0, 0.0, still=1.0), RANGES)
     assert not any(v.holds for v in statue)
     assert str(verdicts.count(statue)) == "0 of 2 hold (0 medians inside)"
 
 
 def test_given_ranges_ask_for_no_spread() -> None:
     given = {"side": {"speed_mps": Range(0.9, 1.1, 1.0, 0, 0)}}
-    [found] = judge([Person("side", "a", {"speed_mps": 1.0})], given)
+    [found] = verdicts_of([Person("side", "a", {"speed_mps": 1.0})], given)
     assert found.holds
 
 
 def test_situations_in_which_nobody_was_are_not_judged() -> None:
-    assert judge([], RANGES) == []
+    assert verdicts_of([], RANGES) == []
 
 
 def test_a_file_has_verdicts_people_and_counts(tmp_path: Path) -> None:
-    judged = judge(people(1.2, 1.9, 2.6, np.nan), RANGES)
+    judged = verdicts_of(people(1.2, 1.9, 2.6, np.nan), RANGES)
     verdicts.write(tmp_path / "a.json", judged, people(1.2, 1.9, 2.6, np.nan), {"seed": 3})
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["holds"] == 2 and found["of"] == 2 and found["meta"]["seed"] == 3

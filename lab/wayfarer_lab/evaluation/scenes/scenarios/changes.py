@@ -21,11 +21,11 @@ from wayfarer.world.agents.agent import AgentSpec, MotionChunk
 from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import mean, quantile, share
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
 from wayfarer_lab.evaluation.scenes.pairs import random_pairs
-from wayfarer_lab.evaluation.scenes.play import House, Play, arrived, person
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
-from wayfarer_lab.evaluation.scenes.witness import Witness
+from wayfarer_lab.evaluation.scenes.scene_run import SceneRig, SceneRun, arrived, person
+from wayfarer_lab.evaluation.tasks import Watch
 
 Array = NDArray[np.floating[Any]]
 
@@ -49,7 +49,7 @@ class Change:
     """A change at a moment."""
 
     at: float
-    make: Callable[[Play], None]
+    make: Callable[[SceneRun], None]
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ class ScenarioWalk:
         return min(ceil((at - self.start) * FPS - 1e-6), len(self.hips) - 1)
 
 
-def doors(house: House, seed: int, people: int, watch: Watch) -> Seen:
+def doors(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
     """The door of the agent's goal shuts in front of it, and opens after 6 s."""
     random = np.random.default_rng(seed)
     scene, shutters = bake(corridor()), corridor_doors()
-    witness = Witness(house.bundle.bodies, scene, 1, strangers=False)
+    monitor = SceneMonitor(rig.bundle.bodies, scene, 1, strangers=False)
     shuts, opens, success = [], [], []
     for number in range(people):
         name = list(shutters)[int(random.integers(len(shutters)))]
@@ -78,70 +78,70 @@ def doors(house: House, seed: int, people: int, watch: Watch) -> Seen:
         start = ((x + 12.0) % 24.0, float(random.uniform(-0.7, 0.7)))
         spec = person(number, random, start, (x, 0.0))
         goal = (x + float(random.uniform(-1.5, 1.5)), side * float(random.uniform(3.0, 4.5)))
-        plain = _walk(house, scene, spec, goal, [])
+        plain = _walk(rig, scene, spec, goal, [])
         near = np.linalg.norm(plain.hips[:, :2] - door.center, axis=-1) < AHEAD
         at = plain.start + float(near.argmax()) / FPS
-        shut = Change(at, partial(Play.put, name=name, obstacle=door))
-        opened = Change(at + SHUT, partial(Play.remove, name=name))
-        kept_out = _walk(house, scene, spec, goal, [shut], limit=opened.at + SHUT)
-        run = _walk(house, scene, spec, goal, [shut, opened], witness)
+        shut = Change(at, partial(SceneRun.put, name=name, obstacle=door))
+        opened = Change(at + SHUT, partial(SceneRun.remove, name=name))
+        kept_out = _walk(rig, scene, spec, goal, [shut], limit=opened.at + SHUT)
+        run = _walk(rig, scene, spec, goal, [shut, opened], monitor)
         shuts.append(_felt(plain, kept_out, shut.at))
         opens.append(_felt(kept_out, run, opened.at))
         success.append(not kept_out.there and run.there)
         watch(number + 1, people)
     row: Row = {"name": "doors", "success": share(success)}
     row |= _delays("shut", shuts) | _delays("open", opens)
-    return Seen(row | witness.figures(), scene, witness)
+    return Seen(row | monitor.figures(), scene, monitor)
 
 
-def crates(house: House, seed: int, people: int, watch: Watch) -> Seen:
+def crates(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
     """A crate is dropped 2 m ahead of an agent, on its way."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
-    witness = Witness(house.bundle.bodies, scene, 1, strangers=False)
+    monitor = SceneMonitor(rig.bundle.bodies, scene, 1, strangers=False)
     felt, success = list[tuple[float, float]](), list[bool]()
     pairs = iter(random_pairs(scene, 20 * people, random))
     while len(felt) < people:
         start, goal = next(pairs)
         spec = person(len(felt), random, start, goal)
-        plain = _walk(house, scene, spec, goal, [])
+        plain = _walk(rig, scene, spec, goal, [])
         frame = plain.frame(LEAD)
         if np.linalg.norm(plain.hips[frame, :2] - goal) < 2 * AHEAD:
             continue  # too near to its goal to be stopped on the way
         gone = np.linalg.norm(plain.hips[frame:, :2] - plain.hips[frame, :2], axis=-1)
         spot = plain.hips[frame + int((gone > AHEAD).argmax()), :2]
         crate = Box((float(spot[0]), float(spot[1])), (CRATE, CRATE), 1.0)
-        dropped = Change(LEAD, partial(Play.put, name="crate", obstacle=crate))
-        run = _walk(house, scene, spec, goal, [dropped], witness)
+        dropped = Change(LEAD, partial(SceneRun.put, name="crate", obstacle=crate))
+        run = _walk(rig, scene, spec, goal, [dropped], monitor)
         felt.append(_felt(plain, run, LEAD))
         success.append(run.there)
         watch(len(felt), people)
     row: Row = {"name": "crates", "success": share(success)}
     row |= _delays("crate", felt)
-    return Seen(row | witness.figures(), scene, witness)
+    return Seen(row | monitor.figures(), scene, monitor)
 
 
 def _walk(
-    house: House,
+    rig: SceneRig,
     scene: Scene,
     spec: AgentSpec,
     goal: Point2,
     changes: Sequence[Change],
-    witness: Witness | None = None,
-    limit: float = LIMIT,
+    monitor: SceneMonitor | None = None,
+    limit: float | None = None,
 ) -> ScenarioWalk:
-    """One agent alone in the scene, until it arrives or the time is over."""
-    play = house.play(scene, 1, avoid=False, every=1, witness=witness)
+    """One agent alone in the scene, for `limit` seconds, `LIMIT` without it."""
+    play = rig.run(scene, 1, avoid=False, every=1, monitor=monitor)
     [agent] = play.enter([spec])
     play.world.give(agent, Goal((*goal, 0.0)), 0.0)
     chunks, there = list[MotionChunk](), False
-    for until, change in [*((c.at, c) for c in changes), (limit, None)]:
+    for until, change in [*((c.at, c) for c in changes), (limit or LIMIT, None)]:
         for chunk in play.run(until):
             chunks.append(chunk)
             there = there or arrived(chunk)
         if change:
             change.make(play)
-    play.witness.finish()
+    play.monitor.finish()
     hips = np.concatenate([chunk.translation for chunk in chunks])
     return ScenarioWalk(chunks[0].scheduled_at, hips, there)
 

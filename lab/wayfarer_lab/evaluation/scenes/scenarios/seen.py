@@ -13,9 +13,9 @@ from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Path
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.goals import Watch
-from wayfarer_lab.evaluation.scenes.play import Play, arrived
-from wayfarer_lab.evaluation.scenes.witness import Witness
+from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
+from wayfarer_lab.evaluation.scenes.scene_run import SceneRun, arrived
+from wayfarer_lab.evaluation.tasks import Watch
 
 Array = NDArray[np.floating[Any]]
 
@@ -29,19 +29,19 @@ class Seen:
 
     row: Row
     scene: Scene
-    witness: Witness
+    monitor: SceneMonitor
 
 
-def errands(
-    play: Play,
+def walk_paths(
+    play: SceneRun,
     people: Sequence[AgentSpec],
     paths: Sequence[Sequence[Goal]],
     limit: float,
     watch: Watch,
 ) -> Array:
-    """Let people walk their paths; seconds until each has reached its last goal, or NaN. [n]
+    """Runs people along their paths. Returns the seconds until each has reached its last goal. [n]
 
-    They leave a second later: the way counts, and not the standing at its end.
+    NaN: never reached. People leave a second later: the way counts, not the stand at its end.
     """
     ids = play.enter(people)
     number = {agent: k for k, agent in enumerate(ids)}

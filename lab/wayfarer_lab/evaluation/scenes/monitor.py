@@ -46,7 +46,7 @@ UNEVEN: Final = 0.02
 
 
 @dataclass(frozen=True)
-class WitnessFrames:
+class MonitorFrames:
     """R frames of agents, by their number."""
 
     agent: Index  # [R]
@@ -55,8 +55,8 @@ class WitnessFrames:
     rotations: Array  # [R, 22, 4]
     contacts: NDArray[np.bool_]  # [R, 2]
 
-    def __getitem__(self, rows: NDArray[Any]) -> "WitnessFrames":
-        return WitnessFrames(
+    def __getitem__(self, rows: NDArray[Any]) -> "MonitorFrames":
+        return MonitorFrames(
             self.agent[rows],
             self.frame[rows],
             self.translation[rows],
@@ -65,7 +65,7 @@ class WitnessFrames:
         )
 
     @classmethod
-    def join(cls, parts: Sequence["WitnessFrames"]) -> "WitnessFrames":
+    def join(cls, parts: Sequence["MonitorFrames"]) -> "MonitorFrames":
         """One after the other."""
         return cls(
             np.concatenate([part.agent for part in parts]),
@@ -76,7 +76,7 @@ class WitnessFrames:
         )
 
 
-class Witness:
+class SceneMonitor:
     """Measures every `every`-th frame of all added agents, in the scene as it is then."""
 
     def __init__(
@@ -94,7 +94,7 @@ class Witness:
         self._still: list[MotionChunk | None] = []
         self._number: dict[str, int] = {}
         self._scene, self._solids = scene, standing(scene)
-        self._waiting: list[WitnessFrames] = []
+        self._waiting: list[MonitorFrames] = []
         self._until = BLOCK
 
     def meet(self, agent_id: str, spec: AgentSpec) -> None:
@@ -125,7 +125,7 @@ class Witness:
         frame = start + np.arange(len(chunk.translation))
         chosen = frame % self._every == 0
         self._waiting.append(
-            WitnessFrames(
+            MonitorFrames(
                 np.full(int(chosen.sum()), number),
                 frame[chosen],
                 chunk.translation[chosen],
@@ -198,11 +198,11 @@ class Witness:
         """All frames before `until`, of which none is missing any more."""
         if not self._waiting:
             return
-        every = WitnessFrames.join(self._waiting)
+        every = MonitorFrames.join(self._waiting)
         ready = every.frame < until if until is not None else np.ones(len(every.frame), bool)
         self._waiting = [every[~ready]]
         known = every[ready]
-        bodies: list[tuple[WitnessFrames, PosedBodies]] = []
+        bodies: list[tuple[MonitorFrames, PosedBodies]] = []
         genders = np.array([form.body.gender for form in self._forms])[known.agent]
         for gender in np.unique(genders):
             part = known[genders == gender]
@@ -213,7 +213,7 @@ class Witness:
         if self._strangers and bodies:
             self._in_people(bodies)
 
-    def _in_walls(self, part: WitnessFrames, posed: PosedBodies) -> Array:
+    def _in_walls(self, part: MonitorFrames, posed: PosedBodies) -> Array:
         """How deep the skin of each body is in any solid. [R]"""
         depth = np.zeros(len(part.agent))
         if not self._solids:
@@ -231,7 +231,7 @@ class Witness:
                     depth[rows[close]] = np.maximum(depth[rows[close]], inside)
         return depth
 
-    def _feet(self, part: WitnessFrames, posed: PosedBodies) -> None:
+    def _feet(self, part: MonitorFrames, posed: PosedBodies) -> None:
         """Gaps under all feet with a contact flag."""
         touching = np.flatnonzero(part.contacts.any(1))
         for who in np.unique(part.agent[touching]):
@@ -247,7 +247,7 @@ class Witness:
     def _ground(self, points: Array) -> Array:
         return ground_height(self._scene, self._solids, points)
 
-    def _in_people(self, bodies: Sequence[tuple[WitnessFrames, PosedBodies]]) -> None:
+    def _in_people(self, bodies: Sequence[tuple[MonitorFrames, PosedBodies]]) -> None:
         agent, frame = (np.concatenate([getattr(f, k) for f, _ in bodies]) for k in _WHO)
         hips = np.concatenate([posed.places[:, 0] for _, posed in bodies])
         start, end, radii = (

@@ -1,4 +1,4 @@
-"""A witness of bodies whose every place is known: T-poses that glide."""
+"""A monitor of bodies whose every place is known: T-poses that glide."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.spec import FPS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
-from wayfarer_lab.evaluation.scenes.witness import Witness
+from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
 
 HIPS = float(ANNY["female"].rest_joints(np.zeros(10))[0, 2])
 
@@ -36,15 +36,17 @@ def chunk(agent: str, number: int, at: tuple[float, float, float]) -> MotionChun
     )
 
 
-def watched(where: Scene, ways: dict[str, list[tuple[float, float, float]]], **options) -> Witness:
-    witness = Witness(ANNY, where, **options)
+def watched(
+    where: Scene, ways: dict[str, list[tuple[float, float, float]]], **options
+) -> SceneMonitor:
+    monitor = SceneMonitor(ANNY, where, **options)
     for agent in ways:
-        witness.meet(agent, AgentSpec())
+        monitor.meet(agent, AgentSpec())
     for number, places in enumerate(zip(*ways.values(), strict=True)):
         for agent, at in zip(ways, places, strict=True):
-            witness.see(chunk(agent, number, at))
-    witness.finish()
-    return witness
+            monitor.see(chunk(agent, number, at))
+    monitor.finish()
+    return monitor
 
 
 def test_arms_in_a_wall_are_found_and_hands_above_a_low_box_are_free() -> None:
@@ -90,18 +92,18 @@ def test_the_edge_of_the_floor_is_no_step() -> None:
 
 
 def test_a_change_of_the_scene_counts_from_then_on() -> None:
-    witness = Witness(ANNY, scene(), every=1)
-    witness.meet("a", AgentSpec())
-    witness.see(chunk("a", 0, (0.0, 0.0, 0.0)))
-    witness.change(scene().put("crate", Box((0.5, 0.0), (0.6, 0.6), 2.0)))
-    witness.see(chunk("a", 1, (0.0, 0.0, 0.0)))
-    witness.finish()
-    assert witness.figures()["penetration_frames"] == 0.5
-    assert witness.worst()[0]["at_s"] >= NEW_FRAMES / FPS
+    monitor = SceneMonitor(ANNY, scene(), every=1)
+    monitor.meet("a", AgentSpec())
+    monitor.see(chunk("a", 0, (0.0, 0.0, 0.0)))
+    monitor.change(scene().put("crate", Box((0.5, 0.0), (0.6, 0.6), 2.0)))
+    monitor.see(chunk("a", 1, (0.0, 0.0, 0.0)))
+    monitor.finish()
+    assert monitor.figures()["penetration_frames"] == 0.5
+    assert monitor.worst()[0]["at_s"] >= NEW_FRAMES / FPS
 
 
 def test_long_runs_are_judged_as_they_pass_and_lose_nothing() -> None:
     ways = {"a": [(0.0, 0.0, 0.0)] * 60, "b": [(3.0, 0.0, 0.0)] * 60}
-    witness = watched(scene(), ways)
-    assert witness.figures()["agent_frames"] == 2 * 60 * NEW_FRAMES / 4
-    assert witness.trail(1).shape == (60, 3)
+    monitor = watched(scene(), ways)
+    assert monitor.figures()["agent_frames"] == 2 * 60 * NEW_FRAMES / 4
+    assert monitor.trail(1).shape == (60, 3)

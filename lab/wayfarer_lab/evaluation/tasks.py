@@ -1,4 +1,4 @@
-"""Agents that carry out orders in the world that serves, all at once, without real time."""
+"""Agents that carry out orders in the world that serves, together, faster than real time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ FLOOR: Final = SessionSpec(avoid=False)
 
 
 @dataclass(frozen=True)
-class Order:
+class TimedCommand:
     """A path of one or more goals, and when it is given."""
 
     at: float  # seconds after the lead-in
@@ -48,15 +48,15 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Errand:
+class AgentTask:
     """An agent and its orders."""
 
     spec: AgentSpec
-    orders: tuple[Order, ...]  # in order of time, the first at 0; none: it stands
+    orders: tuple[TimedCommand, ...]  # in order of time, the first at 0; none: it stands
 
 
 @dataclass(frozen=True)
-class CarriedOut:
+class IssuedCommand:
     """An order that was given."""
 
     path: tuple[Goal, ...]
@@ -64,13 +64,13 @@ class CarriedOut:
 
 
 @dataclass(frozen=True)
-class Course:
+class Trajectory:
     """The frames sent for an agent, from the first one made for its first order, or without
     orders after the lead-in. World space.
     """
 
     spec: AgentSpec
-    given: tuple[CarriedOut, ...]
+    given: tuple[IssuedCommand, ...]
     hips: Array  # [T, 3]
     rotations: Array  # [T, 22, 4] x, y, z, w; joint 0 is the hips' world rotation
     standing: NDArray[np.bool_]  # [T] the agent says it stands
@@ -86,7 +86,7 @@ class Course:
         """The last goal of the last order."""
         return self.given[-1].path[-1]
 
-    def latest(self) -> "Course":
+    def latest(self) -> "Trajectory":
         """The part from the first frame made for the last order."""
         frame = self.given[-1].frame
         return replace(
@@ -99,7 +99,7 @@ class Course:
         )
 
     def clip(self) -> Clip:
-        """The whole course as a clip, with the goals of its orders."""
+        """The whole trajectory as a clip, with the goals of its orders."""
         return Clip(
             self.hips,
             self.rotations,
@@ -137,27 +137,27 @@ def relative(agent: AgentInfo, ahead: float, left: float) -> tuple[float, float,
     return (x - ahead * s - left * c, y + ahead * c - left * s, 0.0)
 
 
-def run_errands(
+def run_tasks(
     world: World,
-    errands: Sequence[Errand],
+    tasks: Sequence[AgentTask],
     seconds: float,
     *,
     session: SessionSpec = FLOOR,
     seeds: Sequence[Motion] | None = None,
     watch: Watch = lambda done, total: None,
-) -> list[Course]:
-    """Let all agents carry out their orders in one session, for `seconds` from the first order.
+) -> list[Trajectory]:
+    """Runs all agents with their orders in one session, for `seconds` from the first order.
 
     The first order comes after 2 s of standing, or at once with `seeds`, the motions to begin in.
     """
     session_id = world.create_session(session, 0.0).session_id
     agents = [
         a.agent_id
-        for a in world.create_agents(session_id, [errand.spec for errand in errands], 0.0, seeds)
+        for a in world.create_agents(session_id, [task.spec for task in tasks], 0.0, seeds)
     ]
     start = 0.0 if seeds is not None else LEAD_IN
     chunks: dict[str, list[MotionChunk]] = {agent: [] for agent in agents}
-    idle = {agent for agent, errand in zip(agents, errands, strict=True) if not errand.orders}
+    idle = {agent for agent, task in zip(agents, tasks, strict=True) if not task.orders}
     given: dict[str, list[tuple[int, tuple[Goal, ...]]]] = {agent: [] for agent in agents}
 
     def advance(until: float) -> None:
@@ -171,10 +171,10 @@ def run_errands(
                 chunks[chunk.agent_id].append(chunk)
             watch(chunk.scheduled_at, start + seconds)
 
-    for moment in sorted({order.at for errand in errands for order in errand.orders}):
+    for moment in sorted({order.at for task in tasks for order in task.orders}):
         advance(start + moment)
-        for agent, errand in zip(agents, errands, strict=True):
-            for order in errand.orders:
+        for agent, task in zip(agents, tasks, strict=True):
+            for order in task.orders:
                 if order.at == moment:
                     path = tuple(order.plan(world.get_agent(agent)))
                     revision = world.give(agent, Path(tuple(path)), start + moment)
@@ -182,21 +182,21 @@ def run_errands(
     advance(start + seconds)
     world.delete_session(session_id)
     return [
-        _course(errand.spec, given[agent], chunks[agent])
-        for agent, errand in zip(agents, errands, strict=True)
+        _trajectory(task.spec, given[agent], chunks[agent])
+        for agent, task in zip(agents, tasks, strict=True)
     ]
 
 
-def _course(
+def _trajectory(
     spec: AgentSpec, given: Sequence[tuple[int, tuple[Goal, ...]]], chunks: Sequence[MotionChunk]
-) -> Course:
+) -> Trajectory:
     revisions = np.repeat([c.goal_revision for c in chunks], NEW_FRAMES)
     # an order that was replaced before anything made for it was sent is not there
     given = [(revision, path) for revision, path in given if revision <= revisions[-1]]
-    return Course(
+    return Trajectory(
         spec=spec,
         given=tuple(
-            CarriedOut(path, int(np.argmax(revisions >= revision))) for revision, path in given
+            IssuedCommand(path, int(np.argmax(revisions >= revision))) for revision, path in given
         ),
         hips=np.concatenate([c.translation for c in chunks]),
         rotations=np.concatenate([c.rotations for c in chunks]),

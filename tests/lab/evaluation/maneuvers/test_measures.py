@@ -1,4 +1,4 @@
-"""Each judge sees what was put into a take, and nothing else."""
+"""Each measure sees what was put into a take, and nothing else."""
 
 from dataclasses import replace
 
@@ -25,28 +25,28 @@ from wayfarer_lab.evaluation.metrics import feet, stride
 def test_a_squatting_strafer_has_the_hips_that_were_built() -> None:
     seconds = 3.0
     left = -0.5 * time(seconds)
-    upright = strafe.judge(shot(take(seconds, x=left), (-1.5, 0.0), 0.0))
-    squat = strafe.judge(shot(take(seconds, x=left, up=-0.3 * HEIGHT), (-1.5, 0.0), 0.0))
+    upright = strafe.measure_strafe(shot(take(seconds, x=left), (-1.5, 0.0), 0.0))
+    squat = strafe.measure_strafe(shot(take(seconds, x=left, up=-0.3 * HEIGHT), (-1.5, 0.0), 0.0))
     assert upright["hips_p5"] == pytest.approx(1.0) and squat["hips_p5"] == pytest.approx(0.7)
     assert upright["arrive"] == 1 and upright["speed_mps"] == pytest.approx(0.5, abs=0.01)
     assert upright["lifts"] == 0 and upright["float_share"] == 0 and upright["contact_up"] == 0
 
 
 def test_a_strafer_who_leans_floats_or_never_comes() -> None:
-    plank = strafe.judge(shot(take(3.0, pelvis=(0.0, 25.0, 0.0)), (0.1, 0.0), 0.0))
+    plank = strafe.measure_strafe(shot(take(3.0, pelvis=(0.0, 25.0, 0.0)), (0.1, 0.0), 0.0))
     assert plank["lean_p95_deg"] == pytest.approx(25, abs=1.5)
-    ghost = strafe.judge(shot(take(3.0, up=0.05), (9.0, 0.0), 0.0))
+    ghost = strafe.measure_strafe(shot(take(3.0, up=0.05), (9.0, 0.0), 0.0))
     assert ghost["float_share"] == 1 and ghost["contact_up"] == 1 and ghost["floats_seen"] == 1
     assert ghost["arrive"] == 0 and ghost["end_m"] == pytest.approx(9.0)
-    assert strafe.judge(shot(take(3.0, up=0.05, told=False), (9.0, 0.0)))["arrive"] == 0
-    turned = strafe.judge(shot(take(3.0, heading=40.0), (9.0, 0.0), 0.0))
+    assert strafe.measure_strafe(shot(take(3.0, up=0.05, told=False), (9.0, 0.0)))["arrive"] == 0
+    turned = strafe.measure_strafe(shot(take(3.0, heading=40.0), (9.0, 0.0), 0.0))
     assert turned["off_heading_p95_deg"] == pytest.approx(40, abs=0.1)
 
 
 def test_what_comes_after_the_arrival_is_not_strafing() -> None:
     there = np.minimum(time(6.0), 2.0)
     lying = np.where(time(6.0) > 3.5, -0.5, 0.0)
-    row = strafe.judge(shot(take(6.0, x=there, up=lying), (2.0, 0.0), 0.0))
+    row = strafe.measure_strafe(shot(take(6.0, x=there, up=lying), (2.0, 0.0), 0.0))
     assert row["hips_p5"] == pytest.approx(1.0)
 
 
@@ -61,15 +61,15 @@ def test_left_and_right_are_held_against_each_other() -> None:
 
 
 def test_a_stander_who_creeps_and_turns_without_a_step() -> None:
-    still = stand.judge(shot(take(20.0)))
+    still = stand.measure_stand(shot(take(20.0)))
     assert (still["slide_cm"], still["heading_range_deg"], still["lifts"]) == (0, 0, 0)
-    creep = stand.judge(shot(take(20.0, x=0.01 * time(20.0))))
+    creep = stand.measure_stand(shot(take(20.0, x=0.01 * time(20.0))))
     assert creep["slide_cm"] == pytest.approx(20, abs=0.1)
     assert creep["drift_cm"] == pytest.approx(20, abs=0.1)
-    spin = stand.judge(shot(take(20.0, heading=2.0 * time(20.0))))
+    spin = stand.measure_stand(shot(take(20.0, heading=2.0 * time(20.0))))
     assert spin["heading_range_deg"] == pytest.approx(40, abs=0.2)
     assert spin["foot_turn_deg"] == pytest.approx(40, abs=0.2)
-    ghost = stand.judge(shot(take(20.0, x=0.01 * time(20.0), up=0.02)))
+    ghost = stand.measure_stand(shot(take(20.0, x=0.01 * time(20.0), up=0.02)))
     assert ghost["slide_cm"] == pytest.approx(20, abs=0.1), "hovering is no step"
 
 
@@ -107,7 +107,7 @@ def test_a_near_goal_has_no_waypoints() -> None:
 
 def test_a_turntable() -> None:
     turned = 90 * np.clip((time(6.0) - 1) / 0.5, 0, 1)
-    row = turn.judge(shot(take(6.0, heading=turned), (0.0, 0.0), 100.0))
+    row = turn.measure_turn(shot(take(6.0, heading=turned), (0.0, 0.0), 100.0))
     assert row["turned_deg"] == pytest.approx(90, abs=0.1)
     assert row["error_deg"] == pytest.approx(10, abs=0.1)
     assert row["lifts"] == 0 and row["no_lift"] == 1
@@ -118,7 +118,7 @@ def test_a_turntable() -> None:
 
 def test_a_turn_to_the_right_beyond_the_half_circle() -> None:
     turned = -170 * np.clip(time(6.0) / 3, 0, 1)
-    row = turn.judge(shot(take(6.0, heading=turned), (0.0, 0.0), 180.0))
+    row = turn.measure_turn(shot(take(6.0, heading=turned), (0.0, 0.0), 180.0))
     assert row["error_deg"] == pytest.approx(10, abs=0.1), "180° is -180°"
 
 
@@ -128,9 +128,9 @@ def test_a_hop_is_no_step() -> None:
     )
     turned = 90 * np.clip((time(6.0) - 1.1) / 0.3, 0, 1)
     shots = [shot(take(6.0, heading=turned, up=hop), (0.0, 0.0), 90.0)]
-    each = [turn.judge(s) for s in shots]
+    each = [turn.measure_turn(s) for s in shots]
     assert each[0]["lifts"] == 2 and each[0]["pivot_deg"] < 20
-    assert turn.summary(shots, each)["airborne_share"] > 0.05, "but it is seen"
+    assert turn.turn_row(shots, each)["airborne_share"] > 0.05, "but it is seen"
 
 
 # Stopping
@@ -140,15 +140,17 @@ ARMS_DOWN = {"left_shoulder": (0.0, -75.0, 0.0), "right_shoulder": (0.0, 75.0, 0
 
 
 def test_an_arm_that_is_held_ahead_while_somebody_stands_is_seen() -> None:
-    still = stand.judge(shot(take(4.0, **ARMS_DOWN)))
+    still = stand.measure_stand(shot(take(4.0, **ARMS_DOWN)))
     assert still["hands_apart_cm"] == pytest.approx(0, abs=1) and abs(still["hand_ahead_cm"]) < 8
     assert still["hand_up_cm"] < 0.5
-    held = stand.judge(shot(take(4.0, **ARMS_DOWN, left_elbow=(0.0, 0.0, -60.0))))
+    held = stand.measure_stand(shot(take(4.0, **ARMS_DOWN, left_elbow=(0.0, 0.0, -60.0))))
     assert held["hands_apart_cm"] > 12 and held["hand_up_cm"] > 6
     assert held["hand_ahead_cm"] == pytest.approx(
         still["hand_ahead_cm"] + held["hands_apart_cm"], abs=2
     )
-    after = stop.judge(shot(take(6.0, **ARMS_DOWN, left_elbow=(0.0, 0.0, -60.0)), (0.0, 0.5)))
+    after = stop.measure_stop(
+        shot(take(6.0, **ARMS_DOWN, left_elbow=(0.0, 0.0, -60.0)), (0.0, 0.5))
+    )
     assert after["hands_apart_cm"] == pytest.approx(held["hands_apart_cm"], abs=0.1)
 
 
@@ -157,7 +159,7 @@ def stopped(seconds: float = 6.0, stride_deg: float = 0.0, pitch: float = 0.0) -
     way = np.minimum(time(seconds), 2.0)
     legs = {"left_hip": (stride_deg, 0, 0), "right_hip": (-stride_deg, 0, 0)}
     made = take(seconds, y=way, right_ankle=(-pitch, 0, 0), **legs)
-    return stop.judge(shot(made, (0.0, 2.0)))
+    return stop.measure_stop(shot(made, (0.0, 2.0)))
 
 
 def test_rest_begins_when_hips_and_ankles_are_slow() -> None:
@@ -165,7 +167,7 @@ def test_rest_begins_when_hips_and_ankles_are_slow() -> None:
     assert row["rests"] == 1 and row["rest_s"] == pytest.approx(0.75, abs=0.1)
     restless = take(6.0, y=0.1 * time(6.0))
     assert stop.rest(restless) is None
-    assert stop.judge(shot(restless, (0.0, 0.5)))["rests"] == 0
+    assert stop.measure_stop(shot(restless, (0.0, 0.5)))["rests"] == 0
 
 
 def test_who_freezes_in_mid_stride_stands_with_feet_apart() -> None:
@@ -184,12 +186,16 @@ def test_a_heel_in_the_air_is_seen() -> None:
 def test_who_sways_after_a_stop_is_seen() -> None:
     assert stopped()["sway_back_cm"] == 0 and stopped()["more_lifts"] == 0
     back = np.minimum(time(6.0), 2.0) - 0.2 * np.clip(time(6.0) - 2.5, 0, 1)
-    assert stop.judge(shot(take(6.0, y=back), (0.0, 2.0)))["sway_back_cm"] == pytest.approx(20)
+    assert stop.measure_stop(shot(take(6.0, y=back), (0.0, 2.0)))["sway_back_cm"] == pytest.approx(
+        20
+    )
     feet_ahead = {"left_hip": (15.0, 0, 0), "right_hip": (15.0, 0, 0)}
-    leans = stop.judge(shot(take(6.0, y=np.minimum(time(6.0), 2.0), **feet_ahead), (0.0, 2.0)))
+    leans = stop.measure_stop(
+        shot(take(6.0, y=np.minimum(time(6.0), 2.0), **feet_ahead), (0.0, 2.0))
+    )
     assert leans["behind_cm"] - stopped()["behind_cm"] == pytest.approx(22, abs=3)
     tipped = take(6.0, y=np.minimum(time(6.0), 2.0), pelvis=(10.0, 0.0, 0.0))
-    assert stop.judge(shot(tipped, (0.0, 2.0)))["lean_back_deg"] == pytest.approx(10, abs=1)
+    assert stop.measure_stop(shot(tipped, (0.0, 2.0)))["lean_back_deg"] == pytest.approx(10, abs=1)
 
 
 # Robustness
@@ -197,14 +203,16 @@ def test_who_sways_after_a_stop_is_seen() -> None:
 
 def test_worst_moments_are_kept() -> None:
     tilt = np.where(np.arange(400) < 40, 40.0, 5.0)
-    row = robust.judge(shot(take(10.0, pelvis=(-tilt, 0.0, 0.0))))
+    row = robust.measure_robust(shot(take(10.0, pelvis=(-tilt, 0.0, 0.0))))
     assert row["over_30_deg"] == pytest.approx(0.1)
     assert row["tilt_max_deg"] == pytest.approx(40, abs=0.1)
     dip = np.where(np.arange(400) == 200, -0.4 * HEIGHT, 0.0)
-    fell = robust.judge(shot(take(10.0, up=dip)))
+    fell = robust.measure_robust(shot(take(10.0, up=dip)))
     assert fell["hips_least"] == pytest.approx(0.6) and fell["folded"] == 1
     assert fell["pop_cm"] == pytest.approx(2 * 40 * HEIGHT, rel=0.01)
-    inside_out = robust.judge(shot(take(10.0, left_knee=(-200.0, 0, 0), right_knee=(20.0, 0, 0))))
+    inside_out = robust.measure_robust(
+        shot(take(10.0, left_knee=(-200.0, 0, 0), right_knee=(20.0, 0, 0)))
+    )
     assert inside_out["knee_least_deg"] == pytest.approx(-160, abs=2)
     assert inside_out["knee_most_deg"] == pytest.approx(-20, abs=2)
 
@@ -236,7 +244,7 @@ def test_stairs_are_counted_by_where_feet_stand() -> None:
 
 
 def test_a_walk_has_the_rhythm_and_the_swings_that_were_built() -> None:
-    row = walk.judge(shot(walker()))
+    row = walk.measure_walk(shot(walker()))
     assert row["speed_mps"] == pytest.approx(1.2, abs=0.01)
     assert row["cadence"] == pytest.approx(120, rel=0.02)
     assert row["step_m"] == pytest.approx(0.6, rel=0.05)
@@ -244,19 +252,19 @@ def test_a_walk_has_the_rhythm_and_the_swings_that_were_built() -> None:
     assert row["knee_peak_deg"] == pytest.approx(60, abs=1)
     assert row["knee_min_deg"] == pytest.approx(0, abs=1)
     assert row["step_asymmetry_pc"] < 2
-    glider = walk.judge(shot(walker(bob=0.0)))
+    glider = walk.measure_walk(shot(walker(bob=0.0)))
     assert glider["bob_cm"] < 0.1 < 3 * row["bob_cm"]
 
 
 def test_trunk_and_head_have_their_own_angles() -> None:
-    row = walk.judge(shot(walker(spine1=(-10.0, 0, 0), neck=(-20.0, 0, 0))))
-    straight = walk.judge(shot(walker()))
+    row = walk.measure_walk(shot(walker(spine1=(-10.0, 0, 0), neck=(-20.0, 0, 0))))
+    straight = walk.measure_walk(shot(walker()))
     assert row["trunk_deg"] - straight["trunk_deg"] == pytest.approx(10, abs=3)
     assert row["head_deg"] == pytest.approx(-30, abs=1) and straight["head_deg"] == 0
 
 
 def test_who_stands_does_not_walk() -> None:
-    assert np.isnan(walk.judge(shot(take(6.0)))["cadence"])
+    assert np.isnan(walk.measure_walk(shot(take(6.0)))["cadence"])
 
 
 def test_power_is_compared_at_the_same_speed() -> None:
@@ -273,7 +281,7 @@ def test_power_is_compared_at_the_same_speed() -> None:
 
 def test_a_crowd_of_clones_marches() -> None:
     shots = [shot(replace(walker(), person=str(k)), (0.0, 40.0)) for k in range(4)]
-    row = crowd.summary(shots, [crowd.judge(s) for s in shots])
+    row = crowd.crowd_row(shots, [crowd.measure_crowd(s) for s in shots])
     assert row["phase_order"] == pytest.approx(1, abs=0.01)
     assert row["cycle_sd_deg"] == pytest.approx(0, abs=0.01)
     assert row["start_spread_s"] == 0
@@ -284,7 +292,7 @@ def test_a_crowd_of_clones_marches() -> None:
 
 def test_scripts_say_what_their_names_do() -> None:
     random = np.random.default_rng(0)
-    scripts = {case.name: case.errands(1, random)[0] for case in robust.SCRIPTS}
+    scripts = {case.name: case.tasks(1, random)[0] for case in robust.SCRIPTS}
     behind = scripts["3 m behind every 2 s"]
     assert [order.at for order in behind.orders] == list(np.arange(0, 40, 2.0))
     face = scripts["about-face every 0.5 s"]

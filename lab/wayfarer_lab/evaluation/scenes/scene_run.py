@@ -16,9 +16,9 @@ from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, Sessi
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.goals import MAX_BETA
 from wayfarer_lab.evaluation.scenes.cost import WORLD, Cost
-from wayfarer_lab.evaluation.scenes.witness import Witness
+from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
+from wayfarer_lab.evaluation.tasks import MAX_BETA
 
 Array = NDArray[np.floating[Any]]
 
@@ -35,43 +35,43 @@ def person(number: int, random: np.random.Generator, at: Point2, towards: Point2
 
 
 @dataclass(frozen=True)
-class House:
+class SceneRig:
     """Models, bodies and search settings that sessions share."""
 
     bundle: ModelBundle
     candidates: int
 
-    def play(
+    def run(
         self,
         scene: Scene,
         agents: int,
         *,
         avoid: bool,
         every: int = 4,
-        witness: Witness | None = None,
-    ) -> "Play":
+        monitor: SceneMonitor | None = None,
+    ) -> "SceneRun":
         """A world with one session in the scene. `avoid`: agents see and avoid each other.
 
-        Of its frames each `every`-th is judged, unless there is a `witness` who has seen others.
+        Every `every`-th frame is measured, unless there is a `monitor` that has seen other runs.
         """
-        witness = witness or Witness(self.bundle.bodies, scene, every, strangers=avoid)
-        return Play(self, scene, agents, avoid, witness)
+        monitor = monitor or SceneMonitor(self.bundle.bodies, scene, every, strangers=avoid)
+        return SceneRun(self, scene, agents, avoid, monitor)
 
 
-class Play:
-    """One session of a world of its own."""
+class SceneRun:
+    """A session, alone in its world."""
 
     def __init__(
-        self, house: House, scene: Scene, agents: int, avoid: bool, witness: Witness
+        self, rig: SceneRig, scene: Scene, agents: int, avoid: bool, monitor: SceneMonitor
     ) -> None:
         self.scene, self.now, self.cost = scene, 0.0, Cost()
-        self.witness = witness
-        witness.change(scene)
-        self._book = SceneRegistry()
-        self._scene_id = self._book.add(scene).scene_id
-        bundle = replace(house.bundle, engine=self.cost.engine(house.bundle.engine))
-        steering = Steering().with_search(candidates=house.candidates)
-        self.world = bundle.world(agents, steering, self._book)
+        self.monitor = monitor
+        monitor.change(scene)
+        self._scenes = SceneRegistry()
+        self._scene_id = self._scenes.add(scene).scene_id
+        bundle = replace(rig.bundle, engine=self.cost.engine(rig.bundle.engine))
+        steering = Steering().with_search(candidates=rig.candidates)
+        self.world = bundle.world(agents, steering, self._scenes)
         self.cost.watch(self.world)
         spec = SessionSpec(scene=self._scene_id, avoid=avoid)
         self.session_id = self.world.create_session(spec, 0.0).session_id
@@ -81,7 +81,7 @@ class Play:
         """Add people now; return their ids."""
         infos = self.world.create_agents(self.session_id, specs, self.now)
         for info, spec in zip(infos, specs, strict=True):
-            self.witness.meet(info.agent_id, spec)
+            self.monitor.meet(info.agent_id, spec)
         return [info.agent_id for info in infos]
 
     def leave(self, agent_id: str) -> None:
@@ -97,30 +97,30 @@ class Play:
             self.now = max(self.now, chunk.scheduled_at)
             if chunk.agent_id in self.gone:
                 continue  # it left in the same moment
-            if chunk.agent_id not in self.witness:
-                self.witness.meet(chunk.agent_id, self.world.get_agent(chunk.agent_id).spec)
-            self.witness.see(chunk)
+            if chunk.agent_id not in self.monitor:
+                self.monitor.meet(chunk.agent_id, self.world.get_agent(chunk.agent_id).spec)
+            self.monitor.see(chunk)
             yield chunk
         self.now = until
 
     def put(self, name: str, obstacle: Obstacle) -> None:
         """Put or move an obstacle."""
-        self._book.put(self._scene_id, name, obstacle)
+        self._scenes.put(self._scene_id, name, obstacle)
         self._changed()
 
     def remove(self, name: str) -> None:
         """Remove an obstacle."""
-        self._book.remove(self._scene_id, name)
+        self._scenes.remove(self._scene_id, name)
         self._changed()
 
     def figures(self) -> Row:
         """All measures so far, and their cost."""
-        self.witness.finish()
-        return self.witness.figures() | self.cost.figures(self.now)
+        self.monitor.finish()
+        return self.monitor.figures() | self.cost.figures(self.now)
 
     def _changed(self) -> None:
-        self.scene = self._book.scene(self._scene_id)
-        self.witness.change(self.scene)
+        self.scene = self._scenes.scene(self._scene_id)
+        self.monitor.change(self.scene)
 
 
 def arrived(chunk: MotionChunk) -> bool:
