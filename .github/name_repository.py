@@ -13,7 +13,7 @@ from pathlib import Path
 from posixpath import normpath
 
 READMES = ("README.md", "clients/python/README.md", "clients/web/README.md")
-PROJECTS = ("pyproject.toml", "clients/python/pyproject.toml", "lab/pyproject.toml")
+PROJECTS = ("pyproject.toml", "clients/python/pyproject.toml")
 RELATIVE = re.compile(r"\]\((?!#|[a-z]+:)([^)#\s]+)((?:#[^)]*)?)\)")
 IMAGE = re.compile(r"!\[([^]]*)\]\((?![a-z]+:)([^)\s]+)\)")
 
