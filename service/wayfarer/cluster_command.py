@@ -62,7 +62,7 @@ def start_command(
         str,
         typer.Option(
             help="Ray cluster, as `auto` or host:6379: a node on each of its machines. "
-            "[a Ray of its own on this machine]"
+            "[its own Ray on this machine]"
         ),
     ] = "",
     lease: Annotated[
@@ -178,9 +178,7 @@ async def _covered(
     def cover() -> None:
         machines = sorted(ray.machines().items())
         if not machines:
-            raise Unavailable(
-                "no machine of Ray has a CPU resource; nodes start on those that come"
-            )
+            raise Unavailable("no machine of Ray has a CPU resource; nodes start on later machines")
         for number, (machine, host) in enumerate(machines):
             if settings.is_loopback and not ip_address(host).is_loopback:
                 raise InvalidArgument(

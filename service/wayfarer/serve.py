@@ -161,7 +161,7 @@ def announce(
     console.print(f"  HTTP    {http_url}/docs")
     console.print(f"  gRPC    {grpc_address}")
     if settings.workers > 1:
-        console.print(f"  workers {settings.workers}, at ports of their own")
+        console.print(f"  workers {settings.workers}, on their own ports")
     console.print("Ctrl-C stops it.")
 
 

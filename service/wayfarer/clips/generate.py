@@ -101,10 +101,10 @@ def generate(
     ] = None,
     gender: Annotated[
         str | None,
-        typer.Option(help="female or male; default female, for a --character the one that fits."),
+        typer.Option(help="female or male; default female, or the gender that fits a --character."),
     ] = None,
     outfit: Annotated[
-        str, typer.Option(help=f"What the body wears: {OUTFIT_TEXT.partition(';')[0]}.")
+        str, typer.Option(help=f"Clothes of the body: {OUTFIT_TEXT.partition(';')[0]}.")
     ] = "",
     height: Annotated[
         float | None,
@@ -138,7 +138,7 @@ def generate(
     candidates: Annotated[
         int | None,
         typer.Option(
-            help="With online: candidate primitives per step; default 1, as the server.", min=1
+            help="With online: candidate primitives per step; default 1, as on the server.", min=1
         ),
     ] = None,
     children: Annotated[

@@ -35,7 +35,7 @@ def plan_clip(
 ) -> Clip:
     """`generate_clip` by the search of `settings`, whose depth is made to fit `seconds`.
 
-    Of the world's corrections after the model, only the foot lock acts, and no guard. So a plan
+    The foot lock is the world's only correction after the model; no guard acts. So a plan
     shows what the paper's search has judged, and Table 1 compares it.
     `body` is of the spec's gender, `start` comes from `World.prepare` with the spec. Raises
     InvalidArgument on a bad goal, and FailedPrecondition when the search finds no way on.
