@@ -1,28 +1,27 @@
-from collections import Counter
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from wayfarer.ids import SLOTS, agent_id, any_slot, scene_id, session_id, slot_of
+from wayfarer.ids import NO_ID, agent_id, group_of, new_group, scene_id, session_id
 
 
-@given(st.integers(0, SLOTS - 1))
-def test_ids_say_in_which_slot_they_are(slot):
-    session = session_id(slot)
-    assert slot_of(session) == slot_of(agent_id(session)) == slot_of(scene_id(slot)) == slot
+def test_ids_say_in_which_group_they_are():
+    group = new_group()
+    session = session_id(group)
+    assert group_of(session) == group_of(agent_id(session)) == group_of(scene_id(group)) == group
+    assert len({session_id(group) for _ in range(2000)} | {agent_id(session)}) == 2001
 
 
-def test_ids_are_not_drawn_twice():
-    drawn = {session_id(any_slot()) for _ in range(2000)}
-    assert len(drawn) == 2000
-    assert max(Counter(name[8:12] for name in drawn).values()) < 20, "slots are spread"
+def test_ids_of_before_groups_share_one_by_their_first_four_digits():
+    """As in snapshots, journals and recordings."""
+    session = "session-abcd0123456789ef"
+    assert group_of(session) == group_of(agent_id(session)) == "abcd"
+    assert group_of("scene-abcdffffffffffff") == group_of("agent-abcd" + 12 * "0") == "abcd"
+    assert len(agent_id(session)) == len("agent-") + 16
 
 
 @pytest.mark.parametrize("name", ["", "session-", "agent-xyz", "session-1", "é" * 90, "agent-ABCD"])
-def test_what_is_no_id_has_a_slot_too(name):
-    assert slot_of(name) == 0
+def test_what_is_no_id_has_a_group_too(name):
+    assert group_of(name) == NO_ID
 
 
 def test_agents_of_a_session_with_another_name_are_found_with_it():
-    assert slot_of(agent_id("mine")) == slot_of("mine") == 0
+    assert group_of(agent_id("mine")) == group_of("mine") == NO_ID

@@ -130,7 +130,7 @@ def runtime(
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
-        new_slot=ownership.new_key,
+        new_group=ownership.new_group,
     )
     body = BodyStamp(
         folder.body, {gender: sha256_of(body_file(folder.body, gender)) for gender in GENDERS}

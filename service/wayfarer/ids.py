@@ -1,43 +1,46 @@
-"""Ids that say which slot they belong to, so that several processes can share a service.
+"""Ids that say to which group they belong, so that several processes can share a service.
 
-An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four digits are its
-*slot*. A session shares it with its agents, and a scene with all its sessions, on every server. The
-owner of a slot owns everything in it.
+An id is `session-`, `scene-` or `agent-` and 24 hexadecimal digits. The first twelve are its
+*group*: a scene with all its sessions and their agents, or a single session with its agents. The
+owner of a group owns everything in it. Ids from before 2026-11-27 have 16 digits; those with the
+same first four digits are a group.
 """
 
 import re
 import secrets
 from typing import Final
 
-SLOTS: Final = 1 << 16
-_SLOT: Final = re.compile(r"(?:session|scene|agent)-([0-9a-f]{4})")
+_GROUP: Final = re.compile(r"(?:session|scene|agent)-([0-9a-f]{12}(?=[0-9a-f]{12})|[0-9a-f]{4})")
+
+NO_ID: Final = "0000"
+"""The group of text that is no id."""
 
 
-def any_slot() -> int:
-    """A slot drawn at random."""
-    return secrets.randbelow(SLOTS)
+def new_group() -> str:
+    """A group that does not exist yet."""
+    return secrets.token_hex(6)
 
 
-def session_id(slot: int) -> str:
-    """A new session's id in this slot."""
-    return _id("session", slot)
+def session_id(group: str) -> str:
+    """A new session's id in this group."""
+    return _id("session", group)
 
 
-def scene_id(slot: int) -> str:
-    """A new scene's id in this slot."""
-    return _id("scene", slot)
+def scene_id(group: str) -> str:
+    """A new scene's id in this group."""
+    return _id("scene", group)
 
 
 def agent_id(session_id: str) -> str:
     """A new id for an agent of the session."""
-    return _id("agent", slot_of(session_id))
+    return _id("agent", group_of(session_id))
 
 
-def slot_of(name: str) -> int:
-    """The slot of a session, scene or agent; 0 for text that is no id."""
-    found = _SLOT.match(name)
-    return int(found[1], 16) if found else 0
+def group_of(name: str) -> str:
+    """The group of a session, scene or agent; `NO_ID` for text that is no id."""
+    found = _GROUP.match(name)
+    return found[1] if found else NO_ID
 
 
-def _id(kind: str, slot: int) -> str:
-    return f"{kind}-{slot:04x}{secrets.token_hex(6)}"
+def _id(kind: str, group: str) -> str:
+    return f"{kind}-{group}{secrets.token_hex(6)}"

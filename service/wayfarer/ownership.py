@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from wayfarer.endpoint import Endpoint
-from wayfarer.ids import any_slot
+from wayfarer.ids import new_group
 
 
 class Ownership(Protocol):
@@ -28,8 +28,12 @@ class Ownership(Protocol):
         """The node that owns this id. None: this node, or unknown."""
         ...
 
-    def new_key(self) -> int:
-        """A slot of this node for a new session or scene."""
+    def new_group(self) -> str:
+        """The group of a new session or scene; this node owns it."""
+        ...
+
+    async def claimed(self, name: str) -> None:
+        """Return once other nodes and entries find a new session or scene. On the event loop."""
         ...
 
     def may_step(self) -> bool:
@@ -41,7 +45,7 @@ class Ownership(Protocol):
         ...
 
     def epoch(self, session_id: str) -> int:
-        """Epoch of the ownership of the session's slot, which grows with every owner."""
+        """Epoch of the ownership of the session's group, which grows with every owner."""
         ...
 
 
@@ -55,9 +59,12 @@ class SingleNode:
         """None: this server, or nowhere."""
         return None
 
-    def new_key(self) -> int:
+    def new_group(self) -> str:
         """Any."""
-        return any_slot()
+        return new_group()
+
+    async def claimed(self, name: str) -> None:
+        """At once."""
 
     def may_step(self) -> bool:
         """Always."""

@@ -46,9 +46,9 @@ class Bench:
         return node
 
     def new_session(self, name):
-        slot = self.nodes[name].new_key()
-        self.present[name].add(slot)
-        return slot
+        group = self.nodes[name].new_group()
+        self.present[name].add(group)
+        return group
 
     def beat(self, *names):
         """Let these nodes, or all, renew; their last answers."""
@@ -71,6 +71,11 @@ class Bench:
             self.now += 0.25
             if names:
                 self.beat(*names)
+
+
+def named(group):
+    """A session in it."""
+    return f"session-{group}0123456789ab"
 
 
 def renewal(name, **fields):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.cluster.local import LocalCluster, lines
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, Goal
 
 pytestmark = pytest.mark.slow
@@ -49,8 +49,8 @@ class Watcher:
                     self.heard_at.append(time.monotonic())
 
     @property
-    def slot(self):
-        return slot_of(self.session.session_id)
+    def group(self):
+        return group_of(self.session.session_id)
 
     async def goes_on(self, chunks=5):
         """Wait until so many more have come."""
@@ -222,9 +222,9 @@ async def stop_for_long(cluster, watched, said):
     pid = cluster.keeper(name).pid
     assert there
     os.kill(pid, signal.SIGSTOP)
-    # its slots are adopted; one in which a session came and went at once has nobody ("lost")
+    # its groups are adopted; one in which a session came and went at once has nobody ("lost")
     status = await cluster.directory.status()
-    wanted = settled(status) + next(n.slots for n in status.nodes if n.node.name == name)
+    wanted = settled(status) + next(n.groups for n in status.nodes if n.node.name == name)
     await cluster.until(lambda s: settled(s) == wanted)
     os.kill(pid, signal.SIGCONT)
     await cluster.until(lambda s: name in [n.node.name for n in s.nodes])

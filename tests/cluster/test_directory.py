@@ -1,64 +1,70 @@
 """The directory: who owns what, who gets new sessions, who adopts and who drains."""
 
+import asyncio
 from collections import Counter
 
 import pytest
 
-from tests.cluster.nodes import LEASE, Bench, info, registration, renewal
-from wayfarer.cluster.directory import DRIFT, POOL, SHARES, Directory, LeaseRules, rendezvous
+from tests.cluster import virtual_time
+from tests.cluster.nodes import LEASE, Bench, info, named, registration, renewal
+from wayfarer.cluster.directory import DRIFT, SHARES, Directory, LeaseRules, rendezvous
+from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import Changes, NodeLoad
-from wayfarer.cluster.slot_map import MOST_PLACES, SlotMap
+from wayfarer.cluster.tenancy import CLAIM_S
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 
-def test_a_node_gets_slots_of_its_own_for_new_sessions():
+def test_what_is_made_on_a_node_is_its_own():
     bench = Bench(["n0", "n1"])
-    slots = [bench.new_session(name) for name in ("n0", "n0", "n1")]
+    groups = [bench.new_session(name) for name in ("n0", "n0", "n1")]
+    assert bench.nodes["n0"].endpoint_of(named(groups[0])) is None, "it is here already"
     bench.beat()
-    assert len(set(slots)) == 3
-    owners = [bench.directory.node_for(slot).name for slot in slots]
+    assert len(set(groups)) == 3
+    owners = [bench.directory.node_for(group).name for group in groups]
     assert owners == ["n0", "n0", "n1"]
-    assert all(len(node._pool) == POOL for node in bench.nodes.values())
 
 
-def test_a_node_has_slots_only_once_all_have_come():
-    """Until then it is not ready: what is placed there would be refused."""
-    bench = Bench(["n0"], settled=False, nodes=2)
-    assert not bench.nodes["n0"].has_slots
-    bench.add("n1")
-    assert bench.nodes["n1"].has_slots and not bench.nodes["n0"].has_slots
-    bench.beat()
-    assert bench.nodes["n0"].has_slots
-
-
-def test_slots_are_shared_when_the_pool_is_used_up_and_filled_again():
+def test_what_was_made_is_answered_once_the_directory_knows_it():
     bench = Bench(["n0"])
-    slots = [bench.new_session("n0") for _ in range(POOL + 3)]
-    assert len(set(slots)) == POOL
-    bench.beat()
-    assert bench.new_session("n0") not in slots
+    node, group = bench.nodes["n0"], bench.new_session("n0")
+
+    async def main():
+        claiming = asyncio.create_task(node.claimed(named(group)))
+        await asyncio.sleep(0)
+        assert node.unclaimed.is_set() and not claiming.done()
+        bench.beat()
+        await claiming
+        assert bench.directory.node_for(group).name == "n0"
+        began = asyncio.get_running_loop().time()
+        await node.claimed(named("abcdef012345"))  # the directory is away
+        return asyncio.get_running_loop().time() - began
+
+    assert virtual_time.run(main()) == pytest.approx(CLAIM_S)
 
 
-def test_slots_without_sessions_are_given_back():
+def test_groups_without_sessions_are_given_back():
     bench = Bench(["n0"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
     bench.present["n0"].clear()
-    bench.later(200, "n0")
-    assert bench.nodes["n0"].epoch(f"session-{slot:04x}00") == 0
-    assert bench.directory.status(bench.now).nodes[0].slots == 0
+    bench.beat()
+    assert bench.nodes["n0"].epoch(named(group)) == 0
+    assert bench.directory.status(bench.now).nodes[0].groups == 0
+    bench.present["n0"].add(group)  # as by a snapshot of what lived there
+    bench.beat()
+    assert bench.directory.node_for(group).name == "n0" and bench.nodes["n0"].epoch(named(group))
 
 
 def test_a_report_whose_answer_was_lost_is_repeated_and_changes_nothing():
     bench = Bench(["n0"])
-    slot = bench.new_session("n0")
-    pools = []
+    group = bench.new_session("n0")
+    answers = []
     for _ in range(2):
         told = bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"])
-        assert set(told.held) == {slot}
-        pools.append(bench.directory.renew(told, bench.now).pool)
-    assert pools[0] == pools[1] and slot not in pools[0]
-    assert bench.beat()["n0"].pool == pools[0]
+        assert set(told.held) == {group}
+        answers.append(bench.directory.renew(told, bench.now))
+    assert answers[0].epochs == answers[1].epochs != {}
+    bench.beat()
     told = [bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"]).held for _ in range(SHARES)]
     assert sorted(map(len, told)) == [0] * (SHARES - 1) + [1], "as any that it holds, from now on"
 
@@ -149,99 +155,98 @@ def test_replicas_go_to_a_neighbour_with_the_same_model_that_stays():
     }
 
 
-def test_the_slots_of_a_dead_node_are_adopted_by_its_neighbour():
+def test_the_groups_of_a_dead_node_are_adopted_by_its_neighbour():
     bench = Bench(["n0", "n1", "n2"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     neighbour = bench.beat()["n0"].neighbour
-    epoch = bench.nodes["n0"].epoch(f"session-{slot:04x}")
+    epoch = bench.nodes["n0"].epoch(named(group))
     bench.directory.ended("n0")
     order = bench.beat(neighbour)[neighbour].orders[0]
-    assert (order.kind, order.slot) == ("adopt", slot) and order.epoch > epoch
+    assert (order.kind, order.group) == ("adopt", group) and order.epoch > epoch
     assert bench.beat(neighbour)[neighbour].orders == (order,)  # until it is done
-    bench.nodes[neighbour].adopted(slot, order.epoch)
-    bench.present[neighbour].add(slot)
+    bench.nodes[neighbour].adopted(group, order.epoch)
+    bench.present[neighbour].add(group)
     assert bench.beat(neighbour)[neighbour].orders == ()
-    assert bench.directory.node_for(slot).name == neighbour
+    assert bench.directory.node_for(group).name == neighbour
     assert bench.directory.counters["adopted"] == 1
 
 
-def test_where_no_replica_is_the_slot_goes_to_who_may_have_an_older_one_and_is_lost_at_last():
+def test_where_no_replica_is_the_group_goes_to_who_may_have_an_older_one_and_is_lost_at_last():
     bench = Bench(["n0", "n1", "n2"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     first = bench.beat()["n0"].neighbour
     second = ({"n1", "n2"} - {first}).pop()
     bench.directory._nodes["n0"].keepers = (first, second)
     bench.directory.ended("n0")
     for keeper in (first, second):
-        assert [o.slot for o in bench.beat(keeper)[keeper].orders] == [slot]
-        bench.nodes[keeper].failed(slot)
+        assert [o.group for o in bench.beat(keeper)[keeper].orders] == [group]
+        bench.nodes[keeper].failed(group)
         assert bench.beat(keeper)[keeper].orders == ()
     assert bench.directory.counters["lost"] == 1
-    assert slot not in bench.directory._slots
+    assert group not in bench.directory._groups
 
 
 def test_an_adopter_that_dies_too_hands_on_to_its_own_neighbour():
     bench = Bench(["n0", "n1", "n2"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     first = bench.beat()["n0"].neighbour
     second = ({"n1", "n2"} - {first}).pop()
     bench.directory.ended("n0")
     order = bench.beat(first)[first].orders[0]
-    bench.nodes[first].adopted(slot, order.epoch)
-    bench.present[first].add(slot)
+    bench.nodes[first].adopted(group, order.epoch)
+    bench.present[first].add(group)
     bench.beat()
     bench.directory.ended(first)
-    assert [o.slot for o in bench.beat(second)[second].orders] == [slot]
+    assert [o.group for o in bench.beat(second)[second].orders] == [group]
 
 
 def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     bench = Bench(["n0", "n1"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
     bench.later(LEASE, "n1")
     assert not bench.nodes["n0"].may_step()
-    assert bench.directory.node_for(slot).name == "n0"
+    assert bench.directory.node_for(group).name == "n0"
     bench.later(LEASE * (DRIFT - 1) + 0.25, "n1")
-    assert bench.directory.node_for(slot).name == "n1"
+    assert bench.directory.node_for(group).name == "n1"
     assert bench.beat("n0")["n0"].fenced
-    assert bench.beat("n0")["n0"].lost == (slot,)
+    assert bench.beat("n0")["n0"].lost == (group,)
     assert not bench.nodes["n0"].may_step()  # what it lost is still there
-    bench.nodes["n0"].released(slot)
+    bench.nodes["n0"].released(group)
     assert bench.nodes["n0"].may_step()
 
 
-def test_with_go_on_a_silent_node_keeps_its_slots_and_steps_until_its_end_is_known():
+def test_with_go_on_a_silent_node_keeps_its_groups_and_steps_until_its_end_is_known():
     bench = Bench(["n0", "n1"], go_on=True)
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
     bench.later(100, "n1")
     assert bench.nodes["n0"].may_step()
-    assert bench.directory.node_for(slot).name == "n0"
+    assert bench.directory.node_for(group).name == "n0"
     with pytest.raises(Unavailable):
-        bench.nodes["n0"].new_key()
+        bench.nodes["n0"].new_group()
     assert bench.directory.place(bench.now).name == "n1"
     bench.directory.ended("n0")
-    assert bench.directory.node_for(slot).name == "n1"
+    assert bench.directory.node_for(group).name == "n1"
 
 
 def test_a_drained_node_moves_what_it_has_and_is_done():
     bench = Bench(["n0", "n1", "n2"])
-    slots = {bench.new_session("n0") for _ in range(6)}
+    groups = {bench.new_session("n0") for _ in range(6)}
     bench.beat()
     bench.directory.drain("n0")
     moved = set()
     while not (answer := bench.beat("n0")["n0"]).done:
         assert answer.orders and answer.draining
         for order in answer.orders:
-            epoch = bench.directory.transfer(order.slot, "n0", order.epoch, order.to, bench.now)
-            bench.nodes["n0"].moved(order.slot)
-            bench.present["n0"].discard(order.slot)
-            bench.nodes[order.to].came(order.slot, epoch)
-            bench.present[order.to].add(order.slot)
-            moved.add(order.slot)
-    assert moved == slots
-    assert {bench.directory.node_for(slot).name for slot in slots} == {"n1", "n2"}
-    assert bench.beat("n0")["n0"].pool == {}
+            epoch = bench.directory.transfer(order.group, "n0", order.epoch, order.to, bench.now)
+            bench.nodes["n0"].moved(order.group)
+            bench.present["n0"].discard(order.group)
+            bench.nodes[order.to].came(order.group, epoch)
+            bench.present[order.to].add(order.group)
+            moved.add(order.group)
+    assert moved == groups
+    assert {bench.directory.node_for(group).name for group in groups} == {"n1", "n2"}
 
 
 def test_a_drain_that_nobody_could_take_over_is_refused():
@@ -257,67 +262,67 @@ def test_a_drain_that_nobody_could_take_over_is_refused():
 def test_a_transfer_needs_owner_and_epoch_as_they_are():
     bench = Bench(["n0", "n1"])
     bench.add("n2", fingerprint="b")
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
-    epoch = bench.nodes["n0"].epoch(f"session-{slot:04x}")
+    epoch = bench.nodes["n0"].epoch(named(group))
     directory, now = bench.directory, bench.now
     for owner, wrong in (("n1", epoch), ("n0", epoch - 1)):
         with pytest.raises(Aborted):
-            directory.transfer(slot, owner, wrong, "n1", now)
+            directory.transfer(group, owner, wrong, "n1", now)
     with pytest.raises(FailedPrecondition, match="another model"):
-        directory.transfer(slot, "n0", epoch, "n2", now)
-    new = directory.transfer(slot, "n0", epoch, "n1", now)
+        directory.transfer(group, "n0", epoch, "n2", now)
+    new = directory.transfer(group, "n0", epoch, "n1", now)
     assert new > epoch
-    assert directory.transfer(slot, "n0", epoch, "n1", now) == new, "the answer was lost"
+    assert directory.transfer(group, "n0", epoch, "n1", now) == new, "the answer was lost"
     with pytest.raises(Aborted):  # it has not heard that n1 has taken it
-        directory.transfer(slot, "n0", epoch, "n0", now)
+        directory.transfer(group, "n0", epoch, "n0", now)
     assert directory.counters["moved"] == 1
 
 
-def test_an_owner_that_keeps_a_slot_takes_the_offer_back():
+def test_an_owner_that_keeps_a_group_takes_the_offer_back():
     bench = Bench(["n0", "n1"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
-    epoch, directory = bench.nodes["n0"].epoch(named(slot)), bench.directory
-    kept = directory.transfer(slot, "n0", epoch, "n0", bench.now)
-    assert kept > epoch and directory.transfer(slot, "n0", epoch, "n0", bench.now) == kept
+    epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
+    kept = directory.transfer(group, "n0", epoch, "n0", bench.now)
+    assert kept > epoch and directory.transfer(group, "n0", epoch, "n0", bench.now) == kept
     with pytest.raises(Aborted):
-        directory.transfer(slot, "n0", epoch, "n1", bench.now)
-    assert directory.transfer(slot, "n0", kept, "n1", bench.now) > kept
+        directory.transfer(group, "n0", epoch, "n1", bench.now)
+    assert directory.transfer(group, "n0", kept, "n1", bench.now) > kept
 
 
 def test_a_directory_that_does_not_know_all_decides_no_move():
     bench = Bench(["n0", "n1"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
-    epoch = bench.nodes["n0"].epoch(named(slot))
-    given = bench.directory.transfer(slot, "n0", epoch, "n1", bench.now)
-    bench.nodes["n1"].came(slot, given)
-    bench.present = {"n0": {slot}, "n1": {slot}}
-    bench.nodes["n0"].moving(slot)
+    epoch = bench.nodes["n0"].epoch(named(group))
+    given = bench.directory.transfer(group, "n0", epoch, "n1", bench.now)
+    bench.nodes["n1"].came(group, given)
+    bench.present = {"n0": {group}, "n1": {group}}
+    bench.nodes["n0"].moving(group)
     bench.directory = Directory(LeaseRules(LEASE), bench.now, generation=given + 1000, seed=1)
     bench.beat()  # fenced
     bench.beat("n0")
     with pytest.raises(Unavailable):
-        bench.directory.transfer(slot, "n0", epoch, "n0", bench.now)
+        bench.directory.transfer(group, "n0", epoch, "n0", bench.now)
     bench.later(LEASE * DRIFT + 0.5, "n1", "n0")
     with pytest.raises(Aborted, match="n1's"):
-        bench.directory.transfer(slot, "n0", epoch, "n0", bench.now)
+        bench.directory.transfer(group, "n0", epoch, "n0", bench.now)
 
 
-def test_who_gave_a_slot_to_a_node_that_died_with_it_may_still_have_it():
+def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
     bench = Bench(["n0", "n1", "n2"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
-    epoch, directory = bench.nodes["n0"].epoch(named(slot)), bench.directory
-    directory.transfer(slot, "n0", epoch, "n1", bench.now)
+    epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
+    directory.transfer(group, "n0", epoch, "n1", bench.now)
     directory._nodes["n1"].keepers = ("n2",)
     directory.ended("n1")
     with pytest.raises(Unavailable, match="adopted by n2"):
-        directory.transfer(slot, "n0", epoch, "n0", bench.now)
-    bench.nodes["n2"].failed(slot)
+        directory.transfer(group, "n0", epoch, "n0", bench.now)
+    bench.nodes["n2"].failed(group)
     bench.beat("n2")
-    assert directory.transfer(slot, "n0", epoch, "n0", bench.now) > epoch
+    assert directory.transfer(group, "n0", epoch, "n0", bench.now) > epoch
     assert not bench.beat("n0")["n0"].orders and not directory.counters["lost"]
 
 
@@ -332,61 +337,62 @@ def test_a_node_and_the_directory_that_disagree_notice_it():
     bench.later(seconds, "n0")
     assert bench.nodes["n0"].lost == {other} and not bench.nodes["n0"].may_step()
     bench.later(0.25, "n0")
-    assert gone not in directory._slots
+    assert gone not in directory._groups
 
 
 def test_what_is_left_from_an_earlier_time_does_not_stand_for_a_replica():
     bench = Bench(["n0", "n1"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
-    epoch = bench.nodes["n0"].epoch(named(slot))
-    bench.directory.transfer(slot, "n0", epoch, "n1", bench.now)
+    epoch = bench.nodes["n0"].epoch(named(group))
+    bench.directory.transfer(group, "n0", epoch, "n1", bench.now)
     bench.directory.ended("n1")  # n0, which has not heard that, is to adopt it
     bench.nodes["n0"].registered = False
     answer = bench.beat("n0")["n0"]
-    assert answer.lost == (slot,) and [order.slot for order in answer.orders] == [slot]
+    assert answer.lost == (group,) and [order.group for order in answer.orders] == [group]
 
 
 def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_meanwhile():
     bench = Bench(["n0", "n1"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
-    epoch = bench.nodes["n0"].epoch(f"session-{slot:04x}")
+    epoch = bench.nodes["n0"].epoch(named(group))
     bench.directory = Directory(LeaseRules(LEASE), bench.now, generation=epoch + 1000, seed=1)
     answers = bench.beat()
     assert all(answer.fenced for answer in answers.values())
     bench.nodes["n0"]._until = bench.now + 1.0  # the old lease still held
     answers = bench.beat()
-    assert answers["n0"].lease_s == LEASE and answers["n0"].pool == {}
-    assert bench.directory.node_for(slot).name == "n0"
-    assert bench.nodes["n0"].epoch(f"session-{slot:04x}") == epoch
+    assert answers["n0"].lease_s == LEASE
+    assert bench.directory.node_for(group).name == "n0"
+    assert bench.nodes["n0"].epoch(named(group)) == epoch
     bench.later(LEASE * DRIFT + 0.25, "n0", "n1")
-    assert len(bench.beat()["n1"].pool) == POOL
-    assert bench.directory._slots[slot].owner == "n0"
-    assert min(bench.nodes["n1"]._pool.values()) > epoch
+    later = bench.new_session("n1")
+    bench.beat()
+    assert bench.directory._groups[group].owner == "n0"
+    assert bench.nodes["n1"].epoch(named(later)) > epoch
 
 
 def test_of_two_claimants_the_greater_epoch_is_right():
     directory = Directory(LeaseRules(LEASE), 0.0, generation=1)
-    silent = directory.register(registration("n0", held={7: 5}, leased=False), 0.1)
+    silent = directory.register(registration("n0", held={"7": 5}, leased=False), 0.1)
     assert silent.lease_s == 0  # its lease had ended: another may be the owner
-    directory.register(registration("n1", held={7: 9}, leased=True), 0.2)
+    directory.register(registration("n1", held={"7": 9}, leased=True), 0.2)
     late = directory.register(
-        registration("n0", held={7: 5}, leased=False, count=2), LEASE * DRIFT + 0.1
+        registration("n0", held={"7": 5}, leased=False, count=2), LEASE * DRIFT + 0.1
     )
-    assert late.lost == (7,) and late.lease_s == LEASE
-    assert directory.node_for(7).name == "n1"
+    assert late.lost == ("7",) and late.lease_s == LEASE
+    assert directory.node_for("7").name == "n1"
 
 
 def test_a_view_follows_by_changes_or_as_a_whole():
     bench = Bench(["n0", "n1"])
-    view, fresh = SlotMap(), SlotMap()
+    view, fresh = GroupMap(), GroupMap()
     view.take(bench.directory.changes(view.seen))
     for i in range(40):
         bench.new_session(f"n{i % 2}")
         bench.beat()
         changes = bench.directory.changes(view.seen)
-        assert not changes.whole and len(changes.slots) < 2 * POOL
+        assert not changes.whole and len(changes.groups) == 1
         view.take(changes)
     bench.directory.ended("n1")
     view.take(bench.directory.changes(view.seen))
@@ -397,21 +403,21 @@ def test_a_view_follows_by_changes_or_as_a_whole():
 
 def test_a_view_that_is_older_than_the_log_gets_the_whole(monkeypatch):
     bench = Bench(["n0"])
-    view = SlotMap()
+    view = GroupMap()
     view.take(bench.directory.changes(view.seen))
     for _ in range(9000):
-        bench.directory._touch(0xFFFF)
+        bench.directory._touch("ffff")
     assert bench.directory.changes(view.seen).whole
 
 
 def test_a_node_knows_where_the_sessions_of_others_are():
     bench = Bench(["n0", "n1"])
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
     bench.beat()
-    there = bench.nodes["n1"].endpoint_of(f"session-{slot:04x}0123456789ab")
+    there = bench.nodes["n1"].endpoint_of(named(group))
     assert (there.worker, there.grpc_port, there.host) == (0, 1000, "127.0.0.1")
-    assert bench.nodes["n0"].endpoint_of(f"session-{slot:04x}0123456789ab") is None
+    assert bench.nodes["n0"].endpoint_of(named(group)) is None
 
 
 def test_a_node_knows_all_nodes_and_those_that_were():
@@ -427,24 +433,20 @@ def test_a_node_knows_all_nodes_and_those_that_were():
 
 
 def test_places_of_nodes_are_bounded():
-    view = SlotMap()
+    view = GroupMap()
     for number in range(MOST_PLACES + 9):
         view.take(Changes(generation=1, version=number, nodes=(info(f"n{number}"),)))
     assert [place.worker for place in view.places] == list(range(9, MOST_PLACES + 9))
     assert len(view._places) == MOST_PLACES
 
 
-def test_an_imported_snapshot_claims_the_slot_of_its_id():
+def test_an_imported_snapshot_claims_the_group_of_its_id():
     bench = Bench(["n0", "n1"])
-    bench.present["n0"].add(0xABCD)
+    bench.present["n0"].add("abcd")
     bench.beat()
-    assert bench.directory.node_for(0xABCD).name == "n0"
-    bench.present["n1"].add(0xABCD)
-    assert bench.beat("n1")["n1"].lost == (0xABCD,)
-
-
-def named(slot):
-    return f"session-{slot:04x}0123456789ab"
+    assert bench.directory.node_for("abcd").name == "n0"
+    bench.present["n1"].add("abcd")
+    assert bench.beat("n1")["n1"].lost == ("abcd",)
 
 
 def test_what_a_node_keeps_on_disk_waits_for_its_next_life():
@@ -455,11 +457,11 @@ def test_what_a_node_keeps_on_disk_waits_for_its_next_life():
     bench.directory.ended("n0")
     del bench.nodes["n0"]
     bench.later(LEASE, "n1")
-    for slot in (kept, ended):
+    for group in (kept, ended):
         with pytest.raises(Unavailable, match="started again"):
-            bench.nodes["n1"].endpoint_of(named(slot))
+            bench.nodes["n1"].endpoint_of(named(group))
         with pytest.raises(Unavailable, match="started again"):
-            bench.nodes["n1"].view.node_for(named(slot))
+            bench.nodes["n1"].view.node_for(named(group))
     bench.present["m0"] = {kept}
     bench.add("m0", number=0)
     assert bench.nodes["m0"].epoch(named(kept)) > epoch and not bench.nodes["m0"].lost
@@ -470,36 +472,36 @@ def test_what_a_node_keeps_on_disk_waits_for_its_next_life():
 
 def test_a_node_that_was_silent_gets_back_what_it_keeps():
     bench = Bench(["n0", "n1"], settled=False, nodes=2, keep=True)
-    slot = bench.new_session("n0")
+    group = bench.new_session("n0")
     bench.beat()
     bench.later(2 * LEASE, "n1")
     assert [one.node.name for one in bench.directory.status(bench.now).nodes] == ["n1"]
     assert bench.beat("n0")["n0"].fenced
     bench.beat("n0")
     assert bench.nodes["n0"].may_step() and not bench.nodes["n0"].lost
-    assert bench.directory.node_for(slot).name == "n0"
+    assert bench.directory.node_for(group).name == "n0"
 
 
 def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
     bench = Bench(settled=False, nodes=2, keep=True)
-    bench.present["n0"] = {7}
+    one, two = "0123456789a7", "0123456789a8"
+    bench.present["n0"] = {one}
     bench.add("n0")
-    assert bench.nodes["n0"].leased and bench.nodes["n0"].epoch(named(7)) > 0
-    assert bench.beat()["n0"].pool == {}
-    bench.present["n1"] = {7, 8}  # it was moving when all were killed
+    assert bench.nodes["n0"].leased and bench.nodes["n0"].epoch(named(one)) > 0
+    assert not bench.directory.status(bench.now).settled
+    bench.present["n1"] = {one, two}  # it was moving when all were killed
     bench.add("n1")
-    assert bench.nodes["n1"].lost == {7}
-    assert {len(answer.pool) for answer in bench.beat().values()} == {POOL}
+    assert bench.nodes["n1"].lost == {one}
     assert bench.directory.status(bench.now).settled
 
 
 def test_rendezvous_moves_only_what_it_must():
     names = [f"n{i}" for i in range(5)]
-    before = {slot: rendezvous(slot, names) for slot in range(2000)}
-    after = {slot: rendezvous(slot, names[:-1]) for slot in range(2000)}
+    before = {group: rendezvous(f"{group:012x}", names) for group in range(2000)}
+    after = {group: rendezvous(f"{group:012x}", names[:-1]) for group in range(2000)}
     assert all(after[s] == before[s] for s in before if before[s] != "n4")
     assert min(Counter(before.values()).values()) > 300
-    assert rendezvous(1, []) == ""
+    assert rendezvous("1", []) == ""
 
 
 def test_status_counts_room():

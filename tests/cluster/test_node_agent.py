@@ -1,4 +1,4 @@
-"""A node gives slots away, takes and adopts them, while answers are lost and room is scarce."""
+"""A node gives groups away, takes and adopts them, while answers are lost and room is scarce."""
 
 import asyncio
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
 from wayfarer.cluster.peer import Replicas
 from wayfarer.errors import InvalidArgument, NotFound, Unavailable
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 
 
 class Moves:
@@ -23,11 +23,11 @@ class Moves:
         self.frozen, self.taken, self.refusals = {}, [], {}
 
     @property
-    def slots(self):
-        return {slot_of(name) for name in self.frozen}
+    def groups(self):
+        return {group_of(name) for name in self.frozen}
 
-    def of(self, slot):
-        return [name for name in self.frozen if slot_of(name) == slot]
+    def of(self, group):
+        return [name for name in self.frozen if group_of(name) == group]
 
     def is_movable(self, name):
         return True
@@ -62,10 +62,10 @@ class Pair:
 
     def __init__(self, losses=()):
         self.bench, self.losses = Bench(["n1", "n2"]), list(losses)
-        self.slot = self.bench.new_session("n1")
+        self.group = self.bench.new_session("n1")
         self.bench.beat()
         self.bench.beat()
-        self.name = f"session-{self.slot:04x}00"
+        self.name = f"session-{self.group}{0:012x}"
         self.asked = []
         self.stopped = []
         self.moves, self.agents, self.replicas = {}, {}, {}
@@ -87,33 +87,33 @@ class Pair:
         self.asked.append(told.to)
         if self.loses("question"):
             raise Unavailable("the directory does not answer")
-        args = told.slot, told.owner, told.epoch, told.to
+        args = told.group, told.owner, told.epoch, told.to
         epoch = self.bench.directory.transfer(*args, self.bench.now)
         if self.loses("answer"):
             raise Unavailable("the directory does not answer")
         return epoch
 
-    async def take(self, node, owner, slot, epoch, live):
+    async def take(self, node, owner, group, epoch, live):
         if self.loses("take"):
             raise Unavailable("deadline")
-        await self.agents[node.name].take(owner, slot, epoch, live)
+        await self.agents[node.name].take(owner, group, epoch, live)
         if self.loses("taken"):
             raise Unavailable("deadline")
 
     def move(self):
         epoch = self.bench.nodes["n1"].epoch(self.name)
-        order = NodeOrder(kind="move", slot=self.slot, epoch=epoch, to="n2")
+        order = NodeOrder(kind="move", group=self.group, epoch=epoch, to="n2")
         virtual_time.run(self.agents["n1"]._move(order))
         for name in ("n1", "n2"):  # for `Bench.beat`
-            self.bench.present[name] = self.moves[name].slots
+            self.bench.present[name] = self.moves[name].groups
         self.bench.later(5, "n1", "n2")
 
     @property
     def owner(self):
         """The only node that steps it, which must be the directory's choice, too."""
         [found] = [name for name in self.moves if self.moves[name].frozen == {self.name: False}]
-        assert self.bench.directory.node_for(self.slot).name == found
-        epoch = self.bench.directory._slots[self.slot].epoch
+        assert self.bench.directory.node_for(self.group).name == found
+        epoch = self.bench.directory._groups[self.group].epoch
         assert {n: node.epoch(self.name) for n, node in self.bench.nodes.items() if node.epoch(
             self.name)} == {found: epoch}  # fmt: skip
         return found
@@ -156,9 +156,9 @@ def test_who_has_withdrawn_an_offer_keeps_the_session_though_all_of_it_has_come(
     pair = Pair()
     n1, n2 = pair.bench.nodes.values()
     epoch = n1.epoch(pair.name)
-    pair.bench.directory.transfer(pair.slot, "n1", epoch, "n1", pair.bench.now)
+    pair.bench.directory.transfer(pair.group, "n1", epoch, "n1", pair.bench.now)
     with pytest.raises(Unavailable, match="does not give"):
-        virtual_time.run(pair.agents["n2"].take("n1", pair.slot, epoch, {pair.name: b"live"}))
+        virtual_time.run(pair.agents["n2"].take("n1", pair.group, epoch, {pair.name: b"live"}))
     assert pair.moves["n2"].taken and not pair.moves["n2"].frozen and not n2.epoch(pair.name)
 
 
@@ -173,11 +173,15 @@ def test_a_node_does_not_end_while_something_lives_on_it():
 
 
 def adopt(refusals):
-    """What lives on at n2 after the death of n1, where each session meets these errors first."""
+    """What lives on at n2 after the death of n1, where each session meets these errors first.
+
+    `refusals`: by the last two digits of its id.
+    """
     pair = Pair()
-    for name, errors in refusals.items():
-        pair.replicas["n2"].keep("n1", name.replace("SLOT", f"{pair.slot:04x}"), b"state")
-        pair.moves["n2"].refusals[name.replace("SLOT", f"{pair.slot:04x}")] = errors
+    for end, errors in refusals.items():
+        name = f"{pair.name[:-2]}{end}"
+        pair.replicas["n2"].keep("n1", name, b"state")
+        pair.moves["n2"].refusals[name] = errors
     pair.bench.directory.ended("n1")
     del pair.bench.nodes["n1"]
 
@@ -185,22 +189,22 @@ def adopt(refusals):
         for _ in range(3):
             await pair.agents["n2"]._obey(pair.bench.beat("n2")["n2"])
             await asyncio.gather(*pair.agents["n2"]._busy.values())
-            pair.bench.present["n2"] = pair.moves["n2"].slots
+            pair.bench.present["n2"] = pair.moves["n2"].groups
 
     virtual_time.run(obey())
     counters = pair.bench.directory.counters
-    found = [name[12:] for name in pair.moves["n2"].frozen]
+    found = [name[-2:] for name in pair.moves["n2"].frozen]
     return found, len(pair.replicas["n2"]), counters["adopted"], counters["lost"]
 
 
 def test_an_adoption_waits_for_room():
     full = Unavailable("4096 commands are waiting already; try again")
-    assert adopt({"session-SLOT00": [full, full]}) == (["00"], 0, 1, 0)
-    assert adopt({"session-SLOT00": [], "session-SLOT01": [full]}) == (["00", "01"], 0, 1, 0)
+    assert adopt({"00": [full, full]}) == (["00"], 0, 1, 0)
+    assert adopt({"00": [], "01": [full]}) == (["00", "01"], 0, 1, 0)
 
 
 def test_what_is_refused_for_good_is_not_adopted_and_the_others_are():
     damaged = InvalidArgument("damaged")
-    assert adopt({"session-SLOT00": [damaged], "session-SLOT01": []}) == (["01"], 0, 1, 0)
-    assert adopt({"session-SLOT00": [damaged]}) == ([], 0, 0, 1)
-    assert adopt({"session-SLOT00": [Unavailable("")] * 1000}) == ([], 0, 0, 1), "not for ever"
+    assert adopt({"00": [damaged], "01": []}) == (["01"], 0, 1, 0)
+    assert adopt({"00": [damaged]}) == ([], 0, 0, 1)
+    assert adopt({"00": [Unavailable("")] * 1000}) == ([], 0, 0, 1), "not for ever"

@@ -1,5 +1,5 @@
 """Nodes that stop, die, lose messages and drain, and directories that start again: at every instant
-at most one node steps what lives in a slot, and nothing is lost while no node dies.
+at most one node steps what lives in a group, and nothing is lost while no node dies.
 
 Nodes are the real `NodeAgent` and `Tenancy`; time, network, sessions and their death are made here.
 """
@@ -19,7 +19,7 @@ from wayfarer.cluster.node_agent import ANSWER_S, NodeAgent
 from wayfarer.cluster.peer import CALL_S, Replicas
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import AlreadyExists, NotFound, Unavailable, WayfarerError
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 
 TICK = 0.05
 LEASE = 5.0  # a lost answer costs ANSWER_S of it
@@ -42,11 +42,11 @@ class Moves:
         return list(self.open)
 
     @property
-    def slots(self):
-        return {slot_of(name) for name in self.open}
+    def groups(self):
+        return {group_of(name) for name in self.open}
 
-    def of(self, slot):
-        return [name for name in self.open if slot_of(name) == slot]
+    def of(self, group):
+        return [name for name in self.open if group_of(name) == group]
 
     def is_movable(self, name):
         return True
@@ -170,7 +170,7 @@ class Node:
 
     async def transfer(self, told):
         return await self._ask(
-            lambda d: d.transfer(told.slot, told.owner, told.epoch, told.to, self.sim.now)
+            lambda d: d.transfer(told.group, told.owner, told.epoch, told.to, self.sim.now)
         )
 
     async def _ask(self, call):
@@ -190,7 +190,7 @@ class Node:
 
     # Other nodes, as Peers
 
-    async def take(self, node, owner, slot, epoch, live):
+    async def take(self, node, owner, group, epoch, live):
         to, sim = self.sim.nodes.get(node.name), self.sim
         if to is None:
             raise Unavailable("it has ended")
@@ -198,7 +198,7 @@ class Node:
             await asyncio.sleep(CALL_S)
             raise Unavailable("deadline")
         await to.awake()
-        handling = asyncio.create_task(to.agent.take(owner, slot, epoch, live))
+        handling = asyncio.create_task(to.agent.take(owner, group, epoch, live))
         try:
             async with asyncio.timeout(0.2 if sim.chance(0.2) else CALL_S):  # or it is reset
                 await asyncio.wait({handling})
@@ -219,7 +219,6 @@ class Sim:
     def __init__(self, seed, rules, faults=True):
         """`faults`: nodes are stopped and killed, and the directory is started again."""
         self.random = random.Random(seed)
-        random.seed(seed)  # Tenancy draws from it
         self.rules, self.faults = rules, faults
         self.loop = asyncio.get_running_loop()
         self.nodes = {}
@@ -316,7 +315,8 @@ class Sim:
 
     def create(self, node):
         with contextlib.suppress(Unavailable):
-            name = f"session-{node.tenancy.new_key():04x}{self.made:012x}"
+            node.tenancy.new_group()  # which raises; its own would not be the same in each run
+            name = f"session-{self.made:012x}{self.made:012x}"
             self.made += 1
             node.moves.frozen[name] = False
             node.moves.open[name] = True

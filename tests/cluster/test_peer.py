@@ -1,4 +1,4 @@
-"""What nodes send each other arrives, however many sessions share a slot."""
+"""What nodes send each other arrives, however many sessions share a group."""
 
 import pytest
 
@@ -9,18 +9,18 @@ from wayfarer.errors import InvalidArgument, PermissionDenied
 SECRET = "s" * 64
 
 
-async def test_a_slot_of_many_sessions_arrives():
+async def test_a_group_of_many_sessions_arrives():
     taken = []
 
-    async def take(owner, slot, epoch, live):
-        taken.append((owner, slot, epoch, live))
+    async def take(owner, group, epoch, live):
+        taken.append((owner, group, epoch, live))
 
     live = {f"session-00ff{i:012x}": b"%d" % i for i in range(2000)}
     server, peers = PeerServer("127.0.0.1", SECRET, Replicas(), take, None, None), Peers(SECRET)
     await server.start()
     node = info("n2").model_copy(update={"peer_port": server.port})
-    await peers.take(node, "n1", 255, 7, live)
-    assert taken == [("n1", 255, 7, live)]
+    await peers.take(node, "n1", "00ff", 7, live)
+    assert taken == [("n1", "00ff", 7, live)]
     await peers.forget_others(set())
     await server.stop()
 

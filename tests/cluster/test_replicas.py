@@ -15,11 +15,11 @@ def test_a_scene_comes_with_its_content_and_its_sessions():
     kept = Replicas()
     for name in (SCENE + CONTENT, SCENE, SESSION, OTHER):
         kept.keep("a", name, name.encode())
-    found = {name: replica.state for name, replica in kept.of(0x00FF).items()}
+    found = {name: replica.state for name, replica in kept.of("00ff").items()}
     assert found == {name: name.encode() for name in (SCENE + CONTENT, SCENE, SESSION)}
     assert len(kept) == 4, "until it is known that they are not needed any more"
-    kept.drop(0x00FF)
-    assert len(kept) == 1 and kept.of(0x00FF) == {}
+    kept.drop("00ff")
+    assert len(kept) == 1 and kept.of("00ff") == {}
 
 
 def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with_its_scene():
@@ -33,7 +33,7 @@ def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with
     assert len(kept) == 2, "the session has ended"
     now[0] = KEPT_S + 1
     kept.renew("a", {SCENE})
-    assert list(kept.of(0x00FF)) == [SCENE + CONTENT] and len(kept) == 1
+    assert list(kept.of("00ff")) == [SCENE + CONTENT] and len(kept) == 1
 
 
 def test_there_is_a_limit(monkeypatch):
@@ -46,7 +46,7 @@ def test_there_is_a_limit(monkeypatch):
 
 
 def logs_of(kept):
-    return {name: replica.log_parts for name, replica in kept.of(0x00FF).items()}
+    return {name: replica.log_parts for name, replica in kept.of("00ff").items()}
 
 
 def test_the_parts_of_a_log_gather_while_its_state_is_replaced():
@@ -54,7 +54,7 @@ def test_the_parts_of_a_log_gather_while_its_state_is_replaced():
     assert kept.keep("a", SESSION, b"1", b"x") == 1
     assert kept.keep("a", SESSION, b"2", b"", 1) == 1
     assert kept.keep("a", SESSION, b"3", b"y", 1) == 2
-    [replica] = kept.of(0x00FF).values()
+    [replica] = kept.of("00ff").values()
     assert (replica.state, replica.log_parts) == (b"3", [b"x", b"y"])
 
 

@@ -16,7 +16,7 @@ from wayfarer.errors import (
     Misdirected,
     ResourceExhausted,
 )
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
 from wayfarer.service.persistence.capture import capture_planned
@@ -262,7 +262,7 @@ async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
     made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
     scene = made.scene_id
     sessions = [(await here.create_session(SessionSpec(scene=scene))).session_id for _ in "ab"]
-    assert {slot_of(name) for name in sessions} == {slot_of(scene)}
+    assert {group_of(name) for name in sessions} == {group_of(scene)}
     person = (await here.create_agents(sessions[0], [AgentSpec(position=(6.0, 2.0))]))[0].agent_id
     await here.give(person, goals((6, 10))[0])
     await here.scenes.put_obstacle(scene, "crate", Cylinder((1.0, 1.0), 0.5, 1.0))

@@ -1,22 +1,22 @@
-"""Who owns which slot: leases, epochs, placement, adoption, drains. No clock, no network, no Ray.
+"""Who owns which group: leases, epochs, placement, adoption, drains. No clock, no network, no Ray.
 
 The rules, on which "never two owners" rests:
 
 - A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
   here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
-- A slot changes its owner only by its owner's wish (`transfer`), or after its owner has ended or
+- A group changes its owner only by its owner's wish (`transfer`), or after its owner has ended or
   its lease has. Each change gives it an epoch greater than any before.
-- A move is decided here and nowhere else. The owner freezes what lives in the slot and sends it to
-  the new node, which asks for the slot once it has everything, and lets it go on after the answer.
-  An owner that does not hear from the new node asks to keep the slot. Of these two the first that
+- A move is decided here and nowhere else. The owner freezes what lives in the group and sends it to
+  the new node, which asks for the group once it has everything, and lets it go on after the answer.
+  An owner that does not hear from the new node asks to keep the group. Of these two the first that
   arrives gets it. Each asks until it is answered, and what it has stays frozen meanwhile; the same
   question always has the same answer.
 - A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
-  tell it what they hold. Between two that claim one slot the greater epoch is right.
-- In each renewal a share of the slots is compared, so that a node and the directory that disagree
+  tell it what they hold. Between two that claim one group the greater epoch is right.
+- In each renewal a share of the groups is compared, so that a node and the directory that disagree
   notice it within seconds.
 
-Owner of a slot without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
+Owner of a group without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
 answers that there is nothing. Times are seconds on any clock that never goes back.
 """
 
@@ -39,13 +39,9 @@ from wayfarer.cluster.messages import (
     Status,
 )
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
-from wayfarer.ids import SLOTS
 
 DRIFT: Final = 1.1
 """A lease is this much longer here than at the node: clocks differ in rate by far less."""
-
-POOL: Final = 32
-"""Slots that a node holds for new sessions. When they are used up, new sessions share slots."""
 
 UNSEEN_S: Final = 2.0
 """Seconds after which a placed session is in its node's reports."""
@@ -57,10 +53,11 @@ LOGGED: Final = 8192
 """Changes of the view that are kept; who has seen less gets the whole."""
 
 AT_ONCE: Final = 4
-"""Sessions' slots that a draining node moves at a time."""
+"""Groups that a draining node moves at a time."""
 
 SHARES: Final = 16
-"""In each renewal a node names one in so many of its slots. The next renewal names others."""
+"""In each renewal a node names one in so many of its groups, by their last digit. The next renewal
+names others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +66,7 @@ class LeaseRules:
 
     lease_s: float = 2.0
     go_on: bool = False
-    """Nodes that cannot renew go on stepping; then their slots move only once their end is known
+    """Nodes that cannot renew go on stepping; then their groups move only once their end is known
     (`ended`), never because they are silent."""
     nodes: int = 0
     """How many there will be, if that is known, and if no directory was before this one: it gives
@@ -84,8 +81,7 @@ class _Node:
     load: NodeLoad
     lease_until: float
     count: int = 0  # of the last message
-    pool: set[int] = field(default_factory=set)
-    used: set[int] = field(default_factory=set)
+    used: set[str] = field(default_factory=set)  # groups
     keepers: tuple[str, ...] = ()  # of its replicas: the present one, and the one before
     draining: bool = False
     placed: deque[tuple[float, int]] = field(default_factory=deque)
@@ -123,13 +119,13 @@ class Directory:
         self._generation = self._epoch = generation
         self._settled_at = now + rules.lease_s * DRIFT
         self._nodes: dict[str, _Node] = {}
-        self._slots: dict[int, _Entry] = {}
+        self._groups: dict[str, _Entry] = {}
         self._version = 0
         self._nodes_version = 0
-        self._log: deque[tuple[int, int]] = deque(maxlen=LOGGED)  # version, slot
+        self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
         self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
         self._came: set[int] = set()  # numbers of the nodes that have ever registered
-        self._waiting: dict[int, set[int]] = {}  # slots by the number of the node that keeps them
+        self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
         self._random = random.Random(seed)
 
     # ---- nodes
@@ -145,34 +141,33 @@ class Directory:
             node = self._nodes[name] = _Node(told.node, told.load, now)
             self._nodes_changed()
             self._came.add(told.node.number)
-            for slot in self._waiting.pop(told.node.number, ()):
-                self._own(slot, name, self._next_epoch())
-                node.used.add(slot)
+            for group in self._waiting.pop(told.node.number, ()):
+                self._own(group, name, self._next_epoch())
+                node.used.add(group)
         if told.count <= node.count:
             return Answer()
         node.count = told.count
-        lost: list[int] = []
-        used: set[int] = set()
-        epochs: dict[int, int] = {}
-        for slot, epoch in told.held.items():
+        lost: list[str] = []
+        used: set[str] = set()
+        epochs: dict[str, int] = {}
+        for group, epoch in told.held.items():
             self._epoch = max(self._epoch, epoch)
-            entry = self._slots.get(slot)
+            entry = self._groups.get(group)
             if entry is None and not told.leased:
                 # given up as lost; who adopted it meanwhile may have ended, too
-                self._own(slot, name, self._next_epoch())
+                self._own(group, name, self._next_epoch())
             elif entry is None or (entry.owner != name and entry.epoch < epoch):
-                self._own(slot, name, epoch)
-            if self._has(name, slot, epoch):
-                used.add(slot)
-                epochs[slot] = self._slots[slot].epoch  # an answer with it may have been lost
+                self._own(group, name, epoch or self._next_epoch())
+            if self._has(name, group, epoch):
+                used.add(group)
+                epochs[group] = self._groups[group].epoch  # an answer with it may have been lost
             else:
-                lost.append(slot)
+                lost.append(group)
         # what it owns here and does not have any more; an adoption that it was to make goes on
-        for slot in (node.used | node.pool) - used:
-            if not self._is_adopted(slot):
-                self._disown(slot)
-        node.used = used | {s for s in node.used - used if s in self._slots}
-        node.pool = set()
+        for group in node.used - used:
+            if not self._is_adopted(group):
+                self._disown(group)
+        node.used = used | {s for s in node.used - used if s in self._groups}
         node.load = told.load
         return self._answer(node, now, (0, 0), tuple(lost), epochs)
 
@@ -186,31 +181,30 @@ class Directory:
             return Answer()
         node.count = told.count
         node.load = told.load
-        lost: list[int] = []
-        for slot, epoch in told.held.items():
-            if slot not in self._slots:  # a snapshot was imported, whose id has this slot
-                self._own(slot, told.name, self._next_epoch())
-            if not self._has(told.name, slot, epoch):
-                lost.append(slot)
+        lost: list[str] = []
+        for group, epoch in told.held.items():
+            if group not in self._groups:  # it was made there, or came with a snapshot
+                self._own(group, told.name, self._next_epoch())
+            if not self._has(told.name, group, epoch):
+                lost.append(group)
                 continue
-            node.pool.discard(slot)
-            node.used.add(slot)
-        for slot in told.freed:
-            if slot in node.used:
-                self._disown(slot)
-        for slot in told.adopted:
-            if slot in node.used and self._is_adopted(slot):
-                self._slots[slot].keepers = None
+            node.used.add(group)
+        for group in told.freed:
+            if group in node.used:
+                self._disown(group)
+        for group in told.adopted:
+            if group in node.used and self._is_adopted(group):
+                self._groups[group].keepers = None
                 self.counters["adopted"] += 1
-        for slot in told.failed:
-            if slot in node.used and self._is_adopted(slot):
-                self._pass_on(slot)
+        for group in told.failed:
+            if group in node.used and self._is_adopted(group):
+                self._pass_on(group)
         compared = {*told.held, *share_of(node.used, told.count)} & node.used
-        epochs = {s: self._slots[s].epoch for s in compared if not self._is_adopted(s)}
+        epochs = {s: self._groups[s].epoch for s in compared if not self._is_adopted(s)}
         return self._answer(node, now, told.seen, tuple(lost), epochs)
 
     def ended(self, name: str) -> None:
-        """A node's process is known to have ended: the keepers of its replicas adopt its slots, or
+        """A node's process is known to have ended: the keepers of its replicas adopt its groups, or
         they wait for its next life (`LeaseRules.keep`).
         """
         node = self._nodes.pop(name, None)
@@ -220,18 +214,16 @@ class Directory:
         for other in self._nodes.values():
             if name in other.keepers:
                 other.keepers = tuple(one for one in other.keepers if one != name)
-        if self.rules.keep:  # a slot of its pool may hold what it had no time to tell of
-            self._waiting.setdefault(node.info.number, set()).update(node.used | node.pool)
+        if self.rules.keep:
+            self._waiting.setdefault(node.info.number, set()).update(node.used)
             return
-        for slot in node.pool:
-            self._disown(slot)
-        for slot in sorted(node.used):
-            entry = self._slots[slot]
+        for group in sorted(node.used):
+            entry = self._groups[group]
             if entry.keepers is None:
                 # who gave it away may not have heard that, and have it frozen
                 giver = entry.before[:1] if entry.before else ()
                 entry.keepers = (*node.keepers, *giver)
-            self._pass_on(slot)
+            self._pass_on(group)
 
     def expire(self, now: float) -> None:
         """Fence the nodes whose lease has ended, unless they go on without."""
@@ -251,48 +243,48 @@ class Directory:
         ]
         if node.used and not equals:
             raise FailedPrecondition(
-                f"node {name} holds sessions in {len(node.used)} slots, and there is no other node "
-                "with the same model and bodies to take them; start one first"
+                f"node {name} holds {len(node.used)} groups of sessions, and no other node has "
+                "the same model and bodies, to take them; start one first"
             )
         node.draining = True
 
-    def transfer(self, slot: int, owner: str, epoch: int, to: str, now: float) -> int:
-        """Give a slot to `to`, if `owner` still has it with this epoch; its new epoch.
+    def transfer(self, group: str, owner: str, epoch: int, to: str, now: float) -> int:
+        """Give a group to `to`, if `owner` still has it with this epoch; its new epoch.
 
-        `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the slot:
+        `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group:
         nobody else gets it with this epoch then. Safe to call twice.
 
-        Raises Aborted when the slot has another owner or epoch, FailedPrecondition; Unavailable
+        Raises Aborted when the group has another owner or epoch, FailedPrecondition; Unavailable
         while that is not known: ask again.
         """
         self.expire(now)
-        entry, target, source = self._slots.get(slot), self._nodes.get(to), self._nodes.get(owner)
+        entry, target, source = self._groups.get(group), self._nodes.get(to), self._nodes.get(owner)
         if target is None or not self._settled(now):
             raise Unavailable("not all nodes have come back to the directory; ask again")
         has = entry is not None and entry.owner == to and entry.epoch != epoch
         if entry is not None and has and (owner == to or entry.before == (owner, epoch)):
-            entry.keepers = None  # said twice; or it was to adopt the slot, and needs no replica
+            entry.keepers = None  # said twice; or it was to adopt the group, and needs no replica
             return entry.epoch
-        if entry is not None and owner == to and self._is_adopted(slot):  # if there is a replica
-            raise Unavailable(f"slot {slot:04x} is being adopted by {entry.owner}; ask again")
+        if entry is not None and owner == to and self._is_adopted(group):  # if there is a replica
+            raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
         if source is None or entry is None or (entry.owner, entry.epoch) != (owner, epoch):
             found = f"{entry.owner}'s with epoch {entry.epoch}" if entry else "nobody's"
-            raise Aborted(f"slot {slot:04x} is not {owner}'s with epoch {epoch}: it is {found}")
+            raise Aborted(f"group {group} is not {owner}'s with epoch {epoch}: it is {found}")
         if not self._alike(target, source):
             raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
-        self._own(slot, to, self._next_epoch())
-        self._slots[slot].before = (owner, epoch)
-        target.used.add(slot)
+        self._own(group, to, self._next_epoch())
+        self._groups[group].before = (owner, epoch)
+        target.used.add(group)
         if to != owner:
             self.counters["moved"] += 1
-        return self._slots[slot].epoch
+        return self._groups[group].epoch
 
-    def node_for(self, slot: int) -> NodeInfo | None:
+    def node_for(self, group: str) -> NodeInfo | None:
         """The owner, or who would be; None without any node."""
-        entry = self._slots.get(slot)
+        entry = self._groups.get(group)
         if entry is not None and entry.owner in self._nodes:
             return self._nodes[entry.owner].info
-        name = rendezvous(slot, self._nodes)
+        name = rendezvous(group, self._nodes)
         return self._nodes[name].info if name else None
 
     # ---- new sessions
@@ -362,16 +354,13 @@ class Directory:
         node: _Node,
         now: float,
         seen: tuple[int, int],
-        lost: tuple[int, ...],
-        epochs: dict[int, int],
+        lost: tuple[str, ...],
+        epochs: dict[str, int],
     ) -> Answer:
         node.lease_until = now + self.rules.lease_s * DRIFT
-        if self._settled(now):
-            self._fill(node)
         self._choose_keeper(node)
         return Answer(
             lease_s=self.rules.lease_s,
-            pool={} if node.draining else {s: self._slots[s].epoch for s in sorted(node.pool)},
             epochs=epochs,
             lost=lost,
             neighbour=node.keepers[0] if node.keepers else "",
@@ -382,9 +371,9 @@ class Directory:
         )
 
     def _orders(self, node: _Node, now: float) -> Iterable[NodeOrder]:
-        adoptions = [slot for slot in node.used if self._is_adopted(slot)]
-        for slot in sorted(adoptions):
-            yield NodeOrder(kind="adopt", slot=slot, epoch=self._slots[slot].epoch)
+        adoptions = [group for group in node.used if self._is_adopted(group)]
+        for group in sorted(adoptions):
+            yield NodeOrder(kind="adopt", group=group, epoch=self._groups[group].epoch)
         if not (node.draining and self._settled(now)):
             return
         able = [n for n in self._able(now) if n is not node and self._alike(n, node)]
@@ -392,9 +381,9 @@ class Directory:
             return
         mean = self._mean_session(able)
         able.sort(key=lambda other: self._burden(other, mean, now))
-        for i, slot in enumerate(sorted(node.used - set(adoptions))[:AT_ONCE]):
+        for i, group in enumerate(sorted(node.used - set(adoptions))[:AT_ONCE]):
             to = able[i % len(able)].info.name
-            yield NodeOrder(kind="move", slot=slot, epoch=self._slots[slot].epoch, to=to)
+            yield NodeOrder(kind="move", group=group, epoch=self._groups[group].epoch, to=to)
 
     def changes(self, seen: tuple[int, int]) -> Changes | None:
         """Of the view since (generation, version); None when there are none."""
@@ -403,14 +392,12 @@ class Directory:
             return None
         # the log has every change since its oldest
         whole = generation != self._generation or version + 1 < self._log[0][0]
-        touched = (
-            set(self._slots) if whole else {s for at, s in self._log if at > version and s >= 0}
-        )
+        touched = set(self._groups) if whole else {g for at, g in self._log if at > version and g}
         return Changes(
             generation=self._generation,
             version=self._version,
             whole=whole,
-            slots={s: self._slots[s].owner if s in self._slots else "" for s in touched},
+            groups={g: self._groups[g].owner if g in self._groups else "" for g in touched},
             nodes=self._infos() if whole or self._nodes_version > version else None,
         )
 
@@ -421,7 +408,7 @@ class Directory:
             NodeState(
                 node=node.info,
                 load=node.load,
-                slots=len(node.used),
+                groups=len(node.used),
                 lease_left_s=max(0.0, node.lease_until - now),
                 draining=node.draining,
                 neighbour=node.keepers[0] if node.keepers else "",
@@ -435,62 +422,49 @@ class Directory:
             counters=dict(self.counters),
         )
 
-    # ---- slots
+    # ---- groups
 
     def _settled(self, now: float) -> bool:
         if self.rules.nodes:
             return len(self._came) >= self.rules.nodes
         return now >= self._settled_at
 
-    def _fill(self, node: _Node) -> None:
-        """Give a node free slots for new sessions."""
-        for _ in range(SLOTS):
-            if len(node.pool) >= POOL or node.draining:
-                return
-            # at random: who is silent just now may hold slots that nobody has told of
-            slot = self._random.randrange(SLOTS)
-            if slot not in self._slots:
-                self._own(slot, node.info.name, self._next_epoch())
-                node.pool.add(slot)
-
-    def _pass_on(self, slot: int) -> None:
+    def _pass_on(self, group: str) -> None:
         """To the next node that may have a replica; without any, what lived there is lost."""
-        entry = self._slots[slot]
+        entry = self._groups[group]
         if entry.owner in self._nodes:
-            self._nodes[entry.owner].used.discard(slot)
+            self._nodes[entry.owner].used.discard(group)
         left = [name for name in entry.keepers or () if name in self._nodes]
         if not left:
             self.counters["lost"] += 1
-            self._disown(slot)
+            self._disown(group)
             return
-        self._own(slot, left[0], self._next_epoch())
-        self._slots[slot].before = (entry.owner, entry.epoch)
-        self._slots[slot].keepers = tuple(left[1:])
-        self._nodes[left[0]].used.add(slot)
+        self._own(group, left[0], self._next_epoch())
+        self._groups[group].before = (entry.owner, entry.epoch)
+        self._groups[group].keepers = tuple(left[1:])
+        self._nodes[left[0]].used.add(group)
 
-    def _own(self, slot: int, owner: str, epoch: int) -> None:
-        before = self._slots.get(slot)
+    def _own(self, group: str, owner: str, epoch: int) -> None:
+        before = self._groups.get(group)
         if before is not None and before.owner in self._nodes:
-            self._nodes[before.owner].used.discard(slot)
-            self._nodes[before.owner].pool.discard(slot)
-        self._slots[slot] = _Entry(owner, epoch)
-        self._touch(slot)
+            self._nodes[before.owner].used.discard(group)
+        self._groups[group] = _Entry(owner, epoch)
+        self._touch(group)
 
-    def _disown(self, slot: int) -> None:
-        entry = self._slots.pop(slot)
+    def _disown(self, group: str) -> None:
+        entry = self._groups.pop(group)
         if entry.owner in self._nodes:
-            self._nodes[entry.owner].used.discard(slot)
-            self._nodes[entry.owner].pool.discard(slot)
-        self._touch(slot)
+            self._nodes[entry.owner].used.discard(group)
+        self._touch(group)
 
-    def _has(self, name: str, slot: int, epoch: int) -> bool:
+    def _has(self, name: str, group: str, epoch: int) -> bool:
         """Whether what a node has with this epoch is its own, and not left from an earlier time."""
-        entry = self._slots[slot]
+        entry = self._groups[group]
         return entry.owner == name and (entry.keepers is None or entry.epoch == epoch)
 
-    def _is_adopted(self, slot: int) -> bool:
+    def _is_adopted(self, group: str) -> bool:
         """Its owner has still to find replicas of what lived there."""
-        return self._slots[slot].keepers is not None
+        return self._groups[group].keepers is not None
 
     def _next_epoch(self) -> int:
         self._epoch += 1
@@ -528,27 +502,27 @@ class Directory:
         return tuple(node.info for node in self._nodes.values())
 
     def _nodes_changed(self) -> None:
-        self._touch(-1)
+        self._touch("")
         self._nodes_version = self._version
 
-    def _touch(self, slot: int) -> None:
+    def _touch(self, group: str) -> None:
         self._version += 1
-        self._log.append((self._version, slot))
+        self._log.append((self._version, group))
 
 
-def share_of(slots: Iterable[int], count: int) -> set[int]:
-    """Those slots that the renewal of this number compares."""
-    due = count % SHARES
-    return {slot for slot in slots if slot % SHARES == due}
+def share_of(groups: Iterable[str], count: int) -> set[str]:
+    """Those groups that the renewal of this number compares."""
+    due = f"{count % SHARES:x}"
+    return {group for group in groups if group[-1] == due}
 
 
-def rendezvous(slot: int, names: Iterable[str]) -> str:
-    """The name that is first for a slot; empty for none.
+def rendezvous(group: str, names: Iterable[str]) -> str:
+    """The name that is first for a group; empty for none.
 
-    When names come or go, only the slots of these change (highest random weight, Thaler and
+    When names come or go, only the groups of these change (highest random weight, Thaler and
     Ravishankar 1998).
     """
-    return max(names, key=lambda name: _hash(f"{slot}/{name}"), default="")
+    return max(names, key=lambda name: _hash(f"{group}/{name}"), default="")
 
 
 def _hash(text: str) -> int:

@@ -94,7 +94,7 @@ class DirectoryClient:
         return found
 
     async def transfer(self, told: Transfer) -> int:
-        """Give a slot away; its new epoch."""
+        """Give a group away; its new epoch."""
         return int(await self._call("transfer", told))
 
     async def drain(self, name: str) -> None:
@@ -143,7 +143,7 @@ METHODS: Final[dict[str, tuple[Call, TypeAdapter[Any], TypeAdapter[Any]]]] = {
     ),
     "transfer": (
         lambda directory, told, now: directory.transfer(
-            told.slot, told.owner, told.epoch, told.to, now
+            told.group, told.owner, told.epoch, told.to, now
         ),
         _adapter(Transfer),
         _adapter(int),

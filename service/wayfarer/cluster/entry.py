@@ -27,6 +27,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.every_node import Calls, EveryNode
+from wayfarer.cluster.group_map import GroupMap, endpoint
 from wayfarer.cluster.messages import NodeInfo, Status
 from wayfarer.cluster.peer import Peers
 from wayfarer.cluster.routes import (
@@ -38,7 +39,6 @@ from wayfarer.cluster.routes import (
     is_for_all,
     session_of,
 )
-from wayfarer.cluster.slot_map import SlotMap, endpoint
 from wayfarer.config import Settings
 from wayfarer.errors import (
     FailedPrecondition,
@@ -85,7 +85,7 @@ class NodeFinder:
 
     def __init__(self, directory: DirectoryClient) -> None:
         self._directory = directory
-        self._view = SlotMap()
+        self._view = GroupMap()
         self._looking = asyncio.Lock()
         self._looked_at = float("-inf")
         self.closing = False
@@ -368,7 +368,7 @@ class _ClusterFigures(Collector):
         yield _gauge("sessions", "Sessions on all nodes", sessions)
         changes = GaugeMetricFamily(
             "wayfarer_cluster_changes",
-            "Placed sessions, moved, adopted and lost slots, expired leases, since the directory "
+            "Placed sessions, moved, adopted and lost groups, expired leases, since the directory "
             "was started",
             labels=["kind"],
         )

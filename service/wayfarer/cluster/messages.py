@@ -3,7 +3,7 @@
 An answer is `{"value": …}`, or `{"error": class, "text": …}` of a WayfarerError.
 
 A *node* is a server process with its own ports, under a name that no other process ever gets again.
-A *slot* is the first four hexadecimal digits of an id (ids.py), 0 to 65,535.
+A *group* is a scene with its sessions, or a session alone: the first digits of their ids (ids.py).
 """
 
 import json
@@ -80,9 +80,9 @@ class NodeReply(ClusterMessage):
 
 
 class Transfer(ClusterMessage):
-    """A slot has a new owner, or its owner keeps it; see `Directory.transfer`."""
+    """A group has a new owner, or its owner keeps it; see `Directory.transfer`."""
 
-    slot: int
+    group: str
     owner: str
     epoch: int
     to: str
@@ -116,7 +116,7 @@ class Registration(ClusterMessage):
     node: NodeInfo
     count: int  # as LeaseRenewal's
     load: NodeLoad = NodeLoad()
-    held: dict[int, int] = {}  # slots in use, and the epoch of each
+    held: dict[str, int] = {}  # groups in use, and the epoch of each
     leased: bool = False  # a lease of an earlier directory still holds
 
 
@@ -126,18 +126,18 @@ class LeaseRenewal(ClusterMessage):
     name: str
     count: int  # greater with each: one that comes after its successor is not heard
     load: NodeLoad
-    held: dict[int, int] = {}  # slots in use, and their epochs: new ones, and a share of the others
-    freed: tuple[int, ...] = ()  # slots that hold none any more
-    adopted: tuple[int, ...] = ()  # adoptions that succeeded, and
-    failed: tuple[int, ...] = ()  # those of which no replica was there
+    held: dict[str, int] = {}  # groups and their epochs: new ones, and a share of the others
+    freed: tuple[str, ...] = ()  # groups that hold none any more
+    adopted: tuple[str, ...] = ()  # adoptions that succeeded, and
+    failed: tuple[str, ...] = ()  # those of which no replica was there
     seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
 
 
 class NodeOrder(ClusterMessage):
-    """What a node shall do with a slot; said again until it is done."""
+    """What a node shall do with a group; said again until it is done."""
 
     kind: Literal["adopt", "move"]
-    slot: int
+    group: str
     epoch: int  # adopt: the new one; move: the one that it has
     to: str = ""  # move: the node
 
@@ -148,7 +148,7 @@ class Changes(ClusterMessage):
     generation: int  # of the directory: another one knows nothing of the versions before
     version: int
     whole: bool = False
-    slots: dict[int, str] = {}  # owners; empty: nobody any more
+    groups: dict[str, str] = {}  # owners; empty: nobody any more
     nodes: tuple[NodeInfo, ...] | None = None  # all live ones, when they have changed
 
 
@@ -157,9 +157,8 @@ class Answer(ClusterMessage):
 
     fenced: bool = False  # the node's lease has ended here: release what it has lost, register
     lease_s: float = 0.0  # from when the request was sent; 0: none yet, ask again
-    pool: dict[int, int] = {}  # slots for new sessions, and their epochs
-    epochs: dict[int, int] = {}  # of slots that it owns: those that it named, and the same share
-    lost: tuple[int, ...] = ()  # slots that have another owner: release them before stepping
+    epochs: dict[str, int] = {}  # of groups that it owns: those that it named, and the same share
+    lost: tuple[str, ...] = ()  # groups that have another owner: release them before stepping
     neighbour: str = ""  # the node that keeps this one's replicas; empty: there is none
     draining: bool = False
     done: bool = False  # drained: end
@@ -172,7 +171,7 @@ class NodeState(ClusterMessage):
 
     node: NodeInfo
     load: NodeLoad
-    slots: int  # in use
+    groups: int  # in use
     lease_left_s: float
     draining: bool
     neighbour: str

@@ -13,6 +13,7 @@ import structlog
 
 from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.every_node import answer
+from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import (
     Answer,
     NodeCall,
@@ -25,7 +26,6 @@ from wayfarer.cluster.messages import (
 )
 from wayfarer.cluster.peer import CONTENT, LOOPBACK, KeptReplica, Peers, PeerServer, Replicas
 from wayfarer.cluster.replication import Replication
-from wayfarer.cluster.slot_map import endpoint
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import (
     Aborted,
@@ -130,8 +130,8 @@ class NodeAgent:
         self._counted = NodeLoad()
         self._leased = False
         self._held_until = 0.0
-        # slots that are being moved, taken or adopted
-        self._busy: dict[int, asyncio.Task[Any]] = {}
+        # groups that are being moved, taken or adopted
+        self._busy: dict[str, asyncio.Task[Any]] = {}
 
     async def renewing(self) -> None:
         """For ever: renew the lease, and do what the directory says."""
@@ -143,62 +143,70 @@ class NodeAgent:
             except Exception:  # else the lease would never be renewed again
                 log.exception("a renewal failed")
             self._tell_lease()
-            await asyncio.sleep(RENEW_S)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._tenancy.unclaimed.wait(), RENEW_S)
+            self._tenancy.unclaimed.clear()
 
-    async def take(self, owner: str, slot: int, epoch: int, live: dict[str, bytes]) -> None:
-        """A slot comes from another node, with all that lives there; the directory decides whether
+    async def take(self, owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
+        """A group comes from another node, with all that lives there; the directory decides whether
         it does. Raises WayfarerError.
         """
-        if slot in self._tenancy.lost or self._is_busy(slot):
-            raise Unavailable(f"slot {slot:04x} is busy on this node; try again")
-        taking = asyncio.create_task(self._take(owner, slot, epoch, live), name="take")
-        self._busy[slot] = taking
+        if group in self._tenancy.lost or self._is_busy(group):
+            raise Unavailable(f"group {group} is busy on this node; try again")
+        taking = asyncio.create_task(self._take(owner, group, epoch, live), name="take")
+        self._busy[group] = taking
         # if the caller waits no more, the directory is asked all the same: it may have decided
         if (refusal := await asyncio.shield(taking)) is not None:
             raise refusal
 
     async def _take(
-        self, owner: str, slot: int, epoch: int, live: dict[str, bytes]
+        self, owner: str, group: str, epoch: int, live: dict[str, bytes]
     ) -> WayfarerError | None:
         """Returns why it has not come; the caller may have gone."""
-        self._tenancy.coming(slot)
-        came, kept = dict[str, Arrival](), self._replicas.of(slot)
+        self._tenancy.coming(group)
+        came, kept = dict[str, Arrival](), self._replicas.of(group)
         try:
             for name, data in live.items():
                 came[name] = await self._moves.take(name, data, _content(kept, name))
-            given = await self._transfer(slot, owner, epoch)
+            given = await self._transfer(group, owner, epoch)
             if given is None:
-                raise Unavailable(f"{owner} does not give slot {slot:04x} away any more")
+                raise Unavailable(f"{owner} does not give group {group} away any more")
         except BaseException as error:
             for name in reversed(came):  # its owner goes on with all of them
                 await self._moves.release(name, None)
-            self._tenancy.refused(slot)
+            self._tenancy.refused(group)
             if isinstance(error, WayfarerError):
                 return error
             raise
-        self._tenancy.came(slot, given)
-        self._replicas.drop(slot)
-        for arrival in came.values():
-            with contextlib.suppress(NotFound):
-                await self._moves.enter(arrival)
+        self._tenancy.coming(group, given)
+        self._replicas.drop(group)
+        try:
+            for arrival in came.values():
+                with contextlib.suppress(NotFound):
+                    await self._moves.enter(arrival)
+        finally:
+            if group in self._tenancy.lost:
+                self._tenancy.refused(group)
+            else:
+                self._tenancy.came(group, given)
         log.info("sessions came", sessions=list(came), epoch=given, at=boot_clock())
         return None
 
-    async def _transfer(self, slot: int, owner: str, epoch: int) -> int | None:
-        """The new epoch of a slot that `owner` gives to this node, or keeps; None: it is another's.
+    async def _transfer(self, group: str, owner: str, epoch: int) -> int | None:
+        """The new epoch of a group that `owner` gives to this node, or keeps; None: another has it.
 
-        Asks until the directory answers: what the slot has is frozen here, so it can wait.
+        Asks until the directory answers: what the group has is frozen here, so it can wait.
         """
-        told = Transfer(slot=slot, owner=owner, epoch=epoch, to=self._tenancy.node.name)
+        told = Transfer(group=group, owner=owner, epoch=epoch, to=self._tenancy.node.name)
         while True:
             try:
                 if self._tenancy.registered:  # else the directory does not count with this node
                     return await self._directory.transfer(told)
             except (Aborted, FailedPrecondition) as error:
-                log.warning("a slot has another owner", slot=slot, reason=str(error))
+                log.warning("a group has another owner", group=group, reason=str(error))
                 return None
             except WayfarerError as error:
-                log.warning("a move waits", slot=slot, reason=str(error))
+                log.warning("a move waits", group=group, reason=str(error))
             await asyncio.sleep(RENEW_S)
 
     # The lease
@@ -210,11 +218,11 @@ class NodeAgent:
             if not self._gateway.started:  # what it has kept is not there yet
                 await self._directory.status()  # its keeper hears that it lives
                 return
-            registration = tenancy.registration(load, self._moves.slots)
+            registration = tenancy.registration(load, self._moves.groups)
             answer = await self._directory.register(registration)
             heard = tenancy.take_registered(answer, registration, sent_at)
         else:
-            renewal = tenancy.renewal(load, self._moves.slots)
+            renewal = tenancy.renewal(load, self._moves.groups)
             answer = await self._directory.renew(renewal)
             heard = tenancy.take_renewed(answer, renewal, sent_at)
         if answer.fenced:
@@ -230,7 +238,7 @@ class NodeAgent:
             self._counted = NodeLoad(
                 agents=stats.agents, sessions=stats.sessions, fits=stats.capacity
             )
-        ready = self._gateway.started and self._gateway.alive and self._tenancy.has_slots
+        ready = self._gateway.started and self._gateway.alive and self._tenancy.registered
         return self._counted.model_copy(update={"ready": ready})
 
     def _tell_lease(self) -> None:
@@ -244,43 +252,43 @@ class NodeAgent:
     # Orders
 
     async def _obey(self, answer: Answer) -> None:
-        for slot in self._tenancy.lost:
-            if not (self._is_busy(slot) and self._busy[slot].get_name() != "move"):
-                await self._give_up(slot)  # else more may come into it; nothing is stepped so long
+        for group in self._tenancy.lost:
+            if not (self._is_busy(group) and self._busy[group].get_name() != "move"):
+                await self._give_up(group)  # else more may come into it; nothing is stepped so long
         self._replication.neighbour = answer.neighbour
-        self._busy = {slot: task for slot, task in self._busy.items() if not task.done()}
+        self._busy = {group: task for group, task in self._busy.items() if not task.done()}
         for order in answer.orders:
-            here = self._tenancy.has(order.slot, order.epoch)
-            if order.slot not in self._busy and here == (order.kind == "move"):  # else it is done
+            here = self._tenancy.has(order.group, order.epoch)
+            if order.group not in self._busy and here == (order.kind == "move"):  # else it is done
                 work = self._adopt(order) if order.kind == "adopt" else self._move(order)
-                self._busy[order.slot] = asyncio.create_task(work, name=order.kind)
-        empty = not (self._gateway.streams or self._busy or self._moves.slots)
+                self._busy[order.group] = asyncio.create_task(work, name=order.kind)
+        empty = not (self._gateway.streams or self._busy or self._moves.groups)
         if answer.done and empty:  # all know where to go on
             log.info("drained: nothing lives here any more")
             self._stop()
 
-    def _is_busy(self, slot: int) -> bool:
-        return slot in self._busy and not self._busy[slot].done()
+    def _is_busy(self, group: str) -> bool:
+        return group in self._busy and not self._busy[group].done()
 
-    async def _give_up(self, slot: int) -> None:
+    async def _give_up(self, group: str) -> None:
         """What was here has another owner: end it, before anything steps again."""
-        for name in self._moves.of(slot):
+        for name in self._moves.of(group):
             owner = None
             with contextlib.suppress(Unavailable):
                 owner = self._tenancy.view.owner(name)
             await self._moves.release(name, endpoint(owner) if owner else None)
             log.warning("session lost to another node", session_id=name, at=boot_clock())
-        self._tenancy.released(slot)
+        self._tenancy.released(group)
 
     async def _adopt(self, order: NodeOrder) -> None:
         """Let all live on whose replicas are here; wait for room, where there is none just now."""
-        slot, adopted = order.slot, 0
-        self._tenancy.coming(slot, order.epoch)
-        kept = self._replicas.of(slot)
+        group, adopted = order.group, 0
+        self._tenancy.coming(group, order.epoch)
+        kept = self._replicas.of(group)
         names = [name for name in kept if not name.endswith(CONTENT)]
         names.sort(key=is_scene, reverse=True)  # first what sessions need
         ends = asyncio.get_running_loop().time() + ADOPT_S
-        while names and slot not in self._tenancy.lost:
+        while names and group not in self._tenancy.lost:
             name = names[0]
             try:
                 found, content = kept[name], _content(kept, name)
@@ -297,52 +305,52 @@ class NodeAgent:
                 adopted += 1
                 log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())
             names.pop(0)
-        if slot in self._tenancy.lost:
-            self._tenancy.refused(slot)
+        if group in self._tenancy.lost:
+            self._tenancy.refused(group)
             return
-        self._replicas.drop(slot)
+        self._replicas.drop(group)
         if adopted:
-            self._tenancy.adopted(slot, order.epoch)
+            self._tenancy.adopted(group, order.epoch)
         else:
-            self._tenancy.failed(slot)
+            self._tenancy.failed(group)
 
     async def _move(self, order: NodeOrder) -> None:
-        """Give all that is in a slot to another node, or keep it all: the directory decides."""
-        tenancy, slot, node = self._tenancy, order.slot, self._tenancy.view.nodes.get(order.to)
-        own, names = tenancy.node.name, self._moves.of(slot)
+        """Give all that is in a group to another node, or keep it all: the directory decides."""
+        tenancy, group, node = self._tenancy, order.group, self._tenancy.view.nodes.get(order.to)
+        own, names = tenancy.node.name, self._moves.of(group)
         if node is None or not all(map(self._moves.is_movable, names)):
             return
         try:
             for name in filter(is_scene, names):  # which takes long, while they live on
                 await self._peers.prepare(node, own, name, await self._moves.content(name))
         except WayfarerError as error:
-            log.error("scene not moved", slot=slot, to=order.to, reason=str(error))
+            log.error("scene not moved", group=group, to=order.to, reason=str(error))
             return
         began, frozen = boot_clock(), dict[str, bytes]()
         try:
             for name in reversed(names):  # nobody enters a scene any more, first
                 frozen[name] = await self._moves.freeze(name)
-            if set(self._moves.of(slot)) != set(names) or slot in tenancy.lost:
+            if set(self._moves.of(group)) != set(names) or group in tenancy.lost:
                 raise Unavailable("somebody has come or gone meanwhile")
         except WayfarerError as error:
-            log.error("session not moved", slot=slot, to=order.to, reason=str(error))
+            log.error("session not moved", group=group, to=order.to, reason=str(error))
             await self._thaw(frozen)
             return
-        tenancy.moving(slot)
+        tenancy.moving(group)
         try:
-            await self._peers.take(node, own, slot, order.epoch, frozen)
+            await self._peers.take(node, own, group, order.epoch, frozen)
         except WayfarerError as error:  # it may have come there all the same
-            log.error("session not moved", slot=slot, to=order.to, reason=str(error))
-            epoch = await self._transfer(slot, own, order.epoch)
+            log.error("session not moved", group=group, to=order.to, reason=str(error))
+            epoch = await self._transfer(group, own, order.epoch)
             if epoch is not None:
-                tenancy.stays(slot, epoch)
+                tenancy.stays(group, epoch)
                 await self._thaw(frozen)
                 return
         for name in names:
             await self._moves.release(name, endpoint(node))
             ms = round(1e3 * (boot_clock() - began))
             log.info("session moved", session_id=name, to=node.name, ms=ms)
-        tenancy.moved(slot)
+        tenancy.moved(group)
 
     async def _thaw(self, names: Iterable[str]) -> None:
         for name in names:
@@ -363,8 +371,8 @@ async def joined(
     replicas, peers = Replicas(), Peers(plan.secret, tls)
     link = await KeeperLink.open()
 
-    async def take(owner: str, slot: int, epoch: int, live: dict[str, bytes]) -> None:
-        await agent.take(owner, slot, epoch, live)
+    async def take(owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
+        await agent.take(owner, group, epoch, live)
 
     async def ask(question: bytes) -> bytes:
         return await answer(gateway, question)

@@ -29,7 +29,7 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport import errors
 from wayfarer.transport.grpc_server import bracketed
@@ -109,13 +109,13 @@ class Replicas:
             elif replica.owner == owner or now - replica.at > KEPT_S:
                 del self._kept[name]
 
-    def of(self, slot: int) -> dict[str, KeptReplica]:
-        """Those of a slot, by name; they are kept until `drop`."""
-        return {name: kept for name, kept in self._kept.items() if slot_of(name) == slot}
+    def of(self, group: str) -> dict[str, KeptReplica]:
+        """Those of a group, by name; they are kept until `drop`."""
+        return {name: kept for name, kept in self._kept.items() if group_of(name) == group}
 
-    def drop(self, slot: int) -> None:
-        """What lived in this slot lives here, or nowhere any more."""
-        for name in self.of(slot):
+    def drop(self, group: str) -> None:
+        """What lived in this group lives here, or nowhere any more."""
+        for name in self.of(group):
             del self._kept[name]
 
     @property
@@ -127,8 +127,8 @@ class Replicas:
         return len(self._kept)
 
 
-Take = Callable[[str, int, int, dict[str, bytes]], Awaitable[None]]
-"""Let the live sessions and scenes, by id, go on here: of this owner, slot and epoch."""
+Take = Callable[[str, str, int, dict[str, bytes]], Awaitable[None]]
+"""Let the live sessions and scenes, by id, go on here: of this owner, group and epoch."""
 
 Prepare = Callable[[str, bytes], Awaitable[None]]
 """A scene of this content may come: bake it."""
@@ -209,8 +209,8 @@ class PeerServer:
             else:
                 parts = _split(data, header["sizes"])
                 live = dict(zip(header["names"], parts, strict=True))
-                slot, epoch = int(header["slot"]), int(header["epoch"])
-                await self._take(header["owner"], slot, epoch, live)
+                group, epoch = str(header["group"]), int(header["epoch"])
+                await self._take(header["owner"], group, epoch, live)
         except (KeyError, ValueError, TypeError) as error:
             raise InvalidArgument(f"not a call of a node: {error!r}") from None
         return b""
@@ -280,14 +280,14 @@ class Peers:
         await self._call(node, "Present", {"owner": owner}, json.dumps(names).encode())
 
     async def take(
-        self, node: NodeInfo, owner: str, slot: int, epoch: int, live: dict[str, bytes]
+        self, node: NodeInfo, owner: str, group: str, epoch: int, live: dict[str, bytes]
     ) -> None:
-        """Give away what lives in a slot, scenes first.
+        """Give away what lives in a group, scenes first.
 
         If it raises, the node may have taken it all the same.
         """
         names, sizes = list(live), [len(one) for one in live.values()]
-        header = {"owner": owner, "slot": slot, "epoch": epoch, "names": names, "sizes": sizes}
+        header = {"owner": owner, "group": group, "epoch": epoch, "names": names, "sizes": sizes}
         seconds = CALL_S + SESSION_S * len(live)
         await self._call(node, "Take", header, b"".join(live.values()), seconds)
 

@@ -1,25 +1,26 @@
-"""What one node may do: its lease and its slots. Implements `Ownership`; no network, no clock of
+"""What one node may do: its lease and its groups. Implements `Ownership`; no network, no clock of
 its own.
 
 The event loop tells it what the directory answered; the motion thread asks before every turn. What
 it reads there is one float, one set and one dictionary's item, each replaced or changed at once.
 """
 
-import random
+import asyncio
+import contextlib
 import time
 from collections.abc import Callable, Collection
 from typing import Final
 
 from wayfarer.cluster.directory import share_of
+from wayfarer.cluster.group_map import GroupMap, endpoint
 from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo, NodeLoad, Registration
-from wayfarer.cluster.slot_map import SlotMap, endpoint
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of, new_group
 
-FRESH_S: Final = 120.0
-"""A slot that was given out is in use for this long, until something is seen in it: a scene that
-is being baked is not there yet."""
+CLAIM_S: Final = 1.0
+"""For the directory's answer when something was made here. What comes later is no harm: it is told
+again with each renewal."""
 
 
 def boot_clock() -> float:
@@ -35,23 +36,26 @@ class Tenancy:
     ) -> None:
         """`go_on`: step without a lease, too (`LeaseRules.go_on`)."""
         self.node = node
-        self.view = SlotMap()
+        self.view = GroupMap()
         self.registered = False
+        self.unclaimed = asyncio.Event()
+        """Something was made here that the directory shall hear of now."""
+        self._answered = asyncio.Event()  # the next time
         self._go_on = go_on
         self._clock = clock
         self._until = float("-inf")  # of the lease
+        self._draining = False
         self._count = 0  # of messages
-        self._held: dict[int, int] = {}  # slots in use, and their epochs
-        self._pool: dict[int, int] = {}
-        self._lost: frozenset[int] = frozenset()  # to be released before another step
-        self._moving: set[int] = set()
+        self._held: dict[str, int] = {}  # groups in use, and their epochs
+        self._lost: frozenset[str] = frozenset()  # to be released before another step
+        self._moving: set[str] = set()
         # some of what lives there is not here yet: the epoch of an adoption; 0: not owned yet
-        self._coming: dict[int, int] = {}
+        self._coming: dict[str, int] = {}
         self._fresh: dict[int, float] = {}  # when they were given out
-        self._used: set[int] = set()  # reported as used until it is known to have arrived
-        self._freed: set[int] = set()
-        self._adopted: set[int] = set()
-        self._failed: set[int] = set()
+        self._used: set[str] = set()  # reported as used until it is known to have arrived
+        self._freed: set[str] = set()
+        self._adopted: set[str] = set()
+        self._failed: set[str] = set()
 
     # ---- Ownership
 
@@ -70,50 +74,46 @@ class Tenancy:
 
         Raises Unavailable for what is on its way here, and for what a node has that is down.
         """
-        slot = slot_of(name)
-        if slot in self._coming:
+        group = group_of(name)
+        if group in self._coming:
             raise Unavailable(f"{name!r} is on its way to this node; try again")
-        if slot in self._held or slot in self._pool or slot in self._freed:
+        if group in self._held or group in self._freed:
             return None
         found = self.view.owner(name)
         if found is not None and found.name == self.node.name:
             raise Unavailable(f"{name!r} is on its way to this node; try again")
         return None if found is None else endpoint(found)
 
-    @property
-    def has_slots(self) -> bool:
-        """For new sessions; a node that has just come has none until the directory's answer."""
-        return bool(self._pool or self._held)
+    def new_group(self) -> str:
+        """Nobody else has it: the directory hears of it once something lives in it.
 
-    def new_key(self) -> int:
-        """A slot of its own; when these are used up, one that another session shares.
-
-        Raises Unavailable without a lease.
+        Raises Unavailable without a lease, and when it is drained.
         """
         if not self.leased:
             raise Unavailable("this node has lost its cluster; it creates nothing until it is back")
-        if self._pool:
-            slot = min(self._pool)
-            self._held[slot] = self._pool.pop(slot)
-            self._used.add(slot)
-        elif settled := [s for s in self._held if s not in self._moving]:
-            slot = random.choice(settled)
-        else:
-            raise Unavailable("this node has no slot yet; it has just joined its cluster")
-        self._fresh[slot] = self._clock()
-        return slot
+        if self._draining:
+            raise Unavailable("this node is about to end; try again")
+        return new_group()
+
+    async def claimed(self, name: str) -> None:
+        """See `Ownership`; `CLAIM_S` at most."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(CLAIM_S):
+                while not self.epoch(name):
+                    self.unclaimed.set()
+                    await self._answered.wait()
 
     def may_step(self) -> bool:
         """The lease holds, and nothing is here that has another owner."""
         return not self._lost and (self._go_on or self.leased)
 
     def epoch(self, session_id: str) -> int:
-        """Of the slot; 0 for what is not here."""
-        return self._held.get(slot_of(session_id), 0)
+        """Of the group; 0 for what is not here."""
+        return self._held.get(group_of(session_id), 0)
 
-    def has(self, slot: int, epoch: int) -> bool:
+    def has(self, group: str, epoch: int) -> bool:
         """Whether it is in use here, with this epoch."""
-        return self._held.get(slot) == epoch
+        return self._held.get(group) == epoch
 
     # ---- what the directory is told
 
@@ -128,14 +128,14 @@ class Tenancy:
         return self._until
 
     @property
-    def lost(self) -> frozenset[int]:
-        """Slots whose sessions are to be released here."""
+    def lost(self) -> frozenset[str]:
+        """Groups whose sessions are to be released here."""
         return self._lost
 
-    def registration(self, load: NodeLoad, present: Collection[int]) -> Registration:
+    def registration(self, load: NodeLoad, present: Collection[str]) -> Registration:
         """To come, or to come again. `present`: as in `renewal`; a journal may have kept it."""
-        for slot in set(present) - self._held.keys() - self._lost - self._coming.keys():
-            self._held[slot] = 0
+        for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
+            self._held[group] = 0
         self._count += 1
         return Registration(
             node=self.node,
@@ -145,29 +145,24 @@ class Tenancy:
             leased=self.leased,
         )
 
-    def renewal(self, load: NodeLoad, present: Collection[int]) -> LeaseRenewal:
-        """`present`: slots of the sessions and scenes that are here."""
-        now = self._clock()
-        self._fresh = {
-            slot: at
-            for slot, at in self._fresh.items()
-            if now - at < FRESH_S and slot not in present
-        }
-        for slot in set(present) - self._held.keys() - self._lost - self._coming.keys():
-            self._held[slot] = self._pool.pop(slot, 0)  # an imported snapshot
-            self._used.add(slot)
-        gone = set(self._held) - set(present) - set(self._fresh) - self._moving
-        for slot in gone:
-            del self._held[slot]
-            self._used.discard(slot)
-            self._freed.add(slot)
+    def renewal(self, load: NodeLoad, present: Collection[str]) -> LeaseRenewal:
+        """`present`: groups of the sessions and scenes that are here."""
+        for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
+            self._held[group] = 0  # the answer tells its epoch
+            self._used.add(group)
+            self._freed.discard(group)
+        gone = set(self._held) - set(present) - self._moving
+        for group in gone:
+            del self._held[group]
+            self._used.discard(group)
+            self._freed.add(group)
         self._count += 1
         named = self._used.intersection(self._held) | share_of(self._held, self._count)
         return LeaseRenewal(
             name=self.node.name,
             count=self._count,
             load=load,
-            held={slot: self._held[slot] for slot in sorted(named - self._moving)},
+            held={group: self._held[group] for group in sorted(named - self._moving)},
             freed=tuple(sorted(self._freed)),
             adopted=tuple(sorted(self._adopted)),
             failed=tuple(sorted(self._failed)),
@@ -189,7 +184,7 @@ class Tenancy:
         if told.count != self._count:
             return False
         if answer.fenced:
-            self.registered, self._until, self._pool = False, float("-inf"), {}
+            self.registered, self._until = False, float("-inf")
             return False
         if not answer.lease_s:
             return False
@@ -200,78 +195,73 @@ class Tenancy:
         self._take(answer, told.held, sent_at)
         return True
 
-    def _take(self, answer: Answer, told: dict[int, int], sent_at: float) -> None:
+    def _take(self, answer: Answer, told: dict[str, int], sent_at: float) -> None:
         """`told`: what was said to be held. It says nothing of what has changed since."""
         owned = self._owned()
-        same = {slot for slot, epoch in told.items() if owned.get(slot) == epoch}
+        same = {group for group, epoch in told.items() if owned.get(group) == epoch}
         lost = same.intersection(answer.lost) - self._moving  # of these `transfer` tells
         self._lost |= lost
-        for slot in lost:
-            self._held.pop(slot, None)
-        for slot, epoch in answer.epochs.items():
-            if slot in same and slot in self._held:
-                self._held[slot] = epoch
-            elif slot not in owned and slot not in self._coming:
-                self._freed.add(slot)
-        self._pool = {
-            slot: epoch
-            for slot, epoch in answer.pool.items()
-            if slot not in self._held and slot not in self._freed
-        }
+        for group in lost:
+            self._held.pop(group, None)
+        for group, epoch in answer.epochs.items():
+            if group in same and group in self._held:
+                self._held[group] = epoch
+            elif group not in owned and group not in self._coming:
+                self._freed.add(group)
         self.view.take(answer.changes)
         self._until = sent_at + answer.lease_s
+        self._draining = answer.draining
+        self._answered.set()
+        self._answered = asyncio.Event()
 
-    def _owned(self) -> dict[int, int]:
-        """Slots in use, with those that are being adopted, and their epochs."""
-        return self._held | {slot: epoch for slot, epoch in self._coming.items() if epoch}
+    def _owned(self) -> dict[str, int]:
+        """Groups in use, with those that are being adopted, and their epochs."""
+        return self._held | {group: epoch for group, epoch in self._coming.items() if epoch}
 
     # ---- what has happened here
 
-    def released(self, slot: int) -> None:
-        """Nothing of this slot is here any more."""
-        self._lost -= {slot}
+    def released(self, group: str) -> None:
+        """Nothing of this group is here any more."""
+        self._lost -= {group}
 
-    def moving(self, slot: int) -> None:
+    def moving(self, group: str) -> None:
         """All of it is frozen, to be given away; end that with `moved` or `stays`."""
-        self._moving.add(slot)
+        self._moving.add(group)
 
-    def moved(self, slot: int) -> None:
+    def moved(self, group: str) -> None:
         """It has another owner."""
-        self._moving.discard(slot)
-        self._held.pop(slot, None)
-        self._fresh.pop(slot, None)
-        self._used.discard(slot)
+        self._moving.discard(group)
+        self._held.pop(group, None)
+        self._used.discard(group)
 
-    def stays(self, slot: int, epoch: int) -> None:
+    def stays(self, group: str, epoch: int) -> None:
         """It was not given away, and has this epoch now."""
-        self._moving.discard(slot)
-        self._held[slot] = epoch
+        self._moving.discard(group)
+        self._held[group] = epoch
 
-    def coming(self, slot: int, epoch: int = 0) -> None:
+    def coming(self, group: str, epoch: int = 0) -> None:
         """What lives in it is being put in here; end that with `came`, `adopted`, `failed` or
-        `refused`. `epoch`: of an adoption's order, with which this node owns it.
+        `refused`. `epoch`: once this node owns it, by a transfer or an adoption's order.
         """
-        self._coming[slot] = epoch
-        self._freed.discard(slot)  # it was another session's
+        self._coming[group] = epoch
+        self._freed.discard(group)  # it lived here once
 
-    def came(self, slot: int, epoch: int) -> None:
+    def came(self, group: str, epoch: int) -> None:
         """It was given to this node."""
-        self._coming.pop(slot, None)
-        self._held[slot] = epoch
-        self._fresh[slot] = self._clock()
-        self._pool.pop(slot, None)
-        self._freed.discard(slot)
+        self._coming.pop(group, None)
+        self._held[group] = epoch
+        self._freed.discard(group)
 
-    def adopted(self, slot: int, epoch: int) -> None:
+    def adopted(self, group: str, epoch: int) -> None:
         """Its sessions live on here, from their replicas."""
-        self.came(slot, epoch)
-        self._adopted.add(slot)
+        self.came(group, epoch)
+        self._adopted.add(group)
 
-    def refused(self, slot: int) -> None:
+    def refused(self, group: str) -> None:
         """It could not be put in, or has another owner."""
-        self._coming.pop(slot, None)
+        self._coming.pop(group, None)
 
-    def failed(self, slot: int) -> None:
+    def failed(self, group: str) -> None:
         """No replica of it was here."""
-        self._coming.pop(slot, None)
-        self._failed.add(slot)
+        self._coming.pop(group, None)
+        self._failed.add(group)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from wayfarer.errors import Unavailable, WayfarerError
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 
 WAIT_S: Final = 5.0
 """Seconds that a call waits for the end of a move."""
@@ -22,18 +22,18 @@ LOOK_S: Final = 0.005
 @dataclass(slots=True)
 class _Closed:
     opened: asyncio.Event = field(default_factory=asyncio.Event)
-    sessions: int = 0  # that are on their way; sessions may share a slot
+    sessions: int = 0  # that are on their way; a group may have several
     refusal: WayfarerError | None = None
 
 
 class SessionGates:
-    """One for each slot of ids (ids.py), which a session and its agents share. Belongs to the
+    """One for each group of ids (ids.py), which a session and its agents share. Belongs to the
     event loop.
     """
 
     def __init__(self) -> None:
-        self._inside: Counter[int] = Counter()
-        self._closed: dict[int, _Closed] = {}
+        self._inside: Counter[str] = Counter()
+        self._closed: dict[str, _Closed] = {}
 
     @asynccontextmanager
     async def through(self, name: str) -> AsyncIterator[None]:
@@ -41,8 +41,8 @@ class SessionGates:
 
         Raises Misdirected when it has moved meanwhile, Unavailable when that takes too long.
         """
-        slot = slot_of(name)
-        while (closed := self._closed.get(slot)) is not None:
+        group = group_of(name)
+        while (closed := self._closed.get(group)) is not None:
             try:
                 async with asyncio.timeout(WAIT_S):
                     await closed.opened.wait()
@@ -50,22 +50,22 @@ class SessionGates:
                 raise Unavailable("the session is being moved; try again") from None
             if closed.refusal is not None:
                 raise closed.refusal
-        self._inside[slot] += 1
+        self._inside[group] += 1
         try:
             yield
         finally:
-            self._inside -= Counter([slot])  # keeps none that are 0
+            self._inside -= Counter([group])  # keeps none that are 0
 
     async def close(self, name: str) -> None:
         """Let no call through from now on, and wait for those under way.
 
         Raises Unavailable, and is open again, when they do not end.
         """
-        slot = slot_of(name)
-        self._closed.setdefault(slot, _Closed()).sessions += 1
+        group = group_of(name)
+        self._closed.setdefault(group, _Closed()).sessions += 1
         try:
             async with asyncio.timeout(CLOSE_S):
-                while self._inside[slot]:
+                while self._inside[group]:
                     await asyncio.sleep(LOOK_S)
         except BaseException as error:
             self.open(name)
@@ -77,10 +77,10 @@ class SessionGates:
         """Let calls through again, once that is said as often as `close`; those that wait get
         `refusal`, if there is one.
         """
-        slot = slot_of(name)
-        if closed := self._closed.get(slot):
+        group = group_of(name)
+        if closed := self._closed.get(group):
             closed.sessions -= 1
             closed.refusal = refusal or closed.refusal
             if not closed.sessions:
-                del self._closed[slot]
+                del self._closed[group]
                 closed.opened.set()

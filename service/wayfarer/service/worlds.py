@@ -46,7 +46,9 @@ class Worlds:
     @cached_property
     def scenes(self) -> SceneRegistry:
         """That their sessions may be in."""
-        return SceneRegistry(self.settings.limits, self.settings.new_slot, self._bake, self.journal)
+        return SceneRegistry(
+            self.settings.limits, self.settings.new_group, self._bake, self.journal
+        )
 
     @cached_property
     def recordings(self) -> Recordings:

@@ -6,12 +6,12 @@ from typing import Final
 
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Misdirected, Unavailable
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 from wayfarer.ownership import Ownership, SingleNode
 from wayfarer.transport import schema
 
 REMEMBERED: Final = 4096
-"""Slots whose sessions have left, the latest: they are known before the ownership tells."""
+"""Groups whose sessions have left, the latest: they are known before the ownership tells."""
 
 
 class Residence:
@@ -19,7 +19,7 @@ class Residence:
 
     def __init__(self, ownership: Ownership | None = None) -> None:
         self._ownership = ownership or SingleNode()
-        self._left: OrderedDict[int, Endpoint] = OrderedDict()  # by slot
+        self._left: OrderedDict[str, Endpoint] = OrderedDict()  # by group
 
     @property
     def own(self) -> schema.Endpoint | None:
@@ -47,21 +47,25 @@ class Residence:
 
         To be asked about what is not here: what has come back is found first.
         """
-        right = self._ownership.endpoint_of(name) or self._left.get(slot_of(name))
+        right = self._ownership.endpoint_of(name) or self._left.get(group_of(name))
         if right is not None:
             raise misdirected(name, right)
 
+    async def claimed(self, name: str) -> None:
+        """See `Ownership`."""
+        await self._ownership.claimed(name)
+
     def left(self, name: str, endpoint: Endpoint) -> None:
         """A session or scene lives there now."""
-        slot = slot_of(name)
-        self._left[slot] = endpoint
-        self._left.move_to_end(slot)
+        group = group_of(name)
+        self._left[group] = endpoint
+        self._left.move_to_end(group)
         while len(self._left) > REMEMBERED:
             self._left.popitem(last=False)
 
     def came(self, name: str) -> None:
         """A session or scene lives here now."""
-        self._left.pop(slot_of(name), None)
+        self._left.pop(group_of(name), None)
 
 
 def misdirected(name: str, right: Endpoint) -> Misdirected:

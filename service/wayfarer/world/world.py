@@ -84,7 +84,7 @@ class World:
         self._observers: list[WorldObserver] = []
         self._checkpoints = 0
         self._timeline = Timeline()
-        self.registry = Registry(settings.limits, settings.new_slot)
+        self.registry = Registry(settings.limits, settings.new_group)
         table = SlotTable(settings.limits.agents)
         self.slots = table.rows
         self.faults = Faults(self.slots, self.registry, report and self._noted(report))

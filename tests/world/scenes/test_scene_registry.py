@@ -12,7 +12,7 @@ from wayfarer.errors import (
     NotFound,
     ResourceExhausted,
 )
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import SceneSpec
@@ -61,8 +61,8 @@ def test_tells_what_a_scene_is():
 
 
 def test_ids_say_in_which_slot_a_scene_lives():
-    book = SceneRegistry(new_slot=lambda: 2003)
-    assert slot_of(book.add(field()).scene_id) == 2003
+    book = SceneRegistry(new_group=lambda: "0123456789ab")
+    assert group_of(book.add(field()).scene_id) == "0123456789ab"
 
 
 def test_a_change_makes_a_version_and_readers_keep_theirs():

@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 from wayfarer.service.persistence.record import LogMark
 from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway.context import GatewayContext
@@ -48,14 +48,14 @@ class SessionMoves:
         self._context = context
 
     @property
-    def slots(self) -> set[int]:
+    def groups(self) -> set[str]:
         """In which a session or a scene is."""
-        return {slot_of(name) for name in (*self.sessions, *self.scenes)}
+        return {group_of(name) for name in (*self.sessions, *self.scenes)}
 
-    def of(self, slot: int) -> list[str]:
-        """Ids of the sessions in a slot, then of the scenes: as they can be ended."""
+    def of(self, group: str) -> list[str]:
+        """Ids of the sessions in a group, then of the scenes: as they can be ended."""
         names = (*self.sessions, *self.scenes)
-        return [name for name in names if slot_of(name) == slot]
+        return [name for name in names if group_of(name) == group]
 
     @property
     def sessions(self) -> list[str]:
@@ -68,14 +68,14 @@ class SessionMoves:
         return self._context.scenes.ids()
 
     def is_movable(self, name: str) -> bool:
-        """Whether a session or scene is here, and can live elsewhere: with its scene, in one slot.
+        """Whether a session or scene is here, and can live elsewhere: with its scene, in one group.
 
         It can, unless the session was made before they shared one.
         """
         if is_scene(name):
             return name in self.scenes
         scene = self._context.book.scene_of(name)
-        return scene is not None and (not scene or slot_of(scene) == slot_of(name))
+        return scene is not None and (not scene or group_of(scene) == group_of(name))
 
     # The content of a scene, which is large, goes ahead of it
 
@@ -117,7 +117,7 @@ class SessionMoves:
         Raises NotFound, FailedPrecondition, Unavailable.
         """
         if not self.is_movable(name):
-            raise FailedPrecondition("its scene is in another slot, and may live on another node")
+            raise FailedPrecondition("its scene is in another group, and may live on another node")
         if is_scene(name):
             await self._context.service.scenes.freeze(name)
             return self._context.service.scenes.obstacles(name)

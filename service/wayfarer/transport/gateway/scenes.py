@@ -112,10 +112,12 @@ class SceneApi:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
         with self._context.scenes.room(caller):
             attributes = scene_attributes(caller.name, request.basis, lease_s)
-            made = SceneSource(await asyncio.to_thread(spec), name, attributes)
+            source = SceneSource(await asyncio.to_thread(spec), name, attributes)
             with convert.in_basis(request.basis.axes):
-                info = await service.scenes.create_scene(made)
-            return self._context.scenes.open(info).describe(info)
+                info = await service.scenes.create_scene(source)
+            made = self._context.scenes.open(info).describe(info)
+        await self._context.residence.claimed(made.scene_id)
+        return made
 
     @implements("GetScene")
     async def get(self, scene_id: str) -> schema.Scene:

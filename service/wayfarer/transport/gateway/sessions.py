@@ -46,7 +46,9 @@ class SessionApi:
         )
         with self._context.book.session_room(caller):
             info = await self._context.service.create_session(spec)
-            return self._context.book.open(info).describe(info)
+            made = self._context.book.open(info).describe(info)
+        await self._context.residence.claimed(made.session_id)
+        return made
 
     @implements("GetSession")
     async def get(self, session_id: str) -> schema.Session:

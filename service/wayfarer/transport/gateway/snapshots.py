@@ -49,11 +49,13 @@ class SnapshotApi:
                     self._context.scenes.scene(info.spec.scene)
                 with self._context.book.agent_room(caller, len(info.agent_ids)):
                     agents = await service.list_agents(info.session_id)
-                    return self._context.book.open(info, agents).describe(info)
+                    made = self._context.book.open(info, agents).describe(info)
             except BaseException:
                 with contextlib.suppress(NotFound):
                     await service.delete_session(info.session_id)
                 raise
+        await self._context.residence.claimed(made.session_id)
+        return made
 
     @implements("ExportLog")
     async def export_log(self, session_id: str) -> bytes:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
-from wayfarer.ids import agent_id, slot_of
+from wayfarer.ids import agent_id, group_of
 from wayfarer.ids import session_id as new_session_id
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentSpec, SessionInfo, SessionSpec
@@ -54,10 +54,10 @@ class Session:
 class Registry:
     """The sessions and agents of a world."""
 
-    def __init__(self, limits: Limits, new_slot: Callable[[], int]) -> None:
-        """`new_slot()` gives the slot of a new session's id."""
+    def __init__(self, limits: Limits, new_group: Callable[[], str]) -> None:
+        """`new_group()` gives the group of a new session's id."""
         self._limits = limits
-        self._new_slot = new_slot
+        self._new_group = new_group
         self.sessions: dict[str, Session] = {}
         self._last_number = 0
         self.agents: dict[str, Agent] = {}
@@ -79,9 +79,9 @@ class Registry:
 
     def add_session(self, spec: SessionSpec, now: float) -> Session:
         """Raises AlreadyExists, ResourceExhausted."""
-        # in the scene's slot, since a scene and all of its sessions live on one node
+        # in the scene's group, since a scene and all of its sessions live on one node
         session_id = spec.session_id or new_session_id(
-            slot_of(spec.scene) if spec.scene else self._new_slot()
+            group_of(spec.scene) if spec.scene else self._new_group()
         )
         if session_id in self.sessions:
             raise AlreadyExists(f"session {session_id!r} exists already")

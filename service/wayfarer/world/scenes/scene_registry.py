@@ -20,7 +20,7 @@ from wayfarer.errors import (
     NotFound,
     ResourceExhausted,
 )
-from wayfarer.ids import any_slot
+from wayfarer.ids import new_group
 from wayfarer.ids import scene_id as new_scene_id
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene, bake
@@ -94,12 +94,12 @@ class SceneRegistry:
     def __init__(
         self,
         limits: Limits = Limits(),
-        new_slot: Callable[[], int] = any_slot,
+        new_group: Callable[[], str] = new_group,
         bake: Callable[[SceneSpec], Scene] = bake,
         diary: SceneListener | None = None,
     ) -> None:
         self._limits = limits
-        self._new_slot = new_slot
+        self._new_group = new_group
         self._bake = bake
         self._diary = diary
         self._kept: dict[str, SceneEntry] = {}
@@ -267,7 +267,7 @@ class SceneRegistry:
             self._queue.release()
 
     def _add(self, source: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
-        kept = SceneEntry(new_scene_id(self._new_slot()), source, scene, scene, now, bake_s)
+        kept = SceneEntry(new_scene_id(self._new_group()), source, scene, scene, now, bake_s)
         with self._lock:
             self._enter(kept)
             if self._diary is not None:

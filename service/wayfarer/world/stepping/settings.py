@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.ids import any_slot
+from wayfarer.ids import new_group
 from wayfarer.limits import Limits
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.goals.steering import Steering
@@ -52,7 +52,7 @@ class WorldSettings:
     rules: ActingRules = field(
         default_factory=ActingRules
     )  # after the model; the laboratory takes them away
-    new_slot: Callable[[], int] = any_slot  # of the ids of new sessions and scenes; see ids.py
+    new_group: Callable[[], str] = new_group  # of the ids of new sessions and scenes; see ids.py
 
     def __post_init__(self) -> None:
         if self.lead < 1:

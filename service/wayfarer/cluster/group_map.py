@@ -6,19 +6,19 @@ from wayfarer.cluster.directory import rendezvous
 from wayfarer.cluster.messages import Changes, NodeInfo
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
-from wayfarer.ids import slot_of
+from wayfarer.ids import group_of
 
 MOST_PLACES: Final = 64
 
 
-class SlotMap:
+class GroupMap:
     """Kept up by `take`; still right in most things while the directory is away."""
 
     def __init__(self) -> None:
         self.seen = (0, 0)  # generation and version
         self.nodes: dict[str, NodeInfo] = {}
         self._places: dict[tuple[str, int], Endpoint] = {}  # by host and port, the latest last
-        self._owners: dict[int, str] = {}
+        self._owners: dict[str, str] = {}
 
     def take(self, changes: Changes | None) -> None:
         """Enter changes since `seen`."""
@@ -26,11 +26,11 @@ class SlotMap:
             return
         if changes.whole:
             self._owners = {}
-        for slot, owner in changes.slots.items():
+        for group, owner in changes.groups.items():
             if owner:
-                self._owners[slot] = owner
+                self._owners[group] = owner
             else:
-                self._owners.pop(slot, None)
+                self._owners.pop(group, None)
         if changes.nodes is not None:
             self.nodes = {node.name: node for node in changes.nodes}
             for node in changes.nodes:
@@ -50,7 +50,7 @@ class SlotMap:
 
         Raises Unavailable while that node is being started again.
         """
-        owner = self._owners.get(slot_of(name))
+        owner = self._owners.get(group_of(name))
         if owner is not None and owner not in self.nodes:
             raise Unavailable(f"the node that has {name!r} is being started again; try again")
         return None if owner is None else self.nodes[owner]
@@ -60,7 +60,7 @@ class SlotMap:
 
         Raises as `owner`.
         """
-        return self.owner(name) or self.nodes.get(rendezvous(slot_of(name), self.nodes))
+        return self.owner(name) or self.nodes.get(rendezvous(group_of(name), self.nodes))
 
 
 def endpoint(node: NodeInfo) -> Endpoint:
