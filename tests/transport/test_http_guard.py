@@ -239,7 +239,7 @@ def test_answers_say_what_a_page_may_load_and_who_may_frame_it(http, path):
         policy = answer.headers["content-security-policy"]
         assert "default-src 'none'" in policy and "script-src 'self' 'wasm-unsafe-eval';" in policy
         assert answer.headers["x-frame-options"] == "SAMEORIGIN"
-    assert policy.endswith("frame-ancestors 'self'")
+    assert policy.endswith("frame-ancestors 'self' http://localhost:* http://127.0.0.1:*")
     listed = http.get(path).headers["content-security-policy"]
     assert listed.endswith("frame-ancestors 'self' https://app.example")
 

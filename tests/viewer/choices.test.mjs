@@ -97,7 +97,7 @@ test("events are told in a sentence, or not where the picture tells", () => {
   assert.equal(eventText(reached, "Ada", 3), "Ada has reached goal 2");
   assert.equal(eventText({ ...reached, waypoint: 0 }, "Ada", 1), "Ada has reached the goal");
   assert.equal(eventText({ kind: "path_done", detail: "x" }, "Ada", 3), "");
-  assert.match(eventText({ kind: "gap", detail: "3 s" }, "", 0), /lost: 3 s/);
+  assert.match(eventText({ kind: "gap", detail: "3 publications" }, "", 0), /^some motion was skipped: the connection is slow$/);
   assert.match(eventText({ kind: "draining", detail: "" }, "", 0), /about to stop/);
   assert.equal(eventText({ kind: "unknown", detail: "of a later version" }, "", 0), "of a later version");
 });
@@ -149,6 +149,6 @@ test("a crowd says who is here, and why the rest waits", () => {
   assert.equal(crowdText({ came: 3, waiting: 2, reason: "" }), "3 of 5 people are here; the rest are on their way");
   assert.equal(
     crowdText({ came: 32, waiting: 18, reason: "cannot add 1 agent" }),
-    "32 of 50 people are here; the rest come when there is room: cannot add 1 agent",
+    "32 of 50 people came; this computer is busy",
   );
 });

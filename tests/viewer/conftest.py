@@ -42,7 +42,7 @@ class HostPage(SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="package")
 def host_url() -> Iterator[str]:
-    """Of a page of another origin, which the server lets embed the viewer."""
+    """Of a page of another origin on this machine, which may embed the viewer."""
     handler = functools.partial(HostPage, directory=str(ROOT))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = Thread(target=server.serve_forever, daemon=True)
@@ -52,13 +52,12 @@ def host_url() -> Iterator[str]:
 
 
 @pytest.fixture(scope="package")
-def viewer_url(host_url: str) -> Iterator[str]:
+def viewer_url() -> Iterator[str]:
     """Of the server named by VIEWER_URL, or of one that is started here."""
     if "VIEWER_URL" in os.environ:
         yield os.environ["VIEWER_URL"]
         return
-    environment = {**os.environ, "WAYFARER_CORS_ORIGINS": host_url}
-    with Service(environment=environment) as service:
+    with Service() as service:
         yield service.url
 
 

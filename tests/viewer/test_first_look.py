@@ -25,7 +25,7 @@ TROUBLE = "document.querySelector('#trouble')"
 CONTROLS = "button, select, input, a, summary, label.button"
 HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) => {{
   const box = one.getBoundingClientRect();
-  if (!box.width || one.closest("[hidden]") || one.closest("dialog:not([open])")) return false;
+  if (!box.width || !one.checkVisibility() || one.closest("dialog:not([open])")) return false;
   one.scrollIntoView({{ block: "nearest" }});
   const {{ left, right, top, bottom }} = one.getBoundingClientRect();
   const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
@@ -41,7 +41,7 @@ UNDER_NEWS = f"""(() => {{
   const news = line.getBoundingClientRect();
   const under = [...document.querySelectorAll("{CONTROLS}")].filter((one) => {{
     const {{ left, right, top, bottom, width }} = one.getBoundingClientRect();
-    if (!width || one.closest("dialog:not([open])")) return false;
+    if (!width || !one.checkVisibility()) return false;
     return left < news.right && right > news.left && top < news.bottom && bottom > news.top;
   }});
   line.remove();
@@ -92,7 +92,7 @@ def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):
     assert page.problems == []
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [*SIZES, (320, 640), (701, 640), (1050, 700), (1920, 1080)])
 def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
     page.resize(*size)
     for timeline in (False, True):  # at first, and with all of them

@@ -17,6 +17,7 @@ SHARED_SERVER = False  # it starts its own
 PEOPLE = "globalThis.wayfarer.crowd.people"
 NAMES = f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()"
 SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
+EYE = "wayfarer.stage.camera.position.toArray()"
 CRATES = "[...wayfarer.level.obstacles.keys()]"
 TOLD = "['messages', 'news'].map((id) => document.getElementById(id).textContent).join()"
 
@@ -63,7 +64,7 @@ def test_after_a_restart_everybody_is_there_again(page: Page, keys, tmp_path: Pa
         names, crates = page.evaluate(NAMES), page.evaluate(CRATES)
         session = page.evaluate("wayfarer.session")
         assert key not in "".join(first.said)
-    page.wait_for("document.querySelector('#connection').textContent.includes('lost')", 20)
+    page.wait_for("document.querySelector('#connection').textContent === 'reconnecting'", 20)
     page.wait_for(f"({TOLD}).includes('when the server is back')", 5)
     with Service(*options, "--state-dir", str(tmp_path)):
         page.wait_for(f"{CONNECTION} === 'open'", 60)
@@ -71,6 +72,9 @@ def test_after_a_restart_everybody_is_there_again(page: Page, keys, tmp_path: Pa
         page.wait_for(f"globalThis.wayfarer.player.stats.chunks > {shown} + 4", 30)
         assert page.evaluate("wayfarer.session") == session
         assert page.evaluate(NAMES) == names and page.evaluate(CRATES) == crates
+        page.evaluate(f"wayfarer.selection.choose([{PEOPLE}[0]])")
+        chosen = page.evaluate(f"{PEOPLE}[0].agent.name")
+        eye = page.evaluate(EYE)
         # and now the server forgets all of it, as one without a journal does
         for what in (f"sessions/{session}", f"scenes/{page.evaluate('wayfarer.book.id')}"):
             gone = Request(f"{first.url}/v1/{what}", method="DELETE", headers={"x-api-key": key})
@@ -78,6 +82,8 @@ def test_after_a_restart_everybody_is_there_again(page: Page, keys, tmp_path: Pa
         page.wait_for(f"({TOLD}).includes('2 people and 1 crate come back')", 60)
         page.wait_for(f"wayfarer.session && wayfarer.session !== '{session}'", 60)
         page.wait_for(f"{SHOWN} === 2 && {CRATES}.length === 1", 60)
+        page.wait_for(f"wayfarer.selection.person?.agent.name === '{chosen}'", 20)
+        assert page.evaluate(EYE) == pytest.approx(eye, abs=0.01)
         assert page.evaluate(NAMES) == names and page.evaluate(CRATES) == crates
         page.call("Page.reload")
         page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)

@@ -211,7 +211,7 @@ def test_events_are_mentioned(page: Page):
     page.wait_for("document.querySelector('#news').textContent.includes('has reached')", 60)
     assert page.evaluate("document.querySelector('#news').children.length") <= 4
     page.wait_for(
-        "/full|reduced|held/.test(document.querySelector('#figure-quality').textContent)", 10
+        "/^(connected|busy)$/.test(document.querySelector('#connection').textContent)", 10
     )
 
 

@@ -85,10 +85,13 @@ export class Api {
     return this.#call("POST", "/v1/bodies:fit", { joints, ...(floor !== undefined && { floor }) });
   }
 
-  /** @param {string} sessionId @param {object[]} agents @returns {Promise<any[]>} */
-  async createAgents(sessionId, agents) {
+  /**
+   * Create agents, all or none. `patience`: seconds that they are asked for again while there is no room.
+   * @param {string} sessionId @param {object[]} agents @param {number} [patience] @returns {Promise<any[]>}
+   */
+  async createAgents(sessionId, agents, patience) {
     const path = `/v1/sessions/${encodeURIComponent(sessionId)}/agents`;
-    return (await this.#call("POST", path, { agents })).agents;
+    return (await this.#call("POST", path, { agents }, ANSWER_SECONDS, patience)).agents;
   }
 
   /** @param {string} sessionId @returns {Promise<any[]>} */
@@ -234,9 +237,8 @@ export class Api {
     return this.#call(method, path, body, seconds);
   }
 
-  /** @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>} */
-  async #call(method, path, body, seconds = ANSWER_SECONDS) {
-    let patience = PATIENCE_SECONDS;
+  /** @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @param {number} [patience] @returns {Promise<any>} */
+  async #call(method, path, body, seconds = ANSWER_SECONDS, patience = PATIENCE_SECONDS) {
     const route = this.homes.route(path);
     for (;;) {
       const { token } = this.access;

@@ -43,6 +43,9 @@ PAGE_POLICY: Final = (
 Nodes = Callable[[], Iterable[Endpoint]]
 """The nodes of the cluster, as they are now."""
 
+THIS_MACHINE: Final = ("http://localhost:*", "http://127.0.0.1:*")
+"""Pages of the visitor's machine, as a policy names them."""
+
 HOST_SHOWN: Final = 64
 """Characters of a Host header that an error repeats."""
 
@@ -143,11 +146,13 @@ def check_page(
 
 
 def page_policy(origins: Origins, places: Iterable[str] = (), machines: Iterable[str] = ()) -> str:
-    """Content-Security-Policy. Pages of this server may be framed by those that may call, and may
-    call the other nodes of its cluster: those at these `places`, by which a page knows them, and
-    those that come later on these `machines`. What a page may call is settled when it is opened.
+    """Content-Security-Policy. Pages of this server may be framed by those that may call, of the
+    visitor's own machine only where no credentials are asked for. They may call the other nodes of
+    its cluster: those at these `places`, by which a page knows them, and those that come later on
+    these `machines`. What a page may call is settled when it is opened.
     """
-    framing = " ".join(("'self'", *sorted(origins.listed)))
+    local = () if origins.names is None else THIS_MACHINE
+    framing = " ".join(("'self'", *local, *sorted(origins.listed)))
     anywhere = (f"{machine}:*" for machine in machines)
     called = " ".join(("connect-src 'self'", *places, *anywhere))
     policy = PAGE_POLICY.replace("connect-src 'self'", called)

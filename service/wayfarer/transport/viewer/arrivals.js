@@ -1,14 +1,18 @@
 // People who come: whom to create, where, and what they do first.
 
-import { randomAgents } from "./choices.js";
+import { comeText, randomAgents } from "./choices.js";
+import { mention } from "./hud.js";
 
 const SOON = 50; // ms between two looks whether somebody has come
+const AGAIN = 4000; // ms until those for whom there was no room are asked for again
+const AGAINS = 30; // times
 
 export class Arrivals {
   /** `place`: the scene panel; `met(person)`: somebody who was waited for is there; `detail`: of all bodies, if it is given. */
   constructor({ api, stage, place, crowd, session, errands, met, detail }) {
     Object.assign(this, { api, stage, place, crowd, session, errands, met, detail });
     this.bodies = new Map(); // gender → body
+    this.coming = false; // whether people have been asked for, and none is there yet
   }
 
   /** Where somebody's body is, and what it is asked for with: [URL, headers]. `detail`: "low" or "high". */
@@ -27,8 +31,16 @@ export class Arrivals {
     fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // who is seen asks again, and tells
   }
 
-  /** Create people on free places near what is looked at, or `near` a place; `how`: what all of them have. As the API describes them. */
-  async create(count, how = {}, near = null) {
+  /** Why nobody can be sent. */
+  get nobody() {
+    return this.coming ? "People are coming" : "Add people first";
+  }
+
+  /**
+   * Create people on free places near what is looked at, or `near` a place; `how`: what all of them have; `patience`: seconds to wait for room. As
+   * the API describes them.
+   */
+  async create(count, how = {}, near = null, patience = undefined) {
     const { place, session, stage, crowd } = this;
     await place.settled;
     if (!session.id) throw new Error("not connected yet");
@@ -42,15 +54,47 @@ export class Arrivals {
       : {};
     const people = randomAgents(count, heights, crowd.people, where).map((person) => ({ ...person, ...how }));
     if ("betas" in how) for (const person of people) delete person.phenotype;
-    return this.api.createAgents(session.id, people);
+    return this.api.createAgents(session.id, people, patience);
   }
 
-  /** People who come and walk about: all over the scene, or `near` a place. */
+  /** People who come and walk about, all over the scene or `near` a place: those for whom there is room now, and the rest later. */
   async roamers(count, near) {
-    const made = await this.create(count, {}, near);
-    const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
-    for (const agent of made) this.#fetchBody(agent); // after what they are told: a browser asks for six things at a time
-    await Promise.all(told);
+    this.coming = true;
+    try {
+      const came = await this.#roam(count, near);
+      if (came === count) return;
+      mention(comeText(came, count));
+      this.#roamLater(count - came, near).catch(() => {}); // in silence
+    } finally {
+      this.coming = false;
+    }
+  }
+
+  /** As many of them as there is room for; their number. */
+  async #roam(count, near) {
+    let came = 0;
+    for (let some = count; some > 0; some = Math.min(some, count - came)) {
+      try {
+        const made = await this.create(some, {}, near, 0);
+        came += some;
+        const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
+        for (const agent of made) this.#fetchBody(agent); // after what they are told: a browser asks for six things at a time
+        await Promise.all(told);
+      } catch (error) {
+        if (error.status !== 429) throw error;
+        some = Math.floor(some / 2);
+      }
+    }
+    return came;
+  }
+
+  async #roamLater(count, near) {
+    const { id } = this.session;
+    for (let left = count, k = 0; left > 0 && k < AGAINS; k += 1) {
+      await new Promise((go) => setTimeout(go, AGAIN));
+      if (this.session.id !== id) return;
+      left -= await this.#roam(left, near);
+    }
   }
 
   /** People who walk about in a scene that opens, before the camera. */

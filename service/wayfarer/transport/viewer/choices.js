@@ -130,7 +130,7 @@ export function eventText({ kind, waypoint, detail }, name, goals) {
   return {
     goal_reached: `${name} has reached ${place}`,
     path_done: "",
-    gap: detail ? `motion was lost: ${detail}` : "motion was lost on the way",
+    gap: "some motion was skipped: the connection is slow",
     draining: "the server is about to stop",
     unreachable: `${name} waits: no way leads to ${place}`,
     blocked: `${name} waits: the way to ${place} is closed`,
@@ -165,10 +165,15 @@ function normal(random) {
   return Math.sqrt(-2 * Math.log(1 - random())) * Math.cos(2 * Math.PI * random());
 }
 
+/** What to tell when fewer people have come than were asked for. */
+export function comeText(came, count) {
+  const local = /^(localhost|127\.|\[::1\])/.test(globalThis.location?.hostname ?? "localhost");
+  return `${came} of ${count} people came; ${local ? "this computer" : "the server"} is busy`;
+}
+
 /** A sentence about the people who come, as `Api.populate` tells of them. */
 export function crowdText({ came, waiting, reason }) {
   if (!came && !waiting) return "they leave";
   if (!waiting) return came === 1 ? "1 person is here" : `${came} people are here`;
-  const rest = reason ? `the rest come when there is room: ${reason}` : "the rest are on their way";
-  return `${came} of ${came + waiting} people are here; ${rest}`;
+  return reason ? comeText(came, came + waiting) : `${came} of ${came + waiting} people are here; the rest are on their way`;
 }

@@ -12,10 +12,11 @@ const NEAR = 0.05; // metres that a goal may be moved without a word
 export class Errands {
   /**
    * `ask()` gives { mode, selected, speed, formation }: who is meant by a click, how fast they go, and how several stand (`arranged`);
-   * `heightAt(x, z, y)` is the ground's height; `scene()` the scene's id, or "".
+   * `heightAt(x, z, y)` is the ground's height; `scene()` the scene's id, or ""; `nobody()` says why
+   * there is nobody to send.
    */
-  constructor(api, crowd, { ask, heightAt, scene }) {
-    Object.assign(this, { api, crowd, ask, heightAt, scene });
+  constructor(api, crowd, { ask, heightAt, scene, nobody }) {
+    Object.assign(this, { api, crowd, ask, heightAt, scene, nobody });
     this.wandering = false;
     this.roaming = new Set(); // who walks about because of it
     this.abroad = new Set(); // ids of agents that walk about and have not been seen yet
@@ -219,7 +220,7 @@ export class Errands {
   }
 
   #some(people, hint) {
-    if (!people.length) tell(this.crowd.people.length ? hint : "Add people first", true);
+    if (!people.length) tell(this.crowd.people.length ? hint : this.nobody(), true);
     return people;
   }
 }

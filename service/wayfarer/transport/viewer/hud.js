@@ -5,6 +5,9 @@ const NEWS_SECONDS = 5;
 const NEWS_LINES = 4;
 const FIGURE_SECONDS = 0.5;
 
+/** A connection that is being made again. */
+export const LOST = "The connection is lost. People go on when the server is back.";
+
 export const byId = (id) => document.getElementById(id);
 
 /** Tell the user; an error unless `note`. The same text is not shown twice at once. */
@@ -18,11 +21,13 @@ export function tell(text, note = false) {
   setTimeout(() => line.remove(), MESSAGE_SECONDS * 1000);
 }
 
-/** Something that happened: a quiet line that goes by itself. */
-export function mention(text) {
+/** Something that happened: a quiet line that goes by itself; of a kind only the latest is shown. */
+export function mention(text, kind = text) {
   const box = byId("news");
+  for (const shown of [...box.children]) if (shown.dataset.kind === kind) shown.remove();
   const line = document.createElement("p");
   line.textContent = text;
+  line.dataset.kind = kind;
   box.append(line);
   while (box.children.length > NEWS_LINES) box.firstChild.remove();
   setTimeout(() => line.remove(), NEWS_SECONDS * 1000);
@@ -47,6 +52,25 @@ export function showConnection(state, text) {
   const line = byId("connection");
   line.dataset.state = state;
   line.textContent = text;
+}
+
+/** Whether the server is short of time: then motion is simpler, or people who stand are not moved. */
+export function showBusy(busy) {
+  const line = byId("connection");
+  if (/^(connected|busy)$/.test(line.textContent)) line.textContent = busy ? "busy" : "connected";
+}
+
+/** All keys, and how the stage is used: as the controls themselves say. */
+export function showHelp(stage) {
+  byId("keys").replaceChildren(...[...document.querySelectorAll("[title^='Key: ']")].flatMap((control) => {
+    const [, key] = /^Key: (.+?)(\.|,|$)/.exec(`${control.title} `.replace("Key: ,", "Key: comma").replace("Key: .", "Key: full stop"));
+    const [name, what] = [document.createElement("dt"), document.createElement("dd")];
+    name.textContent = key.trim();
+    what.textContent = control.ariaLabel || control.innerText.trim() || control.textContent.trim();
+    return [name, what];
+  }));
+  byId("help-stage").textContent = stage;
+  byId("help-dialog").showModal();
 }
 
 /** Who is who, where people are shown over themselves: what is said of them, and of those in blue; null: they are not. */
@@ -102,15 +126,12 @@ export class Readout {
     const fps = this.#frames / (now - this.#since);
     this.#frames = 0;
     this.#since = now;
-    const { people, delay, buffered, holds, pressure } = figures();
+    const { people, delay, buffered, pressure } = figures();
     byId("figure-people").textContent = people;
     byId("figure-fps").textContent = fps.toFixed(0);
     byId("figure-delay").textContent = delay === null ? "–" : milliseconds(delay);
     byId("figure-buffer").textContent = Number.isFinite(buffered) ? milliseconds(Math.max(0, buffered)) : "–";
-    byId("figure-holds").textContent = holds;
-    const quality = byId("figure-quality");
-    quality.textContent = pressure;
-    quality.dataset.state = pressure;
+    showBusy(pressure === "reduced" || pressure === "held");
     return fps;
   }
 

@@ -9,7 +9,7 @@ import { Drive } from "./drive.js";
 import { Errands } from "./errands.js";
 import { kindOf, watchFiles } from "./files.js";
 import { History } from "./history.js";
-import { askToken, byId, disclose, listPeople, mention, Readout, showConnection, showTrouble, tell } from "./hud.js";
+import { askToken, byId, disclose, listPeople, LOST, mention, Readout, showConnection, showHelp, showTrouble, tell } from "./hud.js";
 import { watchKeys } from "./keyboard.js";
 import { watchNodes, watchPolicy } from "./nodes.js";
 import { Overlays } from "./overlays.js";
@@ -39,7 +39,7 @@ const WANDER_SECONDS = 1;
 const TOKEN = "wayfarer.token";
 
 const attempt = (action) => (...given) => (
-  Promise.resolve().then(() => action(...given)).catch((error) => tell(error.message))
+  Promise.resolve().then(() => action(...given)).catch((error) => (error.status === 0 ? mention(LOST) : tell(error.message)))
 );
 const page = new URLSearchParams(location.search);
 const query = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
@@ -52,8 +52,8 @@ const access = new Access(sessionStorage.getItem(TOKEN) ?? "", async (reason) =>
 });
 const api = new Api(new URL(".", location.href).href.replace(/\/$/, ""), { // a proxy may have put it below a path
   access,
-  pause: (seconds, { message }) => {
-    mention(`${message}; trying again in ${Math.ceil(seconds)} s`);
+  pause: (seconds) => {
+    mention("The server is busy; the page tries again by itself.");
     return new Promise((done) => setTimeout(done, 1000 * seconds));
   },
 });
@@ -72,6 +72,7 @@ const errands = new Errands(api, crowd, {
   },
   heightAt: (x, z, y) => level.heightAt(x, z, y),
   scene: () => session.scene,
+  nobody: () => arrivals.nobody,
 });
 const selection = new Selection(() => showSelection());
 const tools = new Tools({ stage, level, book, crowd, errands, selection, attempt });
@@ -91,6 +92,7 @@ const overlays = new Overlays(stage);
 const drive = new Drive({ stage, errands, attempt, person: () => selection.person });
 
 let lost = null; // what was in a session that the server has forgotten
+let chosen = []; // ids of people who were selected in it, until they are back
 let joining = page.get("session"); // somebody's session to show; one of this page's own after that
 const shared = new URLSearchParams(location.hash.slice(1)); // share.js
 let replaying = shared.get("replay"); // a script to show; as `joining`
@@ -119,7 +121,8 @@ async function start() {
     if (lost && !watched) {
       const kept = lost;
       lost = null;
-      await bringBack(kept, { api, session, book, crowd, errands });
+      stage.lookFrom(kept.view);
+      chosen = await bringBack(kept, { api, session, book, crowd, errands });
     }
   } catch (error) {
     if (error instanceof NoPicture) {
@@ -205,18 +208,23 @@ function onEvent(event) {
   const goals = person ? person.passed + person.ahead.length : 0;
   if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // on and on
   const text = eventText(event, person?.agent.name || "somebody", goals);
-  if (text) mention(text);
+  if (text) mention(text, event.kind);
 }
 
 /** The server no longer knows the session: another begins, with what was in this one if it was the page's own. */
 function onEnded(reason) {
-  lost = session.current.own ? remember(crowd, book) : null;
+  lost = session.current.own ? remember(crowd, book, stage, selection.people) : null;
   tell((lost && restoreText(lost)) || `The session has ended (${reason}). A new one begins.`, true);
   setTimeout(start, RESTART_SECONDS * 1000);
 }
 
 function refresh() {
   errands.notice();
+  const back = crowd.people.filter(({ agent }) => chosen.includes(agent.id));
+  if (back.length && back.length === chosen.length) {
+    chosen = [];
+    selection.choose(back);
+  }
   if (selection.prune(new Set(crowd.people))) showSelection();
   else listPeople(crowd.people, selection);
 }
@@ -271,7 +279,7 @@ const endWandering = attempt(() => errands.endWandering());
 function toggleDrive() {
   if (!drive.on) {
     const person = selection.person ?? crowd.nearestTo(stage.controls.target);
-    if (!person) return tell("Add people first", true);
+    if (!person) return tell(arrivals.nobody, true);
     selection.choose([person]); // one is driven
   }
   drive.turn(!drive.on);
@@ -296,6 +304,7 @@ byId("more").onclick = () => {
   disclose(byId("rest").hidden);
   tools.hint();
 };
+byId("help").onclick = () => showHelp(tools.help);
 byId("add-one").onclick = () => add(1);
 byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
@@ -350,7 +359,7 @@ watchKeys(view, {
   held: (key) => drive.press(key),
   keys: {
     a: press("add-one"), s: press("add-many"), delete: remove, w: press("wander"), x: press("stop"),
-    d: press("drive"), k: press("skeletons"), o: press("footprints"),
+    "?": press("help"), d: press("drive"), k: press("skeletons"), o: press("footprints"),
     " ": () => bar.toggle(), ",": () => timeline.step(-1), ".": () => timeline.step(1),
     f: press("follow"), t: press("trails"), l: press("labels"), p: press("populate"), escape,
     g: () => tools.use("send"), c: () => tools.use("crate"), b: () => tools.use("box"),
@@ -400,7 +409,6 @@ function show() {
     delay: crowd.members.size ? player.clock.delay(now) : null,
     pressure: crowd.members.size ? crowd.pressure(now) : "–",
     buffered: player?.buffered ?? Infinity,
-    holds: player?.underruns ?? 0,
   }));
   if (fps !== null) stage.keepUp(fps);
   if (fps !== null && stage.look === 0 && !page.has("detail")) crowd.refine(stage.camera, DETAILED, now).catch(() => {}); // it stays light

@@ -2,9 +2,10 @@
 
 const TOGETHER = 64; // people asked for in one call
 
-/** People, their goals and the crates, as they are shown. */
-export function remember(crowd, book) {
+/** People, their goals, the crates and the camera, as they are shown; who is selected. */
+export function remember(crowd, book, { camera, controls }, chosen) {
   return {
+    view: { eye: camera.position.toArray(), target: controls.target.toArray() },
     crates: new Map(book.obstacles),
     people: crowd.people.filter(({ shown }) => shown).map((person) => ({
       spec: {
@@ -15,6 +16,7 @@ export function remember(crowd, book) {
         heading: person.heading,
       },
       look: crowd.looks.get(person.agent.id),
+      chosen: chosen.includes(person),
       wanders: person.wanders,
       ahead: person.ahead,
     })),
@@ -28,16 +30,19 @@ export function restoreText({ people, crates }) {
   return what.length ? `The server no longer knows this session. ${what.join(" and ")} come back.` : "";
 }
 
-/** Let them be there again, in a session and scene that have just been opened. Throws what the server refuses. */
+/** Let them be there again, in a session and scene that have just been opened. Returns the ids of those who were selected. Throws what the server refuses. */
 export async function bringBack({ people, crates }, { api, session, book, crowd, errands }) {
   await Promise.all([...crates].filter(([name]) => !book.obstacles.has(name)).map(([name, block]) => book.move(name, block)));
+  const chosen = [];
   for (let first = 0; first < people.length; first += TOGETHER) {
     const some = people.slice(first, first + TOGETHER);
     const agents = await api.createAgents(session.id, some.map(({ spec }) => spec));
+    chosen.push(...agents.filter((_, k) => some[k].chosen).map(({ agent_id: id }) => id));
     await Promise.all(agents.map(({ agent_id: id }, k) => {
       const { look, wanders, ahead } = some[k];
       if (look) crowd.dress(id, look);
       return wanders ? errands.roamAgent(id) : ahead.length > 0 && errands.sendAgent(id, ahead);
     }));
   }
+  return chosen;
 }

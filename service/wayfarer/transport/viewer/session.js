@@ -1,11 +1,11 @@
 // This page's session: opened, joined, left; and what is shown of its connection.
 
 import { Session } from "./client/index.js";
-import { mention, showConnection, showLegend, tell } from "./hud.js";
+import { LOST, mention, showConnection, showLegend, tell } from "./hud.js";
 import { Replay } from "./replay.js";
 import { RINGS } from "./sight.js";
 
-const STATES = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
+const STATES = { connecting: "connecting", open: "connected", lost: "reconnecting" };
 
 export class PageSession {
   /**
@@ -109,9 +109,9 @@ export class PageSession {
           if (again && !header.resumed) this.#align();
         },
         event: this.on.event,
-        status: (state, detail) => {
-          showConnection(state, detail ? `${STATES[state]} (${detail})` : STATES[state]);
-          if (state === "lost" && this.state === "open") mention("The connection is lost. People go on when the server is back.");
+        status: (state) => {
+          showConnection(state, STATES[state]);
+          if (state === "lost" && this.state === "open") mention(LOST);
           if (state !== "connecting") this.state = state;
           this.latest = state;
         },

@@ -4,9 +4,9 @@ import { byId } from "./hud.js";
 import { pastOf } from "./past.js";
 import { encodeScript, scriptOf } from "./script.js";
 
-const LONGEST = 64_000; // characters of an address: what comes before the moment shown has what is left of them
+const LONGEST = 64_000; // characters of an address with what was seen before; without it, ten people take some 1,200
 
-/** The address of what was seen up to the moment shown, and of a script of what is there then. Throws when it cannot be shared. */
+/** The address of a script of what is there at the moment shown, and what was seen until then: { address, past, seconds }. Throws when it cannot be shared. */
 export async function shareLink({ api, session, place, crowd, stage, timeline, history }) {
   const choice = place.choices.find(({ value }) => value === place.value);
   if (place.value && !choice?.example) throw new Error("Only example scenes can be shared: a level of yours is not in a link");
@@ -25,8 +25,8 @@ export async function shareLink({ api, session, place, crowd, stage, timeline, h
     }));
     const url = new URL(location.pathname, api.homes.entry); // of a cluster's nodes one that answers
     const { text, seconds } = await pastOf(people, history, moment, LONGEST - url.href.length - script.length - 20);
-    url.hash = `replay=${script}${text && `&past=${text}`}`;
-    return { address: url.href, seconds };
+    url.hash = `replay=${script}`;
+    return { address: url.href, past: text, seconds };
   } finally {
     if (live) timeline.goLive();
   }
@@ -36,22 +36,27 @@ export async function shareLink({ api, session, place, crowd, stage, timeline, h
 export function momentLink(api, moment) {
   const { pathname, search, hash } = location;
   const { href } = new URL(pathname + search + hash, api.homes.entry);
-  return { address: changed(href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), seconds: null };
+  return { address: changed(href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), past: "", seconds: null };
 }
 
 /** Let the user choose what else is in it, and copy it or look at it. `models`: names of others that are loaded. */
-export function showLink({ address, seconds }, models) {
-  const shown = byId("share-address"), beside = byId("share-beside");
+export function showLink({ address, past, seconds }, models) {
+  const shown = byId("share-address"), beside = byId("share-beside"), before = byId("share-past");
   byId("share-models").replaceChildren(...models.map((name) => new Option(name, `model:${name}`)));
   byId("share-models").hidden = !models.length;
   byId("share-tells").textContent = seconds === null
-    ? "It goes on from the moment shown." : `Who opens it sees ${seconds ? `the last ${seconds.toFixed(1)} seconds up to the moment shown, as you saw them, and then` : ""} these people go on from there for 30 seconds, made again from their seeds and goals: alike each time on the same server.`;
+    ? "It goes on from the moment shown." : "It shows these people going on for 30 seconds, made again from their seeds and goals: alike each time on the same server.";
+  before.parentNode.hidden = !past;
+  before.checked = false;
+  byId("share-seconds").textContent = `the last ${(seconds ?? 0).toFixed(1)} s before, as you saw them (${Math.ceil(past.length / 1000)},000 characters)`;
   shown.value = address;
   beside.value = new URLSearchParams(new URL(address).hash.slice(1)).get("beside") ?? "";
-  beside.onchange = () => {
-    shown.value = changed(shown.value, "beside", beside.value);
+  const change = (name, value) => {
+    shown.value = changed(shown.value, name, value);
     byId("share-copy").textContent = "Copy";
   };
+  beside.onchange = () => change("beside", beside.value);
+  before.onchange = () => change("past", before.checked ? past : "");
   byId("share-open").onclick = () => window.open(shown.value, "_blank", "noopener");
   byId("share-copy").onclick = async () => {
     shown.select();

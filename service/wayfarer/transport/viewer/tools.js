@@ -44,6 +44,11 @@ export class Tools {
     this.stage.canvas.style.cursor = this.name === "send" ? "" : "crosshair";
   }
 
+  /** How people are sent and selected. */
+  get help() {
+    return HINTS.send;
+  }
+
   /** Say how the tool is used, to those who see the tools. */
   hint() {
     byId("hint").textContent = byId("rest").hidden ? "" : HINTS[this.name];

@@ -1,5 +1,5 @@
 // <wayfarer-view scene="corridor" session="…">: the viewer in another page. The page's origin must be in the server's setting
-// cors_origins, unless it is the server's own.
+// cors_origins, unless the page is of the visitor's own machine, or the server's own, and the server asks for no credentials.
 
 const PASSED = ["scene", "session", "look", "people"]; // attributes that the viewer's address has, too
 

@@ -1,0 +1,56 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+
+import { Arrivals } from "../../service/wayfarer/transport/viewer/arrivals.js";
+
+function shown() {
+  const lines = [];
+  const element = () => ({ dataset: {}, remove() {} });
+  globalThis.document = { createElement: element, getElementById: () => ({ children: [], append: (line) => lines.push(line.textContent) }) };
+  return lines;
+}
+
+function arrivals(room, status = 429) {
+  const asked = [], walking = [];
+  const api = {
+    createAgents: async (_, people, patience) => {
+      asked.push([people.length, patience]);
+      if (people.length > room) throw Object.assign(new Error("no room"), { status });
+      room -= people.length;
+      return people.map((_person, k) => ({ agent_id: `${asked.length}-${k}` }));
+    },
+  };
+  const made = new Arrivals({
+    api,
+    place: { settled: Promise.resolve(), level: {} },
+    session: { id: "s" },
+    crowd: { people: [] },
+    stage: {},
+    errands: { roamAgent: async (id) => walking.push(id) },
+  });
+  made.bodies = new Map([["male", { min_height_m: 1.6, max_height_m: 1.9, glb_path: "" }], ["female", { min_height_m: 1.5, max_height_m: 1.8, glb_path: "" }]]);
+  made.mesh = () => { throw new Error("not asked for"); };
+  return { made, asked, walking };
+}
+
+test("as many people come as there is room for, and the page says how many", async (context) => {
+  context.mock.timers.enable({ apis: ["setTimeout"] });
+  globalThis.fetch = async () => ({ arrayBuffer: async () => null });
+  const lines = shown();
+  const { made, asked, walking } = arrivals(6);
+  made.mesh = () => ["http://x/", {}];
+  await made.roamers(8);
+  assert.deepEqual(asked.map(([count]) => count), [8, 4, 4, 2, 2, 1]);
+  assert.ok(asked.every(([, patience]) => patience === 0)); // the rest is asked for later, in silence
+  assert.equal(walking.length, 6);
+  assert.deepEqual(lines, ["6 of 8 people came; this computer is busy"]);
+  assert.equal(made.nobody, "Add people first");
+});
+
+test("another refusal is told as it is", async () => {
+  const { made, asked } = arrivals(0, 400);
+  const adding = made.roamers(8);
+  assert.equal(made.nobody, "People are coming");
+  await assert.rejects(adding, /no room/);
+  assert.equal(asked.length, 1);
+});
