@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from wayfarer import compiled
+from wayfarer.world.goals.steering import Steering, observe
 from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.stepping.guards import bendable
+from wayfarer.world.stepping.noise import latents
 from wayfarer.world.stepping.righting import Step, righted
 
 TEXT = "from wayfarer.compiled import compiled\n@compiled\ndef rule(x):\n    return x + {}\n"
@@ -73,6 +75,10 @@ RULES = """
 import numpy as np
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Seeds
+from wayfarer.world.goals.steering import Steering, observe
+from wayfarer.world.stepping.noise import latents
 from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.stepping.guards import bearing, bendable
 from wayfarer.world.stepping.righting import Step, righted
@@ -108,6 +114,16 @@ packed = [
     for kind in (PoseEncoding.F32_LE, PoseEncoding.SMALLEST_THREE)
     for profile in (PoseProfile.BODY, PoseProfile.FULL)
 ]
+gait, goals, seed = Gait.empty(3), GoalColumns.empty(3), Seeds.empty(3)
+gait.mode[:], gait.speed[:], gait.trim[:] = [1, 2, 3], [1.0, 0.1, 0.3], 0.1
+gait.stop_facing[:, 1] = goals.heading[:, 1] = goals.onward[:, 0] = 1
+goals.given[:] = goals.through[0] = goals.strafe[2] = True
+goals.position[:, :2], goals.speed[:], goals.radius[:] = random.normal(size=(3, 2)), 1.2, 0.4
+seed.rotations[:], seed.translation[:] = turns[:, :2], random.normal(size=(3, 2, 3))
+decided = Steering().decide(gait, seed, goals)
+aimed = np.concatenate([part.reshape(-1) for part in Steering().targets(decided, seed, goals)])
+went = observe(decided, seed.translation[:, -1], seed.translation, goals)
+noise = latents(np.arange(3, dtype=np.uint64), np.arange(3), 1)
 room, corners = random.uniform(-0.2, 1, (30, 40)), np.zeros((64, 2), np.int64)
 room[0, 0] = room[-1, -1] = 1
 count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
@@ -122,6 +138,11 @@ KEPT = {
     "bore": 1e-6,
     "upright.rotations": 1e-6,
     "upright.markers": 1e-5,
+    "decided.mode": 0,
+    "decided.stop_place": 1e-6,
+    "aimed": 1e-6,
+    "went.trim": 1e-6,
+    "noise": 0,
     "np.concatenate(packed)": 0,
     "corners": 0,
     "count": 0,
@@ -156,7 +177,14 @@ def test_what_a_compiled_rule_makes_of_a_row_does_not_depend_on_its_batch(size):
     feet = lock_feet(begin(shape, far[:, 0], many[:, 0]), shape, far, many)
     eight = Step(np.repeat(far, 2, 1), np.repeat(many, 2, 1), names["markers"][rows])
     upright = righted(names["mode"][rows], eight)
+    seed, gait, goals = (names[name].take(rows) for name in ("seed", "gait", "goals"))
+    decided = Steering().decide(gait, seed, goals)
+    went = observe(decided, seed.translation[:, -1], seed.translation, goals)
     for made, alone in (
+        (decided.mode, names["decided"].mode),
+        (decided.stop_place, names["decided"].stop_place),
+        (went.trim, names["went"].trim),
+        (latents(rows.astype(np.uint64), rows, 1), names["noise"]),
         (feet.rotations, names["feet"].rotations),
         (feet.state.shift, names["feet"].state.shift),
         (bendable(many, shape), names["bent"]),

@@ -14,7 +14,7 @@ is made of is numpy's own business and differs between its releases.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, NamedTuple, Self, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ Object = Annotated[NDArray[np.object_], np.dtype(np.object_)]
 
 Index = NDArray[np.int64]
 """Row numbers."""
+
+Named = TypeVar("Named", bound=tuple[Any, ...])
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +105,11 @@ class Rows:
             else:
                 more = np.zeros((rows - len(values), *values.shape[1:]), values.dtype)
                 setattr(self, name, np.concatenate([values, more]))
+
+
+def columns(kind: type[Named], rows: Rows) -> Named:
+    """Some columns as a tuple, which compiled rules take: those that `kind` names."""
+    return kind(*(np.ascontiguousarray(getattr(rows, name)) for name in kind.__annotations__))
 
 
 def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:

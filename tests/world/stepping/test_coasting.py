@@ -11,7 +11,8 @@ from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec, Sigh
 from wayfarer.world.agents.goal import Goal, GoalColumns
 from wayfarer.world.agents.heading import facing_at, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
-from wayfarer.world.goals.steering import Steering, Targets
+from wayfarer.world.goals.gait_rules import Targets
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.coasting import TURN, coast
 

@@ -19,7 +19,7 @@ from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.slots import Gait, Seeds
-from wayfarer.world.goals.steering import Targets
+from wayfarer.world.goals.gait_rules import Targets
 from wayfarer.world.output.quaternion import bounded
 from wayfarer.world.rows import Double, Flags, Float, Index
 from wayfarer.world.stepping.plane import PlaneMotion, yawed

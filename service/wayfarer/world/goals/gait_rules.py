@@ -1,0 +1,266 @@
+"""What becomes of an agent's gait, and what its next step aims at: steering, compiled.
+
+A row at a time; `Steering` says what the numbers mean, and calls these.
+"""
+
+from functools import cache
+from math import acos, cos, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wayfarer.compiled import compiled, warm
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Mode, Seeds
+from wayfarer.world.output.turns import bounded, turn
+from wayfarer.world.rows import Flags, Float, Int8, columns
+
+STANDING, WALKING, STOPPING, TURNING, STRAFING = (int(mode) for mode in Mode)
+
+TRIM_GAIN: Final = 0.12
+"""Share of a speed error that a step adds to the trim."""
+
+TRIM_MOST: Final = 0.15
+"""Bound of the trim, either way."""
+
+PACE: Final = 0.7
+"""m/s: nobody who walks to a goal is slower before its end, unless that is asked."""
+
+STEADY: Final = 0.3
+"""Share of the target speed: who is off it by more is setting off or slowing, and not trimmed."""
+
+
+class Targets(NamedTuple):
+    """What the next step aims at."""
+
+    place: Float  # [A, 2] metres, in plan: the model walks on a flat floor
+    speed: Float  # [A] m/s
+    facing: Float  # [A, 2] unit vector, or zero: the way to the place
+
+
+class SteeringNumbers(NamedTuple):
+    """The numbers of `Steering`, for compiled rules."""
+
+    braking_seconds: float
+    braking_margin: float
+    coasting_seconds: float
+    pausing: float
+    slow: float
+    slow_seconds: float
+    resume_margin: float
+    lookahead: float
+    lookahead_seconds: float
+    faced: float
+    astray: float
+    turn_radius: float
+    turn_speed: float
+    climbing: float
+    strafe_speed: float
+    strafe_slowest: float
+
+
+class GaitArrays(NamedTuple):
+    """The columns of `Gait`, for compiled rules."""
+
+    mode: Int8
+    speed: Float
+    slow_seconds: Float
+    stop_place: Float
+    stop_facing: Float
+    arrived: Flags
+    trim: Float
+    rested: Flags
+
+
+class GoalArrays(NamedTuple):
+    """Those of `GoalColumns`."""
+
+    given: Flags
+    position: Float
+    radius: Float
+    speed: Float
+    heading: Float
+    strafe: Flags
+    through: Flags
+    bend: Float
+    onward: Float
+    tread: Float
+
+
+@compiled
+def _faces(turns: Float, row: int) -> tuple[float, float]:
+    """Horizontal unit vector that a body faces, as `heading.facing_of`; turns [A, S, 22, 4]."""
+    x, y, z, w = turn(turns, (row, turns.shape[1] - 1, 0))
+    aside, ahead = -2 * (x * y + z * w), 1 - 2 * (y * y + z * z)
+    size = max(sqrt(aside * aside + ahead * ahead), 1e-9)
+    return aside / size, ahead / size
+
+
+@compiled
+def decide_rows(
+    limits: SteeringNumbers,
+    goals: GoalArrays,
+    gait: GaitArrays,
+    hips: Float,
+    turns: Float,
+    ready: Flags,
+    after: GaitArrays,
+) -> None:
+    """Into modes, stops and times of `after`; see `Steering.decide`. hips [A, S, 3], turns
+    [A, S, 22, 4] of the seed.
+    """
+    last = hips.shape[1] - 1
+    for row in range(len(ready)):
+        mode, speed, arrived = gait.mode[row], float(gait.speed[row]), gait.arrived[row]
+        goal_x, goal_y = float(goals.position[row, 0]), float(goals.position[row, 1])
+        through, radius = goals.through[row], float(goals.radius[row])
+        x, y = float(hips[row, last, 0]), float(hips[row, last, 1])
+        distance = sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2)
+        braking = min(radius / 2, limits.braking_margin) + limits.braking_seconds * speed
+        walking = mode in (WALKING, STRAFING)
+        stopping, standing, turning = mode == STOPPING, mode == STANDING, mode == TURNING
+
+        is_slow = speed < limits.slow
+        slow_seconds = 0.0
+        if standing or (stopping and is_slow):
+            slow_seconds = float(gait.slow_seconds[row]) + STEP_SECONDS
+        still = stopping and slow_seconds >= limits.slow_seconds - 1e-3
+
+        # A goal that has been passed through, and that none follows, holds nobody.
+        holds = goals.given[row] and not (through and arrived)
+        missed = holds and not arrived
+        strayed = holds and distance > max(radius, braking) + limits.resume_margin
+        # Who comes to rest within reach is there; who walks on at that pace would only sway.
+        paused = mode == WALKING and speed < limits.pausing * min(float(goals.speed[row]), PACE)
+        far = distance > braking and not (arrived and (is_slow or paused))
+        at_rest = still or standing or turning or (walking and is_slow)
+
+        waits = not ready[row] and gait.rested[row] and is_slow and (standing or mode == WALKING)
+        missed, strayed = missed and not waits, strayed and not waits
+        walks = (
+            (walking and holds and (through or far) and not waits)
+            or ((still or standing or turning) and missed)
+            or (not walking and strayed)
+        )
+        face_x, face_y = _faces(turns, row)
+        head_x, head_y = float(goals.heading[row, 0]), float(goals.heading[row, 1])
+        has_heading = goals.given[row] and (head_x != 0 or head_y != 0) and not waits
+        off = acos(bounded(face_x * head_x + face_y * head_y, -1.0, 1.0))
+        astray = has_heading and off > (limits.faced if turning else limits.astray)
+        turns_now = at_rest and astray and not walks
+        stands = waits or ((standing or still) and not walks and not turns_now)
+        if walks:
+            after.mode[row] = STRAFING if goals.strafe[row] else WALKING
+        elif turns_now:
+            after.mode[row] = TURNING
+        else:
+            after.mode[row] = STANDING if stands else STOPPING
+        after.rested[row], after.slow_seconds[row] = stands, slow_seconds
+
+        # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
+        brakes, rests = walking and not walks and not waits, still and not walks
+        # Who comes to rest at the edge of a goal goes on to it: else it would sway out of reach.
+        edges = rests and holds and distance > radius / 2
+        # The steps of a turn at a goal take an agent nearer to it.
+        if (
+            edges
+            or (turns_now and holds and arrived)
+            or (brakes and holds and not (rests or (turning and not turns_now)))
+        ):
+            after.stop_place[row, 0], after.stop_place[row, 1] = goal_x, goal_y
+        elif rests or (turning and not turns_now):
+            after.stop_place[row, 0], after.stop_place[row, 1] = x, y
+        elif brakes:
+            way_x, way_y = x - float(hips[row, 0, 0]), y - float(hips[row, 0, 1])
+            more = limits.coasting_seconds * speed / max(sqrt(way_x**2 + way_y**2), 1e-6)
+            after.stop_place[row, 0] = x + more * way_x
+            after.stop_place[row, 1] = y + more * way_y
+        # A stopping agent keeps its facing, unless another heading is asked for.
+        if has_heading and not walks:
+            after.stop_facing[row, 0], after.stop_facing[row, 1] = head_x, head_y
+        elif brakes or rests:
+            after.stop_facing[row, 0], after.stop_facing[row, 1] = face_x, face_y
+
+
+@compiled
+def aim_rows(
+    limits: SteeringNumbers,
+    goals: GoalArrays,
+    gait: GaitArrays,
+    hips: Float,
+    turns: Float,
+    found: Targets,
+) -> None:
+    """See `Steering.targets`."""
+    last = hips.shape[1] - 1
+    for row in range(len(gait.mode)):
+        mode = gait.mode[row]
+        place_x, place_y = float(gait.stop_place[row, 0]), float(gait.stop_place[row, 1])
+        facing_x, facing_y = float(gait.stop_facing[row, 0]), float(gait.stop_facing[row, 1])
+        speed = 0.0
+        if mode in (WALKING, STRAFING):
+            # the goal or, near one to pass through, a point beyond it: so nobody slows to meet it;
+            # where the path turns the point is nearer: no corner is cut
+            place_x, place_y = float(goals.position[row, 0]), float(goals.position[row, 1])
+            asked = float(goals.speed[row])
+            if goals.through[row]:
+                to_x, to_y = place_x - hips[row, last, 0], place_y - hips[row, last, 1]
+                sight = max(limits.lookahead, limits.lookahead_seconds * asked)
+                beyond = sight * cos(float(goals.bend[row])) - sqrt(to_x * to_x + to_y * to_y)
+                place_x += goals.onward[row, 0] * max(beyond, 0.0)
+                place_y += goals.onward[row, 1] * max(beyond, 0.0)
+            facing_x = facing_y = 0.0
+            if mode == STRAFING:
+                facing_x, facing_y = float(goals.heading[row, 0]), float(goals.heading[row, 1])
+            speed = asked * (1 + float(gait.trim[row]))
+            if goals.strafe[row]:
+                speed = max(speed, limits.strafe_slowest)
+            if goals.tread[row] > 0:
+                speed = min(speed, limits.climbing * float(goals.tread[row]))
+            elif goals.strafe[row]:
+                speed = min(speed, limits.strafe_speed)
+            speed = max(speed, 0.0)
+        elif mode == TURNING:
+            face_x, face_y = _faces(turns, row)
+            arc_x, arc_y = face_x + facing_x, face_y + facing_y
+            wide = limits.turn_radius / max(sqrt(arc_x * arc_x + arc_y * arc_y), 0.1)
+            place_x, place_y = place_x + wide * arc_x, place_y + wide * arc_y
+            speed = limits.turn_speed
+        found.place[row, 0], found.place[row, 1], found.speed[row] = place_x, place_y, speed
+        found.facing[row, 0], found.facing[row, 1] = facing_x, facing_y
+
+
+@compiled
+def observe_rows(goals: GoalArrays, hips: Float, start: Float, gait: GaitArrays) -> None:
+    """Into the speeds, trims and arrivals of `gait`."""
+    last = hips.shape[1] - 1
+    for row in range(len(hips)):
+        radius, there = float(goals.radius[row]), False
+        for frame in range(last + 1):
+            x = float(hips[row, frame, 0]) - float(goals.position[row, 0])
+            y = float(hips[row, frame, 1]) - float(goals.position[row, 1])
+            there = there or sqrt(x * x + y * y) <= radius
+        x = float(hips[row, last, 0]) - float(start[row, 0])
+        y = float(hips[row, last, 1]) - float(start[row, 1])
+        speed = sqrt(x * x + y * y) / STEP_SECONDS
+        lacks = 1 - speed / max(float(goals.speed[row]), 1e-3)
+        walks = gait.mode[row] in (WALKING, STRAFING)
+        trim = float(gait.trim[row])
+        if goals.given[row] and walks and abs(lacks) < STEADY:
+            trim += TRIM_GAIN * lacks
+        gait.trim[row] = bounded(trim, -TRIM_MOST, TRIM_MOST)
+        gait.speed[row] = speed
+        gait.arrived[row] = gait.arrived[row] or (goals.given[row] and there)
+
+
+@cache
+def prepare() -> None:
+    """Compile the rules, or load them, before anybody walks."""
+    limits, seed = SteeringNumbers(*[0.0] * len(SteeringNumbers._fields)), Seeds.empty(1)
+    goals, gait = columns(GoalArrays, GoalColumns.empty(1)), columns(GaitArrays, Gait.empty(1))
+    hips, turns, ready = seed.translation, seed.rotations, np.ones(1, np.bool_)
+    warm(decide_rows, limits, goals, gait, hips, turns, ready, gait)
+    found = Targets(np.empty((1, 2), np.float32), np.empty(1, np.float32), gait.stop_facing)
+    warm(aim_rows, limits, goals, gait, hips, turns, found)
+    warm(observe_rows, goals, hips, hips[0], gait)
