@@ -48,6 +48,22 @@ def test_before_who_comes_the_other_way_one_keeps_to_the_right_in_a_narrow_way(
         assert lane.place[0, 0] > LANE * width / 2  # the more, as it is not there yet
 
 
+def test_a_door_has_no_lanes():
+    """Those who come through both ways would stand in them."""
+    people = People.empty(2)
+    people.walks[:] = True
+    people.position[1] = 0.1, 3.0
+    people.velocity[:, 1] = people.memory.preferred[:, 1] = 1.2, -1.2
+    points = np.stack([np.zeros(4), BEFORE], -1)[None]
+    lane = lanes(
+        people,
+        np.array([0]),
+        points,
+        lambda p: np.where(np.abs(p[..., 1] - 0.4) < 0.2, 0.6, 2.0) - np.abs(p[..., 0]),
+    )
+    assert not lane.keeps[0] and lane.turn[0] == 0 and lane.half[0] > 0.9
+
+
 def test_shoulders_are_turned_where_two_pass_and_where_one_hardly_fits():
     comes = (-0.1, 1.5, -1.2)
     assert lane_in(0.95, comes).turn == pytest.approx(TURN, rel=0.1)

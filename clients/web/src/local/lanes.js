@@ -19,7 +19,7 @@ export function lane(people, self, points, clear) {
   const last = points[points.length - 1], whole = minus(last, points[0]);
   const way = times(1 / Math.max(Math.hypot(...whole), 1e-6), whole), right = /** @type {Point} */ ([way[1], -way[0]]);
   const sides = points.map((point) => [-1, 1].map((sign) => sign * wall(point, times(sign, right), clear)));
-  const half = Math.min(...sides.map(([low, high]) => (high - low) / 2));
+  const halves = sides.map(([low, high]) => (high - low) / 2), half = Math.max(...halves);
   const [low, high] = sides[sides.length - 1];
   let keeps = false, passes = false;
   for (const { position, velocity, walks, memory: { preferred } } of people) {
@@ -29,7 +29,7 @@ export function lane(people, self, points, clear) {
     keeps = half < LANES;
     passes ||= ahead < Math.max(dot(minus(self.velocity, velocity), way), 0.5) * TURN_SECONDS;
   }
-  const turn = Math.max(passes ? narrower(half, TURNS) : 0, narrower(half, SQUEEZE));
+  const turn = Math.max(passes ? narrower(half, TURNS) : 0, narrower(Math.min(...halves), SQUEEZE));
   const wanted = (high + low) / 2 + (LANE * (high - low)) / 2;
   const soon = plus(self.position, times(REACTION, self.velocity)), off = wanted - dot(minus(soon, last), right);
   return { half, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };

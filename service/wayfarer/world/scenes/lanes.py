@@ -1,8 +1,8 @@
 """Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders.
 
-A narrow way has two lanes: an agent that meets somebody keeps to the right one. Where both do not
-fit with their shoulders across, each turns the left shoulder forward, and so its back to the other:
-a body drifts to where it faces, and that is away from the other.
+A way that is narrow for a metre has two lanes; a door has none. An agent that meets somebody there
+keeps to the right lane. Where both do not fit with their shoulders across, each turns the left
+shoulder forward, and so its back to the other: a body drifts to where it faces, and that is away.
 """
 
 from collections.abc import Callable
@@ -60,7 +60,7 @@ SIDEWAYS: Final = 0.9
 class Lane(NamedTuple):
     """What the narrow ways of some people [A] ask of them."""
 
-    half: Array  # metres: half of the way's width in the next metres
+    half: Array  # metres: half of the way's width where it is widest in the next metre
     keeps: Flags  # walks in its lane
     place: Array  # [A, 2] where that leads
     turn: Array  # radians to the right of the way that it faces; 0: it does not turn
@@ -83,7 +83,8 @@ def lanes(
     way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
     right = np.stack([way[:, 1], -way[:, 0]], -1)
     low, high = _walls(points, right, distance)
-    half = ((high - low) / 2).min(1)
+    halves = (high - low) / 2
+    half = halves.max(1)
     apart = people.position - place[:, None]
     ahead, aside = (apart * way[:, None]).sum(-1), (apart * right[:, None]).sum(-1)
     wish = people.memory.preferred
@@ -99,7 +100,7 @@ def lanes(
     closing = ((people.velocity[rows, None] - people.velocity) * way[:, None]).sum(-1)
     passes = comes & (ahead < np.maximum(closing, 0.5) * TURN_SECONDS)
     turn = np.where(passes.any(1), np.interp(half, TURNS, (TURN, 0.0)), 0.0)
-    turn = np.maximum(turn, np.interp(half, SQUEEZE, (TURN, 0.0)))
+    turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right
     return Lane(half, keeps, lane, turn, way)
