@@ -70,12 +70,12 @@ def test_a_run_of_a_time_before_a_setting_resumes_with_its_default(trained):
 @pytest.mark.parametrize("representation", ["body", "humor"])
 def test_body_parameters_are_learned_by_their_markers(representation, tmp_path):
     data, held = walking_frames(), walking_frames(seed=1)
-    config = SMALL.model_copy(update={"representation": representation, "rollout": 2, "steps": 20})
+    config = SMALL.model_copy(update={"representation": representation, "rollout": 2, "steps": 40})
     before = PredictorTrainer(config, data, held).validate()
     assert train_predictor(config, data, held, tmp_path / "run")
     last = (tmp_path / "run" / "log.txt").read_text().splitlines()[-1]
     error = float(last.split("val/posterior_cm")[1].split()[0])
-    assert error < 0.9 * before["val/posterior_cm"]
+    assert error < 0.7 * before["val/posterior_cm"]
 
 
 def test_body_parameters_are_not_served():
