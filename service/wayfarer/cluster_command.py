@@ -159,7 +159,7 @@ async def _enter(
 
 
 async def _watch_head(ray: "RayCluster", entry: Entry) -> None:
-    """For ever: let the entry tell whether Ray's head answers."""
+    """Run until cancelled: report to the entry whether Ray's head answers."""
     while True:
         answers = await _on_daemon(ray.head_answers)
         if answers == (entry.finder.head is False):  # it was otherwise

@@ -40,7 +40,7 @@ NEAR = 0.01
 PERSON = 0.85
 """Metres from a person's thigh joints to the ankles: lengths are scaled with it."""
 SIZES = (0.62, 0.66, 0.75, 0.93, 1.0, 1.5, 2.1, 5.0)
-"""Of a live session's characters: 1 to 8 m."""
+"""Sizes of the characters of a live session: 1 to 8 m."""
 KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -361,7 +361,7 @@ def retargeted(data: bytes) -> tuple[bytes, Array]:
 
 
 def live(size: float) -> Figures:
-    """Of a mean woman of this size, who has the motion of one of size 1, not scaled."""
+    """Figures of a mean woman of this size with the motion of size 1, not scaled."""
     clip = straight(14.0, 5.0)[60:]
     data = on_character(clip, Character.read(person(size).data()), FileOptions(), "walk")
     return figures(data, np.asarray(clip.contacts))

@@ -181,10 +181,10 @@ class Retarget:
         self.length = [
             float(sum(np.linalg.norm(self._offset[b]) for b in bones[1:3])) for bones in LEGS
         ]
-        """Of each leg, from thigh joint to ankle along its bones."""
+        """Length of each leg, from thigh joint to ankle along its bones."""
         self.foot, self.source_foot, self.stance, high = [], [], [], 0.0
         self.tip = []
-        """Of each foot's toes [3], from their joint: as far before it and as low as they reach."""
+        """Farthest and lowest reach of each foot's toes [3], from their joint."""
         for k, (_, _, ankle, toe) in enumerate(LEGS):
             ball = source[toe] - source[ankle]
             self.source_foot.append(self._sole(ball, source[ankle] @ up))

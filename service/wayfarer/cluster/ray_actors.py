@@ -89,7 +89,7 @@ class RayLink:
     def _find_again(self) -> None:
         """If Ray has started it again, and its head as well, an earlier handle gets no answer ever.
 
-        On a thread, since Ray waits for its head.
+        It runs on a thread, since Ray waits for its head.
         """
         if not self._finding.is_alive():
             self._finding = threading.Thread(target=self._find, name="directory", daemon=True)
@@ -199,7 +199,7 @@ class RayCluster:
 
     def head_answers(self) -> bool:
         """Whether somebody listens at Ray's head. When nobody does, this process reads its logs and
-        errors no more: Ray's threads would ask a head that is away without a pause, for ever.
+        errors no more, because Ray's threads would ask an absent head again without any pause.
         """
         try:
             _find(self._head)

@@ -30,7 +30,7 @@ def is_for_all(call: Rpc | None) -> bool:
 
 
 def grpc_subject(call: Rpc, data: bytes) -> Subject:
-    """Of the call that begins with this message; what cannot be read is refused anywhere."""
+    """The subject of a call, from its first message; any node refuses an unreadable message."""
     try:
         message: Any = call.request.FromString(data)
     except DecodeError:

@@ -19,8 +19,8 @@ from wayfarer.errors import Unavailable
 from wayfarer.ids import group_of, new_group
 
 CLAIM_S: Final = 1.0
-"""For the directory's answer when something was made here. What comes later is no harm: it is told
-again with each renewal."""
+"""Seconds to wait for the directory's answer to a new group. A later answer does no harm: each
+renewal names the group again."""
 
 
 def boot_clock() -> float:
@@ -108,7 +108,7 @@ class Tenancy:
         return not self._lost and (self._go_on or self.leased)
 
     def epoch(self, session_id: str) -> int:
-        """Of the group; 0 for what is not here."""
+        """The epoch of the group of a session; 0 if this node does not own it."""
         return self._held.get(group_of(session_id), 0)
 
     def has(self, group: str, epoch: int) -> bool:

@@ -46,7 +46,7 @@ class Rpc:
 
     @property
     def scope(self) -> Scope:
-        """What the caller needs."""
+        """The scope that the caller needs."""
         name = options_pb2.CallOptions.Scope.Name(self.options.scope)
         return Scope(name.removeprefix("SCOPE_").lower())
 

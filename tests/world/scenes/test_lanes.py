@@ -14,7 +14,7 @@ BEFORE = np.array([0.1, 0.4, 0.7, 1.0])
 
 
 def lane_in(width: float, *others: tuple[float, float, float]) -> Lane:
-    """Of one who walks up the middle of a corridor; others: x, y and how fast they walk up, too."""
+    """The lane of a person in the middle of a corridor. `others`: x, y and their speed upward."""
     people = People.empty(1 + len(others))
     people.walks[:] = True
     people.position[:] = [(0, 0), *((x, y) for x, y, _ in others)]
@@ -49,7 +49,7 @@ def test_before_who_comes_the_other_way_one_keeps_to_the_right_in_a_narrow_way(
 
 
 def test_a_door_has_no_lanes():
-    """Those who come through both ways would stand in them."""
+    """People that come through both ways would stop in them."""
     people = People.empty(2)
     people.walks[:] = True
     people.position[1] = 0.1, 3.0

@@ -70,7 +70,7 @@ function neighbours(people, self) {
   return found.sort((a, b) => a.urgency - b.urgency).slice(0, NEIGHBOURS);
 }
 
-/** The preferred velocity, turned to the right for who is oncoming. @param {Other[]} people @param {Other} self @param {Point} preferred @param {number} lane @returns {Point} */
+/** The preferred velocity, turned to the right of oncoming people. @param {Other[]} people @param {Other} self @param {Point} preferred @param {number} lane @returns {Point} */
 function keepRight(people, self, preferred, lane) {
   const speed = Math.max(Math.hypot(...preferred), 1e-6), ux = preferred[0] / speed, uy = preferred[1] / speed;
   let pair = 0, sum = 0, count = 0;

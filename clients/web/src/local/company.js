@@ -89,7 +89,7 @@ export class Company {
     }
   }
 
-  /** Let people keep to the right in narrow ways, and turn their shoulders there. @param {Row[]} rows @param {Seen[]} people */
+  /** Keep people to the right in narrow ways, and turn their shoulders there. @param {Row[]} rows @param {Seen[]} people */
   keepLanes(rows, people) {
     if (!this.clear) return;
     for (const row of rows) {

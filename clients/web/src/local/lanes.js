@@ -1,5 +1,5 @@
-// Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders. The server's
-// world/scenes/lanes.py, where the rules are explained. World: metres.
+// Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders. It mirrors
+// the server's world/scenes/lanes.py, which explains the rules. World: metres.
 
 import { bounded, minus, plus, times } from "./steering.js";
 

@@ -33,7 +33,7 @@ PLACEHOLDERS: Final[dict[str, Any]] = {
         str, InPath(min_length=1, max_length=64, description="of the client's own making")
     ],
 }
-"""What a placeholder in a path is, by the part before it."""
+"""Types of the placeholders in paths, by the part of the path before them."""
 
 
 def call_routes(methods: Mapping[str, Endpoint], special: Special) -> APIRouter:

@@ -37,7 +37,7 @@ PICTURE: Final[dict[int | str, dict[str, Any]]] = {
 
 
 def scene_endpoints(gateway: Gateway) -> Special:
-    """What comes or goes as a file."""
+    """Endpoints that take or give a file."""
     scenes = gateway.scenes
 
     async def create_mesh_scene(

@@ -55,7 +55,7 @@ export function boxOf({ at, turned }, low, high, colour, glow = 0) {
   }));
 }
 
-/** What a line [[radius, y, colour, glow] …] makes when it turns about a middle { x, z }; a part has the colour of its end. */
+/** The surface of a line [[radius, y, colour, glow] …] turned about a middle { x, z }; a part has the colour of its end. */
 export function turnedOf({ x, z }, line) {
   const place = (radius, y, k) => ({ x: x + radius * Math.cos((2 * Math.PI * k) / ROUND), y, z: z + radius * Math.sin((2 * Math.PI * k) / ROUND) });
   return line.slice(1).flatMap(([radius, y, colour, glow = 0], part) => {

@@ -2,7 +2,7 @@
 
 const TOGETHER = 64; // people asked for in one call
 
-/** People, their goals, the crates and the camera, as they are shown; who is selected. */
+/** People, their goals, the crates and the camera, as they are shown, and the selected people. */
 export function remember(crowd, book, { camera, controls }, chosen) {
   return {
     view: { eye: camera.position.toArray(), target: controls.target.toArray() },
@@ -30,7 +30,7 @@ export function restoreText({ people, crates }) {
   return what.length ? `The server no longer knows this session. ${what.join(" and ")} come back.` : "";
 }
 
-/** Let them be there again, in a session and scene that have just been opened. Returns the ids of those who were selected. Throws what the server refuses. */
+/** Restore them in a session and scene that have just been opened. Returns the ids of the selected people. Throws errors of the server. */
 export async function bringBack({ people, crates }, { api, session, book, crowd, errands }) {
   await Promise.all([...crates].filter(([name]) => !book.obstacles.has(name)).map(([name, block]) => book.move(name, block)));
   const chosen = [];

@@ -25,14 +25,14 @@ TRIM_MOST: Final = 0.15
 """Bound of the trim, either way."""
 
 PACE: Final = 0.7
-"""m/s: nobody who walks to a goal is slower before its end, unless that is asked."""
+"""m/s: a walker is not slower than this before its goal, unless a lower speed is asked for."""
 
 STEADY: Final = 0.3
-"""Share of the target speed: who is off it by more is setting off or slowing, and not trimmed."""
+"""Share of the target speed. An agent whose error is larger sets off or slows; it has no trim."""
 
 
 class Targets(NamedTuple):
-    """What the next step aims at."""
+    """Aims of the next step."""
 
     place: Float  # [A, 2] metres, in plan: the model walks on a flat floor
     speed: Float  # [A] m/s
@@ -131,7 +131,7 @@ def decide_rows(
         holds = goals.given[row] and not (through and arrived)
         missed = holds and not arrived
         strayed = holds and distance > max(radius, braking) + limits.resume_margin
-        # Who comes to rest within reach is there; who walks on at that pace would only sway.
+        # An agent that comes to rest within reach is there; at a slower pace it would only sway.
         paused = mode == WALKING and speed < limits.pausing * min(float(goals.speed[row]), PACE)
         far = distance > braking and not (arrived and (is_slow or paused))
         at_rest = still or standing or turning or (walking and is_slow)
@@ -160,7 +160,7 @@ def decide_rows(
 
         # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
         brakes, rests = walking and not walks and not waits, still and not walks
-        # Who comes to rest at the edge of a goal goes on to it: else it would sway out of reach.
+        # An agent that rests at the edge of a goal moves inward, or it would sway out of reach.
         edges = rests and holds and distance > radius / 2
         # The steps of a turn at a goal take an agent nearer to it.
         if (

@@ -72,7 +72,7 @@ SOFTNESS: Final = 0.001
 """Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
 
 LEAST_LOAD: Final = -40
-"""Of that, as an exponent: less is lost in rounding."""
+"""Exponent of the smallest load that counts; a smaller one is lost in rounding."""
 
 
 @dataclass(slots=True)

@@ -167,7 +167,7 @@ class Company:
             keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
             ahead.position[led[which[keeps]], :2] = lane.place[keeps]
             facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
-            # who has turned its shoulders turns them back before it walks on: a body goes where
+            # an agent with turned shoulders turns them back before it walks on: a body goes where
             # it faces, and that is the wall
             turned = slots.planned.gait.mode[some] == Mode.STRAFING
             turned &= angle_between(facing, lane.way) > TURNED

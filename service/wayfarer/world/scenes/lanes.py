@@ -35,10 +35,10 @@ DRIFT: Final = 0.5
 """Metres that it heads to the other side for a radian of its turn: a body goes where it faces."""
 
 SEES: Final = 7.0
-"""Metres ahead from which on who comes the other way lets an agent keep to its lane …"""
+"""An agent keeps to its lane while an oncoming one is less far ahead, metres, …"""
 
 PAST: Final = -0.3
-"""… until it is so far past it."""
+"""… and until it is so far behind."""
 
 AGAINST: Final = 0.5
 """Cosine from which two go against each other."""
@@ -58,7 +58,7 @@ SIDEWAYS: Final = 0.9
 
 
 class Lane(NamedTuple):
-    """What the narrow ways of some people [A] ask of them."""
+    """The demands of narrow ways on some people [A]."""
 
     half: Array  # metres: half of the way's width where it is widest in the next metre
     keeps: Flags  # walks in its lane

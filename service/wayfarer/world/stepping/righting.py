@@ -79,7 +79,7 @@ def _share(marker: str) -> float:
 SHARES: Final = np.array([_share(name) for name in marker_names()])
 
 WALKS: Final = np.array([mode in (Mode.WALKING, Mode.STOPPING, Mode.STRAFING) for mode in Mode])
-"""By mode: who has a walker's lean."""
+"""By mode: whether an agent may lean as walkers do."""
 
 
 def righted(mode: Int8, step: Step) -> Step:

@@ -57,9 +57,9 @@ var _thighs := Vector3.ZERO  # the middle of the thigh joints from the hips' nod
 var _soles: Array[Sole] = []
 var _source_soles: Array[Sole] = []
 var _stance := PackedVector3Array()
-## Of each foot's toes, from their joint: as far before it and as low as they reach.
+## Farthest and lowest reach of each foot's toes, from their joint.
 var _tips := PackedVector3Array()
-## Of the legs, from thigh joint to ankle along the bones: the character's, and the agent's.
+## Lengths of the legs, from thigh joint to ankle along the bones: the character's, and the agent's.
 var _lengths := PackedFloat64Array()
 var _source_lengths := PackedFloat64Array()
 var _turns: Array[Quaternion] = []  # of the agent, in the world
