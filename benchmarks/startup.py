@@ -43,7 +43,7 @@ def main() -> None:
     parser = bench.parser(__doc__)
     parser.add_argument("--runs", type=int, default=5)
     add_engine(parser)
-    parser.add_argument("--candidates", type=int, default=4)
+    parser.add_argument("--candidates", type=int, default=1)
     parser.add_argument("--state", action="store_true", help="with a state folder")
     asked: argparse.Namespace = parser.parse_args()
     runs = 2 if asked.quick else asked.runs

@@ -62,7 +62,7 @@ def render(
     ] = DEFAULT_MODEL,
     candidates: Annotated[
         int, typer.Option(help="Candidate primitives tried per step of the random runs.", min=1)
-    ] = 4,
+    ] = 1,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
     data: Annotated[
         Path | None, typer.Option(help="Folder made by `wayfarer data prepare`, for --clip.")

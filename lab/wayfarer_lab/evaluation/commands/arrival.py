@@ -40,7 +40,7 @@ def arrival(
     goals: Annotated[int, typer.Option(help="Goals 3 to 8 m away, per table row.", min=1)] = 100,
     data: options.Data = None,
     split: options.Split = "heldout",
-    candidates: options.Candidates = 4,
+    candidates: options.Candidates = 1,
     engine: options.Engine = "onnxruntime",
     threads: options.Threads = 0,
     seed: options.Seed = 0,

@@ -40,7 +40,7 @@ def long(
     ] = 32,
     data: options.Data = None,
     split: options.Split = "heldout",
-    candidates: options.Candidates = 4,
+    candidates: options.Candidates = 1,
     engine: options.Engine = "onnxruntime",
     threads: options.Threads = 0,
     seed: options.Seed = 0,

@@ -81,7 +81,7 @@ def scenes(
         Path | None,
         typer.Option(help="Folder for pictures of each scene: all trails from above, and a view."),
     ] = None,
-    candidates: options.Candidates = 4,
+    candidates: options.Candidates = 1,
     engine: options.Engine = "onnxruntime",
     threads: options.Threads = 1,
     seed: options.Seed = 0,
