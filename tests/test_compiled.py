@@ -12,7 +12,7 @@ import pytest
 
 from wayfarer import compiled
 from wayfarer.world.goals.steering import Steering, observe
-from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.footlock import Planted, lock_feet
 from wayfarer.world.stepping.guards import bendable
 from wayfarer.world.stepping.noise import latents
 from wayfarer.world.stepping.righting import Step, righted
@@ -75,11 +75,12 @@ RULES = """
 import numpy as np
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import People
+from wayfarer.body.landmarks import marker_names
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds
 from wayfarer.world.goals.steering import Steering, observe
 from wayfarer.world.stepping.noise import latents
-from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.footlock import Planted, leg_shares, lock_feet
 from wayfarer.world.stepping.guards import bearing, bendable
 from wayfarer.world.stepping.righting import Step, righted
 from wayfarer.transport.basis import Basis
@@ -102,10 +103,12 @@ for part in ("hip", "knee", "ankle", "ball", "sole_of_ankle", "sole_of_ball"):
 turns = random.normal(size=(3, 4, 22, 4)) * 0.2 + [0, 0, 0, 1]
 turns = (turns / np.linalg.norm(turns, axis=-1, keepdims=True)).astype("f4")
 hips = np.full((3, 4, 3), 0.6, "f4")
-feet = lock_feet(begin(legs, hips[:, 0], turns[:, 0]), legs, hips, turns)
 bent = bendable(turns, legs)
 bore = np.array(bearing(hips, turns, legs))
 mode, markers = np.arange(3, dtype=np.int8), random.normal(size=(3, 2, 67, 3)).astype("f4")
+shares, step = leg_shares(marker_names()), Planted(turns, markers, np.ones((3, 4, 2), np.bool_))
+wanted, before = np.array([True, False, True]), (hips[:, :2], turns[:, :2])
+feet = lock_feet(wanted, legs, shares, before, hips, step)
 eight = np.repeat(turns, 2, 1), np.repeat(hips, 2, 1)
 upright = righted(mode, Step(eight[1], eight[0], markers))
 moving = MotionChunks.of([chunk()])
@@ -133,7 +136,7 @@ count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
 KEPT = {
     "found.velocity": 1e-5,
     "feet.rotations": 1e-5,
-    "feet.state.shift": 1e-5,
+    "feet.markers": 1e-5,
     "bent": 1e-6,
     "bore": 1e-6,
     "upright.rotations": 1e-6,
@@ -174,7 +177,9 @@ def test_what_a_compiled_rule_makes_of_a_row_does_not_depend_on_its_batch(size):
     legs, turns, hips = names["legs"], names["turns"], names["hips"]
     rows = np.random.default_rng(size).integers(0, len(turns), size)
     many, far, shape = turns[rows], hips[rows], legs.take(rows)
-    feet = lock_feet(begin(shape, far[:, 0], many[:, 0]), shape, far, many)
+    step = Planted(many, names["markers"][rows], np.ones((size, 4, 2), np.bool_))
+    before = far[:, :2], many[:, :2]
+    feet = lock_feet(names["wanted"][rows], shape, names["shares"], before, far, step)
     eight = Step(np.repeat(far, 2, 1), np.repeat(many, 2, 1), names["markers"][rows])
     upright = righted(names["mode"][rows], eight)
     seed, gait, goals = (names[name].take(rows) for name in ("seed", "gait", "goals"))
@@ -186,7 +191,8 @@ def test_what_a_compiled_rule_makes_of_a_row_does_not_depend_on_its_batch(size):
         (went.trim, names["went"].trim),
         (latents(rows.astype(np.uint64), rows, 1), names["noise"]),
         (feet.rotations, names["feet"].rotations),
-        (feet.state.shift, names["feet"].state.shift),
+        (feet.markers, names["feet"].markers),
+        (feet.contacts, names["feet"].contacts),
         (bendable(many, shape), names["bent"]),
         (upright.rotations, names["upright"].rotations),
         (upright.markers, names["upright"].markers),

@@ -117,13 +117,15 @@ def apart(own: list[dict], theirs: list[dict], name: str) -> float:
 
 
 def test_its_trace_is_the_browsers(exported, walked):
-    """The runtimes differ too: that of the pip package, and WASM."""
+    """The runtimes differ too: that of the pip package, and WASM. A last digit that differs grows
+    within 30 s, for each step starts from what rules and runtime have made.
+    """
     if not shutil.which("node") or not (WEB / "node_modules" / "onnxruntime-web").is_dir():
         pytest.skip("needs node, and onnxruntime-web: cd clients/web && npm ci")
     for person in json.loads(node("local_trace.js", exported, walked))["people"]:
         LOG.info("hips %.4f mm, turns %.1e", 1000 * person["hips"], person["turns"])
         assert person["chunks"][0] == person["chunks"][1] >= (SECONDS - 1) / STEP_SECONDS
-        assert person["hips"] < 1e-3 and person["turns"] < 1e-3
+        assert person["hips"] < 3e-3 and person["turns"] < 3e-3
         assert person["otherStates"] == person["otherNotes"] == 0
 
 

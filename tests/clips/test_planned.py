@@ -36,9 +36,9 @@ def test_goals_are_visited_in_turn_and_the_rest_of_the_time_is_spent_standing():
     assert heard == sorted(heard) and heard[-1] == 15.0
 
 
-@pytest.mark.parametrize("foot_lock", [True, False])
-def test_keeping_one_it_is_the_clip_made_online(foot_lock):
-    spec = AgentSpec(noise_seed=9, foot_lock=foot_lock)
+def test_keeping_one_it_is_the_clip_made_online():
+    """Without the foot lock, which a plan has once all of it is known."""
+    spec = AgentSpec(noise_seed=9, foot_lock=False)
     world = make_world(steering=Steering(reactions=1).with_search(candidates=8))
     goals = GOALS[:1]
     online = generate_clip(world, spec, goals, 4.0)

@@ -87,10 +87,6 @@ def rules_give_nan(rig, monkeypatch):
     monkeypatch.setattr(scheduler, "Seeds", seeds)
 
 
-def feet_fail(rig, monkeypatch):
-    failing(monkeypatch, sending, "clean_feet", lambda slots, sent, *_: rig.slot in sent.slots)
-
-
 def ground_fails(rig, monkeypatch):
     failing(monkeypatch, sending, "ground", lambda s, scenery, sent, *_: rig.slot in sent.slots)
 
@@ -141,7 +137,6 @@ CASES = {
     "rules": Case(Stage.RULES, rules_fail, holds=True),
     "rules give NaN": Case(Stage.RULES, rules_give_nan, holds=True),
     "behaviour": Case(Stage.BEHAVIOUR, behaviour_fails, goal=Wander(None)),
-    "feet": Case(Stage.FEET, feet_fail),
     "ground": Case(Stage.GROUND, ground_fails),
     "event": Case(Stage.EVENT, events_fail, goal=NEAR),
     "record": Case(Stage.RECORD, recording_fails, of_agent=False),

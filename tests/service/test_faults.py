@@ -52,7 +52,7 @@ async def test_a_stage_that_fails_for_one_concerns_only_that_one(name, monkeypat
         told = rig.bad.told()[0]
         assert told.agent_id == (rig.guilty if case.of_agent else "")
         assert "an error in the server" in told.detail and "Injected" not in told.detail
-        if case.of_agent and case.stage not in (Stage.BEHAVIOUR, Stage.EVENT, Stage.FEET):
+        if case.of_agent and case.stage not in (Stage.BEHAVIOUR, Stage.EVENT):
             assert ("stands where it is" in told.detail) is (case.stage is not Stage.GROUND)
         if case.holds:
             assert rig.bad.states[rig.guilty] is AgentState.STANDING

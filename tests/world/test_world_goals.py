@@ -343,7 +343,7 @@ def test_an_observer_learns_of_every_change_and_of_the_chunk_it_begins_with():
         (Append((GOAL,)), sent),
         (Append((GOAL,)), planned + 1),
         (AREA, planned + 1),
-        (AgentChange(foot_lock=False), planned),
+        (AgentChange(foot_lock=False), planned + 1),
         (Stop(), planned + 1),
         ("stood", [agent]),
         ("deleted", agent, planned),

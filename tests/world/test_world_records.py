@@ -8,7 +8,7 @@ import pytest
 from tests.world.fakes import make_world, people, populated, taken, taken_agent
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
+from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
@@ -151,20 +151,6 @@ def test_room_and_time_are_asked_for_all_or_nothing():
     for there in (small, busy):
         assert (len(there.registry.sessions), len(there.registry.agents)) == (0, 0)
     assert len(busy.members.put_session(record, 0.0, admit=False).agents) == 4
-
-
-def test_the_foot_lock_goes_along_and_can_be_switched_on_the_way():
-    world, [_, other] = populated(2, spec=SPEC)
-    world.update_agent(other, AgentChange(foot_lock=False))
-    list(world.advance(1.0))
-    record = taken(world)
-    assert record.agents[0].feet is not None and record.agents[1].feet is None
-    there = make_world()
-    there.members.put_session(record, 0.0)
-    there.update_agent(other, AgentChange(foot_lock=True))
-    list(there.advance(1.0))
-    [_, feet] = [a.feet for a in taken(there).agents]
-    assert feet is not None and np.abs(feet.shift).max() < 0.05, "it begins where the feet are"
 
 
 def change(record, **values):

@@ -1,11 +1,11 @@
 """Teach a cloned policy to follow in closed loop: `wayfarer train policy-follow`.
 
 A cloned policy has seen recorded people only. Left to itself it glides, where two answers of
-recordings mean a standstill between them, and it ends beside its goal. So its own steps are
-differentiated: the way and the facing that are asked, soles that rest while they bear weight, a
-trunk that stays upright. The divergence from the cloned policy is the price, so that people go on
-moving as recorded ones do. Slopes flow through the predictor and the markers it hands on, not
-through bodies.
+recordings mean a standstill between them, and it ends beside its goal. So its own steps, feet
+locked as in the service, are differentiated: the way and the facing that are asked, soles that rest
+while they bear weight, a trunk that stays upright. The divergence from the cloned policy is the
+price, so that people go on moving as recorded ones do. Slopes flow through the predictor and the
+markers it hands on, not through bodies.
 """
 
 import copy
@@ -27,6 +27,7 @@ from wayfarer.spec import FPS, GENDERS, LATENT, MARKERS, SEED_FRAMES, STEP_SECON
 from wayfarer_lab.training.cloning import load_trajectory_policy
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
+from wayfarer_lab.training.foot_lock import TrainingFootLock
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
 from wayfarer_lab.training.rotation import matrix_from_quaternion
@@ -195,6 +196,7 @@ class FollowingTrainer:
         self.sites = Sites.from_names(load_body("anny52", GENDERS[0]).marker_names)
         self.samplers = {g: CrowdSampler(train, s.body) for g, s in self.steps.items()}
         self.trials = {g: CrowdSampler(validation, s.body) for g, s in self.steps.items()}
+        self.locks = {g: TrainingFootLock(load_body("anny52", g)) for g in GENDERS}
         self.crowds = {g: s.draw(config.agents) for g, s in self.samplers.items()}
         self.orders = {g: draw_orders(c.place, c.facing) for g, c in self.crowds.items()}
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
@@ -225,6 +227,7 @@ class FollowingTrainer:
             made = self.steps[gender].follow(
                 crowd.markers, hips, rotations, crowd.betas, future.detach()
             )
+            made = self.locks[gender].apply(crowd, made)
         own = to_world(frame, markers[:, -SEED_FRAMES:].flatten(1, 2))
         own = own.unflatten(1, (SEED_FRAMES, MARKERS))
         after = TrainingCrowd(

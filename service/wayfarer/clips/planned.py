@@ -14,7 +14,7 @@ from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
-from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.footlock import Planted, leg_shares, lock_feet
 from wayfarer.world.output.legs import measure_legs
 from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
@@ -75,5 +75,7 @@ def _locked(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float,
     """Rotations [N, 22, 4] and contacts [N, 2] as the service would send them."""
     legs = measure_legs(body, np.array(spec.betas))
     hips, rotations = found.translation[None], found.rotations[None]
-    locked = lock_feet(begin(legs, hips[:, 0], rotations[:, 0]), legs, hips, rotations)
+    first = hips[:, [0, 0]], rotations[:, [0, 0]]
+    step = Planted(rotations, np.zeros((1, 0, 0, 3), np.float32), found.contacts[None])
+    locked = lock_feet(np.ones(1, np.bool_), legs, leg_shares([]), first, hips, step)
     return locked.rotations[0], locked.contacts[0]

@@ -53,8 +53,6 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
         )
     _check_path(record, limits, where)
     _check_rows(record.motion, f"{where}.motion")
-    if record.feet is not None:
-        _check_rows(record.feet, f"{where}.feet")
     _check_rows(record.footing, f"{where}.footing")
     _check_rows(record.memory, f"{where}.memory")
     _check_rows(record.aims, f"{where}.aims")

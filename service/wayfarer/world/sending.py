@@ -1,4 +1,4 @@
-"""What is done to chunks as they leave: feet locked, bodies on the ground, parted by session.
+"""What is done to chunks as they leave: bodies on the ground, parted by session.
 
 What fails for an agent here is left out for it: its chunk leaves as it was planned.
 """
@@ -15,7 +15,6 @@ from wayfarer.world.observer import WorldObserver
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.world_scenes import WorldScenes
-from wayfarer.world.stepping.cleanup import clean_feet
 from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.playback import Sent
 from wayfarer.world.stepping.rules import PLANNED, ActingRules
@@ -49,7 +48,6 @@ class Sending:
         for sent in leaving:
             chunks = sent.chunks
             rules.tell(PLANNED, sent.slots, chunks.translation, chunks.rotations)
-            self._refine(Stage.FEET, sent, lambda some: clean_feet(self._slots, some, rules))
             if rules.acts("ground"):
                 self._set_on_ground(sent)
                 rules.tell("ground", sent.slots, chunks.translation, chunks.rotations)

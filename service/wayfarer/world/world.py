@@ -41,6 +41,7 @@ from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership
 from wayfarer.world.observer import Fall, GuardedObserver, WorldObserver
+from wayfarer.world.output.footlock import leg_shares
 from wayfarer.world.rows import Float, Index, Int8
 from wayfarer.world.scenes.context import SceneContext
 from wayfarer.world.scenes.guide import SceneGuide
@@ -131,6 +132,7 @@ class World:
             fell=self._fell,
             guide=self._scene_context.guide,
             mirrors=has_mirror_image(bodies.values()),
+            shares=leg_shares(next(iter(bodies.values())).marker_names),
             faults=self.faults,
         )
         self.load = Load(
@@ -274,12 +276,12 @@ class World:
         return self.registry.agent(agent_id).session_id
 
     def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
-        """Change an agent from the next chunk that is sent on. Raises NotFound, InvalidArgument."""
+        """Change an agent from the next planned chunk on. Raises NotFound, InvalidArgument."""
         agent = self.registry.agent(agent_id)
         check_change(change)
         self._population.change(agent, change)
         for observer in self._observers:
-            observer.changed(agent, change, int(self.slots.sent_chunks[agent.slot]))
+            observer.changed(agent, change, int(self.slots.planned_chunks[agent.slot]))
         return self._info(agent)
 
     def delete_agent(self, agent_id: str) -> None:

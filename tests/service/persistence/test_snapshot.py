@@ -257,9 +257,6 @@ def rows_with(path, value):
         ("motion.gait.waypoint", 2**62),
         ("motion.gait.stop_place", 1e30),
         ("motion.gait.stop_facing", 1e3),
-        ("feet.hold", 7.0),
-        ("feet.shift", 90.0),
-        ("feet.soles", 1e4),
         ("seq", -1),
         ("seq", 2**60),
     ],
@@ -311,7 +308,6 @@ def test_the_header_names_every_part_of_a_record():
     assert {f.name for f in fields(AgentRecord)} == {f.name for f in fields(AgentPart)} | {
         "seq",
         "motion",
-        "feet",
         "footing",
         "memory",
         "aims",

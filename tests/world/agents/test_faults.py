@@ -99,7 +99,7 @@ def test_where_nobody_hears_of_faults_they_are_raised(world):
     with pytest.raises(BrokenError):
         faults.split(np.arange(16), run(set(), []), BrokenError())
     for call in (
-        lambda: faults.agents([0], Stage.FEET, BrokenError()),
+        lambda: faults.agents([0], Stage.GROUND, BrokenError()),
         lambda: faults.session("s", Stage.CROWD, BrokenError()),
         lambda: faults.nobody(Stage.ENGINE, BrokenError()),
         lambda: faults.elsewhere("s", Stage.DELIVERY, BrokenError()),
@@ -140,12 +140,12 @@ def test_faults_long_ago_are_forgotten(faults, reports):
 
 def test_stages_are_sat_out_one_by_one(faults):
     rows = np.arange(4)
-    faults.agents([1], Stage.FEET, BrokenError())
+    faults.agents([1], Stage.GROUND, BrokenError())
     faults.agents([2], Stage.BEHAVIOUR, BrokenError())
     assert not faults.held(rows).any(), "it walks on"
-    assert faults.out(rows, Stage.FEET).tolist() == [False, True, False, False]
+    assert faults.out(rows, Stage.GROUND).tolist() == [False, True, False, False]
     assert faults.out(rows, Stage.BEHAVIOUR).tolist() == [False, False, True, False]
-    assert not faults.out(rows, Stage.GROUND).any()
+    assert not faults.out(rows, Stage.EVENT).any()
 
 
 def test_who_comes_into_a_slot_has_a_clean_record(world, reports):

@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +6,7 @@ from hypothesis import strategies as st
 from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet
+from wayfarer.world.output.footlock import LEASH, Planted, leg_shares, lock_feet
 from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, pose_legs
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED
@@ -16,21 +14,23 @@ from wayfarer.world.output.twobone import MOVED
 OTHERS = [joint for joint in range(22) if joint not in MOVED]
 
 
-def locked(translation: np.ndarray, rotations: np.ndarray, pieces: tuple[int, ...] = ()) -> Locked:
-    """The motion from its first frame, in one call or cut at the frames `pieces`."""
-    shape = legs(len(translation))
-    state = begin(shape, translation[:, 0], rotations[:, 0])
-    parts, contacts = [], []
-    cuts = sorted({0, *pieces, translation.shape[1]})
-    for start, stop in pairwise(cuts):
-        done = lock_feet(state, shape, translation[:, start:stop], rotations[:, start:stop])
-        state = done.state
-        parts.append(done.rotations)
-        contacts.append(done.contacts)
-    return Locked(np.concatenate(parts, 1), np.concatenate(contacts, 1), state)
+NAMES = ("ARIEL", "LTHI", "LKNE", "LSHN", "LANK", "LSOLE_TOE", "RANK", "RKNE")
 
 
-def sent_soles(translation: np.ndarray, made: Locked) -> np.ndarray:
+def locked(translation: np.ndarray, rotations: np.ndarray) -> Planted:
+    """A motion from its first frame, which came to rest there, in one piece."""
+    first = translation[:, [0, 0]], rotations[:, [0, 0]]
+    agents = len(translation)
+    nothing = np.zeros((agents, 0, 0, 3), np.float32), np.zeros((*rotations.shape[:2], 2), np.bool_)
+    step = Planted(rotations, *nothing)
+    return lock_feet(everybody(agents), legs(agents), leg_shares([]), first, translation, step)
+
+
+def everybody(agents: int) -> np.ndarray:
+    return np.ones(agents, np.bool_)
+
+
+def sent_soles(translation: np.ndarray, made: Planted) -> np.ndarray:
     return soles_of(translation, made.rotations)
 
 
@@ -83,15 +83,6 @@ def test_bones_keep_their_lengths_and_feet_their_turn():
     np.testing.assert_allclose(bones, np.broadcast_to(rest, bones.shape), atol=1e-5)
 
 
-@settings(max_examples=20, deadline=None)
-@given(st.lists(st.integers(1, 63), max_size=8))
-def test_a_motion_cut_into_pieces_is_the_motion(cuts):
-    whole, pieces = locked(*walk()), locked(*walk(), pieces=tuple(cuts))
-    np.testing.assert_allclose(pieces.rotations, whole.rotations, atol=1e-6)
-    np.testing.assert_array_equal(pieces.contacts, whole.contacts)
-    np.testing.assert_allclose(pieces.state.shift, whole.state.shift, atol=1e-6)
-
-
 @settings(max_examples=10, deadline=None)
 @given(st.permutations(range(4)))
 def test_an_agent_does_not_depend_on_the_others(order):
@@ -122,6 +113,38 @@ def test_it_is_the_same_anywhere_and_any_way_round(angle, x, y):
     here = locked(translation, rotations).rotations
     there = locked(place.astype(np.float32), turned).rotations
     np.testing.assert_allclose(there[:, :, 1:], here[:, :, 1:], atol=2e-3)  # float32 at 50 m
+
+
+def test_markers_go_along_with_their_leg():
+    translation, rotations = standing(8)
+    translation = moved(translation, (0.0, 0.1, 0))
+    markers = np.zeros((1, 2, len(NAMES), 3), np.float32)
+    step = Planted(rotations, markers, np.zeros((1, 8, 2), np.bool_))
+    first = translation[:, [0, 0]], rotations[:, [0, 0]]
+    shares = leg_shares(NAMES)
+    made = lock_feet(everybody(1), legs(), shares, first, translation, step)
+    before, after = (pose_legs(legs(), translation, r) for r in (rotations, made.rotations))
+    knees, ankles = ((after.knee - before.knee)[:, -2:], (after.ankle - before.ankle)[:, -2:])
+    way = dict(zip(NAMES, np.moveaxis(made.markers, 2, 0), strict=True))
+    assert np.abs(ankles[..., 1]).min() > 0.01
+    np.testing.assert_allclose(way["ARIEL"], 0)
+    np.testing.assert_allclose(way["LANK"], ankles[:, :, 0], atol=1e-6)
+    np.testing.assert_allclose(way["LSOLE_TOE"], ankles[:, :, 0], atol=1e-6)
+    np.testing.assert_allclose(way["RANK"], ankles[:, :, 1], atol=1e-6)
+    np.testing.assert_allclose(way["RKNE"], knees[:, :, 1], atol=1e-6)
+    np.testing.assert_allclose(way["LTHI"], knees[:, :, 0] / 2, atol=1e-6)
+    np.testing.assert_allclose(way["LSHN"], (knees + ankles)[:, :, 0] / 2, atol=1e-6)
+
+
+def test_who_does_not_want_it_is_left_as_given():
+    translation, rotations = walk()
+    both, turns = translation.repeat(2, 0), rotations.repeat(2, 0)
+    step = Planted(turns, np.ones((2, 2, 1, 3), np.float32), np.ones((2, 64, 2), np.bool_))
+    wanted, first = np.array([False, True]), (both[:, [0, 0]], turns[:, [0, 0]])
+    made = lock_feet(wanted, legs(2), leg_shares(["LANK"]), first, both, step)
+    for before, after in zip(step, made, strict=True):
+        np.testing.assert_array_equal(after[0], before[0])
+        assert (after[1] != before[1]).any()
 
 
 def test_a_swinging_foot_is_let_go_and_comes_back_to_the_model():

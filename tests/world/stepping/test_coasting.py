@@ -161,16 +161,6 @@ def test_nobody_coasts_while_there_is_time_nor_in_a_recorded_session():
     assert recorded and all(c.candidates for c in recorded), "a replay has no readers"
 
 
-def test_feet_that_nobody_sees_are_not_locked_and_are_again_once_somebody_does():
-    world, agents, _ = distant()
-    slot = world.registry.agent(agents[0]).slot
-    run(world, 3.0)
-    assert not world.slots.feet_begun[slot]
-    world.see("s", np.array([slot]), Sight.FAR)
-    run(world, 4.0)
-    assert world.slots.feet_begun[slot]
-
-
 def test_who_is_seen_as_a_root_counts_for_a_quarter_of_what_fits():
     near, far = (distant(4, sight=sight)[0] for sight in (Sight.NEAR, Sight.ROOT))
     for world in (near, far):

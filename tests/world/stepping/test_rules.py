@@ -45,7 +45,7 @@ def test_every_rule_that_acts_is_told_in_its_order() -> None:
     walked(ActingRules(watch=lambda name, *_: told.append(name)))
     first = told.index(PLANNED)
     assert told[:first] == [MODEL, *(name for name in RULES if name in told[:first])]
-    assert told[first : first + 2] == [PLANNED, "foot lock"]
+    assert "foot lock" in told[:first]
 
 
 @pytest.mark.parametrize("name", ["guards", "foot lock"])

@@ -63,7 +63,9 @@ LocalModel::LocalModel(std::string_view sidecar, const std::function<std::string
   const Json& soles = about.at("sole_markers");
   for (std::size_t k = 0; k < parts->soles.size(); ++k)
     parts->soles[k] = soles.at(k / local::SOLES).at(k % local::SOLES);
-  parts->shares = local::shares_of(about.at("markers").get<std::vector<std::string>>());
+  const auto markers = about.at("markers").get<std::vector<std::string>>();
+  parts->shares = local::shares_of(markers);
+  parts->leg_shares = local::leg_shares(markers);
   parts->mirrored_markers = about.at("mirrored_markers").get<std::vector<std::size_t>>();
   parts->mirrored_joints = about.at("mirrored_joints").get<std::vector<std::size_t>>();
   for (const auto& [gender, layout] : about.at("bodies").items()) {

@@ -1,7 +1,7 @@
 // An export (wayfarer.json, body_<gender>.bin): what the graph takes, start poses, bones and soles of any shape.
 #pragma once
 
-#include "legs.hpp"
+#include "footlock.hpp"
 #include "righting.hpp"
 
 namespace wayfarer::local {
@@ -47,6 +47,7 @@ struct LocalModel::Parts {
   std::map<std::string, local::Body> bodies;
   local::SoleMarkers soles;
   std::vector<double> shares;  // of the markers when the spine turns, see righting.hpp
+  std::vector<local::Feet<local::LegShare>> leg_shares;  // and when legs are moved, see footlock.hpp
   std::vector<std::size_t> mirrored_markers, mirrored_joints;
 };
 

@@ -30,10 +30,10 @@ Person::Person(const LocalSpec& given, const LocalModel::Parts& model, const Ste
       body_(model.bodies.at(given.gender)),
       soles_(model.soles),
       shares_(model.shares),
+      leg_shares_(model.leg_shares),
       steering_(steering),
       legs_(body_.legs(given.betas)),
       reaction_(reaction_of(given.seed, steering.reactions)),
-      lock_(legs_),
       planned_(stand({given.x, given.y}, given.heading)),
       committed_(planned_),
       start_(start) {}
@@ -85,6 +85,7 @@ void Person::take(const Asked& asked, Step made) {
   }
   make_bendable(made.turns, legs_);
   right(gait.mode, shares_, made);
+  if (spec.foot_lock) lock_feet(legs_, leg_shares_, seed, made);
   const Gait after = observe(gait, start.hips, made.hips, goal);
   int flags = replanned_ ? LocalChunk::REPLANNED : 0;
   if (after.arrived && !gait.arrived) flags |= LocalChunk::ARRIVED;
@@ -108,9 +109,6 @@ Planned Person::send() {
   queue_.pop_front();
   ++sent_chunks_;
   committed_ = chunk.end;
-  if (!spec.foot_lock) return chunk;
-  if (chunk.flags & LocalChunk::FIRST) lock_.restart();
-  chunk.contacts = lock_.clean(chunk.hips, chunk.turns);
   return chunk;
 }
 

@@ -1,5 +1,5 @@
 // One person: the motion that is planned and that which is sent, goals, and what a step makes of them. The server's
-// world/stepping (scheduler, playback, cleanup), for one person. Time: frames, 40 a second.
+// world/stepping (scheduler, playback), for one person. Time: frames, 40 a second.
 #pragma once
 
 #include <deque>
@@ -22,7 +22,7 @@ struct Planned {
   bool last, through;  // of the goal: the path ends there; it is passed
   FrameHips hips;
   FrameTurns turns;
-  Contacts contacts;
+  std::array<std::array<bool, 2>, FRAMES> contacts;  // left, right
   Motion end;
 };
 
@@ -57,17 +57,17 @@ class Person {
   Asked next() const;
   /// Plan a chunk from what the engine has made.
   void take(const Asked& asked, Step made);
-  /// Take out the next chunk, cleaned as it is shown.
+  /// Take out the next chunk.
   Planned send();
 
  private:
   const Body& body_;
   const SoleMarkers& soles_;
   const std::vector<double>& shares_;
+  const std::vector<Feet<LegShare>>& leg_shares_;
   const Steering& steering_;
   const Legs legs_;
   const int reaction_;
-  FootLock lock_;
   std::deque<Planned> queue_;   // planned, not sent
   bool replanned_ = false;
   Motion planned_, committed_;

@@ -2,6 +2,7 @@
 // Z up, heading 0 faces +Y.
 
 import { multiply } from "../core/quaternions.js";
+import { legShares } from "./footlock.js";
 import { measureLegs } from "./legs.js";
 import { sharesOf } from "./righting.js";
 
@@ -25,6 +26,8 @@ export class LocalBody {
     this.markers = about.markers.length;
     /** Share of the spine's bend that each marker follows. */
     this.shares = sharesOf(about.markers);
+    /** Shares of each leg's movements that each marker follows. */
+    this.legShares = legShares(about.markers);
     this.poses = this.#part("start_rotations").length / (4 * JOINTS);
   }
 

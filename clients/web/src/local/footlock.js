@@ -1,15 +1,27 @@
-// Keeps feet that bear weight in place, in the frames shown. It mirrors the server's world/output/footlock.py, which
-// explains the rules, for one person. World: metres, Z up, 40 frames per second.
+// Keeps feet that bear weight in place; the next step starts from there. It mirrors the server's
+// world/output/footlock.py, which explains the rules, for one person. World: metres, Z up, 40 frames per second.
 
 import { FRAMES, LegPose, SOLES, moveAnkles } from "./legs.js";
 import { bounded } from "./steering.js";
 
-const FPS = 40;
+const FPS = 40, SEED = 2;
 const TOUCH_HEIGHT = 0.03, TOUCH_SPEED = 0.4, LIFT_HEIGHT = 0.05, LIFT_SPEED = 0.7, TOLD_HEIGHT = 0.02;
 const RISE = 1 / 3;
 const SLIPPING = [0.25, LIFT_SPEED], LEASH = [0.09, 0.14];
 const FADE = 1 / (0.15 * FPS);
 const SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.001;
+/** How far markers follow knee and ankle. @type {Record<string, [number, number]>} */
+const SHARES = {
+  THI: [0.5, 0], KNE: [1, 0], KNI: [1, 0], SHN: [0.5, 0.5], CLF: [0.5, 0.5],
+  ...Object.fromEntries(["ANK", "HEE", "TOE", "MT1", "MT5"].map((name) => [name, [0, 1]])),
+  ...Object.fromEntries(["HEEL", "MT1", "MT5", "TOE"].map((name) => [`SOLE_${name}`, [0, 1]])),
+};
+
+/** How far each marker follows each leg, [marker, side, knee and ankle]. @param {string[]} names */
+export function legShares(names) {
+  const none = [0, 0];
+  return names.map((name) => [..."LR"].map((side) => (name[0] === side ? SHARES[name.slice(1)] : undefined) ?? none));
+}
 
 /** @param {number} value @param {number[]} ends */
 function smooth(value, [low, high]) {
@@ -17,87 +29,67 @@ function smooth(value, [low, high]) {
   return t * t * (3 - 2 * t);
 }
 
-/** State of the lock for two feet. */
-class LockState {
-  soles = new Float64Array(6 * SOLES); // where the model put them in the last frame [side, 4, 3]
-  contact = [false, false];
-  hold = [0, 0];
-  shift = [[0, 0, 0], [0, 0, 0]];
-}
-
-/** Locks the feet of one person, chunk after chunk. */
-export class FootLock {
-  /** @type {LockState | null} */
-  #state = null;
-
-  /** @param {import("./legs.js").Legs} legs */
-  constructor(legs) {
-    this.legs = legs;
-  }
-
-  /** Forget the past: the next chunk starts in another pose. */
-  restart() {
-    this.#state = null;
-  }
-
-  /** @param {Float64Array} translation @param {Float64Array} rotations */
-  #begin(translation, rotations) {
-    const state = new LockState(), pose = new LegPose(this.legs, translation, rotations, 1);
-    state.soles.set(pose.soles.subarray(0, 6 * SOLES));
-    for (let side = 0; side < 2; side += 1) {
-      state.contact[side] = lowest(pose.soles, SOLES * side) < TOUCH_HEIGHT;
-      state.hold[side] = Number(state.contact[side]);
-    }
-    return state;
-  }
-
-  /**
-   * Clean a chunk in place. Returns contacts, left and right of each frame.
-   * @param {Float64Array} translation @param {Float64Array} rotations
-   */
-  clean(translation, rotations) {
-    const state = (this.#state ??= this.#begin(translation, rotations));
-    const pose = new LegPose(this.legs, translation, rotations);
-    const contacts = new Uint8Array(2 * FRAMES), shifts = new Float64Array(6 * FRAMES);
-    for (let k = 0; k < 2 * FRAMES; k += 1) {
-      const side = k % 2, [x, y, height] = slide(pose, k, state.soles), speed = FPS * Math.hypot(x, y);
-      const touches = state.contact[side] ? height < LIFT_HEIGHT && speed < LIFT_SPEED : height < TOUCH_HEIGHT && speed < TOUCH_SPEED;
-      state.contact[side] = touches;
-      const hold = (state.hold[side] = bounded(state.hold[side] + (touches ? RISE : -RISE), 0, 1));
-      const before = state.shift[side];
-      const grip = hold * (1 - smooth(speed, SLIPPING)) * (1 - smooth(Math.hypot(before[0], before[1]), LEASH));
+/**
+ * The step with feet that stay, and its contacts. `shares` are those of its markers.
+ * @param {import("./legs.js").Legs} legs @param {number[][][]} shares @param {import("./person.js").Seed} seed
+ * @param {import("./person.js").Step} step @returns {import("./person.js").Step}
+ */
+export function lockFeet(legs, shares, seed, step) {
+  const before = new LegPose(legs, seed.translation, Float64Array.from(seed.rotations), SEED);
+  const pose = new LegPose(legs, step.translation, step.rotations);
+  const contacts = new Uint8Array(2 * FRAMES), shifts = new Float64Array(6 * FRAMES);
+  for (let side = 0; side < 2; side += 1) {
+    let [x, y, height] = slide(before.soles, side, before.soles, 2 + side);
+    let touches = height < TOUCH_HEIGHT && FPS * Math.hypot(x, y) < TOUCH_SPEED;
+    let hold = Number(touches), shift = [0, 0, 0];
+    for (let k = side; k < 2 * FRAMES; k += 2) {
+      [x, y, height] = k < 2 ? slide(before.soles, 2 + side, pose.soles, k) : slide(pose.soles, k - 2, pose.soles, k);
+      const speed = FPS * Math.hypot(x, y);
+      touches = touches ? height < LIFT_HEIGHT && speed < LIFT_SPEED : height < TOUCH_HEIGHT && speed < TOUCH_SPEED;
+      hold = bounded(hold + (touches ? RISE : -RISE), 0, 1);
+      const grip = hold * (1 - smooth(speed, SLIPPING)) * (1 - smooth(Math.hypot(shift[0], shift[1]), LEASH));
       const stays = 1 - (1 - grip) * FADE, settling = -height * (1 - smooth(height, [0, DROP]));
-      const shift = [stays * before[0] - grip * x, stays * before[1] - grip * y, before[2] + SETTLE * (hold * settling - before[2])];
-      state.shift[side] = shift;
+      shift = [stays * shift[0] - grip * x, stays * shift[1] - grip * y, shift[2] + SETTLE * (hold * settling - shift[2])];
       shifts.set(shift, 3 * k);
       contacts[k] = Number(touches && grip >= 0.5 && height + shift[2] <= TOLD_HEIGHT);
     }
-    state.soles.set(pose.soles.subarray(-6 * SOLES));
-    moveAnkles(pose, shifts, rotations);
-    return contacts;
   }
-}
-
-/** @param {Float64Array} soles @param {number} at */
-function lowest(soles, at) {
-  let least = Infinity;
-  for (let p = 0; p < SOLES; p += 1) least = Math.min(least, soles[3 * (at + p) + 2]);
-  return least;
+  const rotations = step.rotations.slice(), markers = step.markers.slice();
+  moveAnkles(pose, shifts, rotations);
+  follow(shares, pose, new LegPose(legs, step.translation, rotations), markers);
+  return { ...step, rotations, markers, contacts };
 }
 
 /**
- * Movement [x, y] of foot `k`'s bearing point since the last frame, and its height.
- * @param {LegPose} pose @param {number} k @param {Float64Array} before
+ * Let the markers of the last frames follow legs that have been moved.
+ * @param {number[][][]} shares @param {LegPose} from @param {LegPose} to @param {Float32Array} markers
  */
-function slide(pose, k, before) {
-  const now = 3 * SOLES * k, [old, from] = k < 2 ? [before, now] : [pose.soles, now - 6 * SOLES];
-  const height = lowest(pose.soles, SOLES * k);
+function follow(shares, from, to, markers) {
+  for (let s = 0; s < SEED; s += 1) {
+    shares.forEach((legs, marker) => legs.forEach(([ofKnee, ofAnkle], side) => {
+      if (!ofKnee && !ofAnkle) return;
+      const at = 3 * (shares.length * s + marker), leg = 3 * (2 * (FRAMES - SEED + s) + side);
+      for (let n = 0; n < 3; n += 1) {
+        markers[at + n] += ofKnee * (to.knee[leg + n] - from.knee[leg + n]) + ofAnkle * (to.ankle[leg + n] - from.ankle[leg + n]);
+      }
+    }));
+  }
+}
+
+/**
+ * Movement [x, y] of a foot's bearing point from one frame to another, and its height there; places are numbers of feet.
+ * @param {Float64Array} old @param {number} from @param {Float64Array} soles @param {number} to
+ */
+function slide(old, from, soles, to) {
+  const was = 3 * SOLES * from, now = 3 * SOLES * to;
+  let height = Infinity;
+  for (let p = 0; p < 3 * SOLES; p += 3) height = Math.min(height, soles[now + p + 2]);
   let x = 0, y = 0, loads = 0;
   for (let p = 0; p < 3 * SOLES; p += 3) {
-    const load = Math.exp((height - pose.soles[now + p + 2]) / SOFTNESS);
+    const load = Math.exp((height - soles[now + p + 2]) / SOFTNESS);
     loads += load;
-    x += load * (pose.soles[now + p] - old[from + p]);
-    y += load * (pose.soles[now + p + 1] - old[from + p + 1]);
+    x += load * (soles[now + p] - old[was + p]);
+    y += load * (soles[now + p + 1] - old[was + p + 1]);
   }
   return [x / loads, y / loads, height];
 }

@@ -1,7 +1,7 @@
 // One person: its planned and sent motion, its goals, and the results of steps. It mirrors the server's world/stepping
-// (scheduler, playback, cleanup), for one person. World: metres, Z up; time: frames, 40 per second.
+// (scheduler, playback), for one person. World: metres, Z up; time: frames, 40 per second.
 
-import { FootLock } from "./footlock.js";
+import { lockFeet } from "./footlock.js";
 import { bendable, broken, fallen, gotUp } from "./guards.js";
 import { isMirrored, mannerOf, noiseOf, reactionOf } from "./random.js";
 import { righted } from "./righting.js";
@@ -69,7 +69,6 @@ export class Person {
     this.manner = mannerOf(spec.seed);
     this.mirrored = isMirrored(spec.seed);
     this.reaction = reactionOf(spec.seed, steering.reactions);
-    this.lock = new FootLock(legs);
     this.planned = this.#stand(spec.x, spec.y, spec.heading);
     this.committed = this.planned;
     this.plannedChunks = 0;
@@ -175,6 +174,7 @@ export class Person {
     let step = made;
     if (isBroken) step = { ...made, ...stillFrames(seed) };
     step = righted(gait.mode, { ...step, rotations: bendable(step.rotations, this.legs) }, this.body.shares);
+    if (this.spec.footLock) step = lockFeet(this.legs, this.body.legShares, seed, step);
     const after = observe(gait, start.hips, step.translation, goal);
     let flags = this.#replanned ? FLAG_REPLANNED : 0;
     if (after.arrived && !gait.arrived) flags |= FLAG_ARRIVED;
@@ -198,17 +198,13 @@ export class Person {
     this.#replanned = false;
   }
 
-  /** Take out the next chunk, cleaned for display. @returns {LocalChunk} */
+  /** Take out the next chunk. @returns {LocalChunk} */
   send() {
     const chunk = /** @type {LocalChunk} */ (this.#queue.shift());
     chunk.frame = this.#shown(chunk.seq);
     this.sentChunks += 1;
     this.committed = chunk.end;
-    const shown = { ...chunk, translation: chunk.translation.slice(), rotations: chunk.rotations.slice() };
-    if (!this.spec.footLock) return shown;
-    if (chunk.flags & FLAG_FIRST) this.lock.restart();
-    shown.contacts = this.lock.clean(shown.translation, shown.rotations);
-    return shown;
+    return chunk;
   }
 
   /** Discard planned chunks that are shown after a world frame, and the one being computed. @param {number} until */

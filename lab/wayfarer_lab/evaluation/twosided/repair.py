@@ -68,7 +68,7 @@ class Repair:
                 self._begin(slot, frames)
             elif name == PLANNED:
                 self._leave(slot, frames)
-            elif RULES.index(name) < RULES.index("foot lock"):
+            elif name != "ground":
                 self._plan(name, slot, frames)
             else:
                 self._send(name, slot, frames)

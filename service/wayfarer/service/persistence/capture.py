@@ -7,7 +7,7 @@ import numpy as np
 
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.journal_entries import CapturedAgents, Member
-from wayfarer.service.persistence.snapshot import AgentPart, AgentRows, SessionPart
+from wayfarer.service.persistence.snapshot import AgentPart, AgentRows, RetiredColumns, SessionPart
 from wayfarer.world.agents.agent import AgentChange
 from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.agents.slots import Mode
@@ -41,8 +41,7 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
         AgentRows(
             seq=seq,
             motion=motion,
-            feet=slots.feet.take(rows),
-            feet_begun=slots.feet_begun[rows],
+            retired=RetiredColumns.empty(len(rows)),
             footing=slots.footing.take(rows),
             memory=slots.memory.take(rows),
             aims=slots.aims.take(rows),

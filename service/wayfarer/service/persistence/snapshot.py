@@ -9,7 +9,7 @@ of agents alone, which `np.savez` would take from the (untrusted) file.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import ClassVar, Final, TypeVar
+from typing import Annotated, ClassVar, Final, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -25,10 +25,9 @@ from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.behaviours import AnyBehaviour
-from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.record_checks import check_session_record
-from wayfarer.world.rows import Flags, Int, Rows
+from wayfarer.world.rows import Flags, Float, Int, Rows, Shape
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -66,13 +65,23 @@ class BodyStamp:
 
 
 @dataclass(slots=True)
+class RetiredColumns(Rows):
+    """Zeros, where snapshots up to 0.1 had the foot lock's memory: their places are kept."""
+
+    soles: Annotated[Float, Shape(2, 4, 3)]
+    contact: Annotated[Flags, Shape(2)]
+    hold: Annotated[Float, Shape(2)]
+    shift: Annotated[Float, Shape(2, 3)]
+    begun: Flags
+
+
+@dataclass(slots=True)
 class AgentRows(Rows):
     """Agents at rest: the arrays of `AgentRecord`. New columns come last (`unpack_agents`)."""
 
     seq: Int
     motion: Motion
-    feet: LockState
-    feet_begun: Flags  # False: the feet have not been locked yet; `feet` mean nothing
+    retired: RetiredColumns
     footing: Footing
     memory: Memory
     aims: Aims
@@ -164,12 +173,10 @@ def agent_part(record: AgentRecord) -> AgentPart:
 
 def standing(record: AgentRecord) -> AgentRows:
     """The arrays of an agent: one row."""
-    begun = record.feet is not None
     return AgentRows(
         seq=np.array([record.seq]),
         motion=record.motion,
-        feet=LockState.empty(1) if record.feet is None else record.feet,
-        feet_begun=np.array([begun]),
+        retired=RetiredColumns.empty(1),
         footing=record.footing,
         memory=record.memory,
         aims=record.aims,
@@ -201,7 +208,6 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
         **{field.name: getattr(part, field.name) for field in fields(AgentPart)},
         seq=int(row.seq[0]),
         motion=row.motion,
-        feet=row.feet if row.feet_begun[0] else None,
         memory=row.memory,
         aims=row.aims,
         footing=row.footing,
@@ -284,10 +290,6 @@ def check_body(record: AgentRecord, where: str) -> None:
         "motion.seed.translation": hips[:, 2],
         "motion.gait.stop_facing": record.motion.gait.stop_facing,
     }
-    if (feet := record.feet) is not None:
-        spans |= {"feet.soles": feet.soles[0] - hips[-1], "feet.shift": feet.shift[0]}
-        if not ((feet.hold >= 0) & (feet.hold <= 1)).all():
-            raise InvalidArgument("holds must lie in [0, 1]", f"{where}.feet.hold")
     for name, values in spans.items():
         if not (np.abs(values) <= REACH).all():
             raise InvalidArgument(

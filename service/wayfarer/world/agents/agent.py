@@ -37,7 +37,7 @@ class AgentSpec:
     heading: float = 0.0  # radians about +Z; 0 faces +Y
     noise_seed: int = 0  # the agent's motion is reproducible from it
     name: str = ""  # shown by clients; need not be unique
-    foot_lock: bool = True  # feet on the floor are kept from sliding in the frames that are sent
+    foot_lock: bool = True  # feet on the floor are kept from sliding
     floor: float = 0.0  # metres; in a scene of several storeys: the one below this height
     model: str = ""  # name of the loaded motion model that moves it first; empty: the one in use
     outfit: str = ""  # what it wears, by name; empty: what its seed chooses

@@ -55,7 +55,6 @@ class Stage(StrEnum):
     COASTING = "coasting"
     RESTING = "resting"
     STANDING = "standing"
-    FEET = "feet"
     GROUND = "ground"
     SENDING = "sending"
     RECORD = "record"
@@ -80,7 +79,6 @@ DOING: Final = {
     Stage.COASTING: "while it was moved without the motion model",
     Stage.RESTING: "while it was held in place",
     Stage.STANDING: "while it was held in place",
-    Stage.FEET: "while its feet were locked",
     Stage.GROUND: "while it was set on the ground",
     Stage.SENDING: "while its frames were sent",
     Stage.RECORD: "while its state was kept",
@@ -389,8 +387,6 @@ class Faults:
         if stage in HOLDING:
             slots.memory.put(np.array([slot]), Memory.empty(1))
             slots.route.passage[slot] = Passage.UNKNOWN
-        if stage is Stage.FEET:
-            slots.feet_begun[slot] = False
 
 
 def _told(stage: Stage, trouble: _Trouble, planned: int) -> str:

@@ -22,7 +22,6 @@ from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.spawn import Spawner
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.avoidance.people import Aims, Memory
-from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing, standing
 from wayfarer.world.output.legs import Legs, measure_legs
 from wayfarer.world.rows import Double
@@ -140,11 +139,6 @@ class Population:
 
     def _restore(self, entered: Sequence[int], records: Sequence[AgentRecord]) -> None:
         slots = self._table.rows
-        begun = {s: r.feet for s, r in zip(entered, records, strict=True) if r.feet is not None}
-        if begun:
-            rows = np.array(list(begun))
-            slots.feet.put(rows, LockState.join(list(begun.values())))
-            slots.feet_begun[rows] = True
         rows = np.array(entered)
         slots.footing.put(rows, Footing.join([record.footing for record in records]))
         slots.memory.put(rows, Memory.join([record.memory for record in records]))

@@ -11,7 +11,6 @@ from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.avoidance.people import Aims, Memory
-from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.rows import Double, Flags, Int, Rows
 
@@ -26,7 +25,6 @@ class AgentRecord:
     created_at: float  # Unix seconds
     seq: int  # of the next chunk
     motion: Motion  # one row: where the last sent frame left it
-    feet: LockState | None  # one row; None: its feet have not been locked yet
     footing: Footing  # one row
     memory: Memory  # one row
     aims: Aims  # one row

@@ -15,7 +15,6 @@ from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentState
 from wayfarer.world.agents.route import Route
 from wayfarer.world.avoidance.people import Aims, Memory
-from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Int, Int8, Object, Rows, Shape, UInt64
@@ -103,10 +102,8 @@ class Slots(Rows):
     held: Flags  # the last chunk planned was made without the engine
     coasted: Flags  # and so was its walk: see coasting.py
     frozen: Flags  # it is on its way to another server: nothing more is planned for it here
-    foot_lock: Flags  # the agent wants its feet locked in what is sent
+    foot_lock: Flags  # the agent wants its feet locked
     legs: Legs
-    feet: LockState  # after the frames already sent
-    feet_begun: Flags  # `feet` means something
     scene: Int  # number of the scene that it is in; 0: none
     avoids: Flags  # the others of its session
     route: Route

@@ -1,8 +1,8 @@
 """Foot lock: feet that bear weight stay where they are.
 
 The model's feet slide: by 5 to 7 cm/s while it walks, 11 to 16 to the side and back. Here the slide
-of a bearing foot is taken off frame by frame, as a *shift* of its ankle that two-bone inverse
-kinematics carries out; while the foot swings, the shift fades away:
+of a bearing foot is taken off a step's new frames, one after the other, as a *shift* of its ankle
+that two-bone inverse kinematics carries out; while the foot swings, the shift fades away:
 
     contact   low and slow, with hysteresis; hold follows it within 3 frames
     shift     − grip · slide of the bearing point       a gripped foot stands still
@@ -11,28 +11,37 @@ kinematics carries out; while the foot swings, the shift fades away:
 
 The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
 rolls over its ball, and pivots about it. Only motion is taken off, never a place set, so nothing
-jumps when the bearing point changes, at contact, or at a seam, over which the state carries the
-shift. A shift that grows beyond a *leash*, or a foot that is pulled away fast, loosens the grip by
-degrees. Feet keep their turn in the world.
+jumps when the bearing point changes, at contact, or at a seam. A shift that grows beyond a *leash*,
+or a foot that is pulled away fast, loosens the grip by degrees. Feet keep their turn in the world.
 
-This cleans what is sent and nothing else: the seeds of the next primitive stay the model's own, so
-the lock cannot disturb the model. It acts in every frame. Pure functions; world space, metres, 40
-frames per second.
+The next step starts from what the lock has made: the markers of a leg go along with its knee and
+ankle. So a body that would glide is held by its feet until it steps, and a lock has nothing to
+remember: what it takes off is gone, and whether a foot bears at a seam is seen in the two frames
+before it. Pure functions; world space, metres, 40 frames per second.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cache
 from math import exp, sqrt
-from typing import Annotated, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from wayfarer.compiled import compiled, warm
-from wayfarer.spec import FPS, POSED_JOINTS
-from wayfarer.world.output.legs import SOLES, Bones, Legs, bones, packed, pose_leg, sole_point
-from wayfarer.world.output.turns import less, put_vector, smooth, vector
-from wayfarer.world.output.twobone import move_ankle, put_leg
-from wayfarer.world.rows import Double, Flags, Float, Rows, Shape
+from wayfarer.spec import FPS, MARKERS, POSED_JOINTS, SEED_FRAMES
+from wayfarer.world.output.legs import SOLES, Bones, Leg, Legs, bones, packed, pose_leg, sole_point
+from wayfarer.world.output.turns import (
+    Vector,
+    add,
+    less,
+    multiply,
+    put_vector,
+    rotate,
+    smooth,
+    vector,
+)
+from wayfarer.world.output.twobone import Moved, move_ankle, put_leg
+from wayfarer.world.rows import Double, Flags, Float
 
 TOUCH_HEIGHT: Final = 0.03
 """Metres: a lower and slower foot comes into contact."""
@@ -75,101 +84,95 @@ LEAST_LOAD: Final = -40
 """Exponent of the smallest load that counts; a smaller one is lost in rounding."""
 
 
-@dataclass(slots=True)
-class LockState(Rows):
-    """What the lock remembers of two feet from one step to the next."""
+_SHARES: Final = {
+    "THI": (0.5, 0.0),
+    "KNE": (1.0, 0.0),
+    "KNI": (1.0, 0.0),
+    "SHN": (0.5, 0.5),
+    "CLF": (0.5, 0.5),
+    **dict.fromkeys(("ANK", "HEE", "TOE", "MT1", "MT5"), (0.0, 1.0)),
+    **dict.fromkeys(("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE"), (0.0, 1.0)),
+}
+"""Of the ways that knee and ankle are moved: how much a marker of that leg, named without its side,
+goes along with each."""
 
-    soles: Annotated[Float, Shape(2, SOLES, 3)]  # where the model had them in the last frame
-    contact: Annotated[Flags, Shape(2)]
-    hold: Annotated[Float, Shape(2)]  # 0…1, follows `contact`
-    shift: Annotated[Float, Shape(2, 3)]  # how far the foot is moved
 
+class Planted(NamedTuple):
+    """What of a step's new frames the lock changes."""
 
-@dataclass(frozen=True, slots=True)
-class Locked:
-    """Cleaned frames."""
-
-    rotations: Float  # [A, F, 22, 4]; hips, knees and ankles of both legs differ from the input
+    rotations: Float  # [A, F, 22, 4] hips, knees and ankles of both legs
+    markers: Float  # [A, S, M, 3] of the last S frames
     contacts: Flags  # [A, F, 2] feet that are held and on the floor
-    state: LockState
 
 
-class _Feet(NamedTuple):
-    """The columns of `LockState`, for compiled rules."""
+def leg_shares(markers: Sequence[str]) -> Float:
+    """How far markers go along with each leg [M, 2, 2]: left and right; knee and ankle."""
+    shares = np.zeros((len(markers), 2, 2), np.float32)
+    for number, name in enumerate(markers):
+        if name[0] in "LR":
+            shares[number, "LR".index(name[0])] = _SHARES.get(name[1:], (0.0, 0.0))
+    return shares
 
-    soles: Float
-    contact: Flags
-    hold: Float
-    shift: Float
 
+def lock_feet(
+    wanted: Flags,
+    legs: Legs,
+    shares: Float,
+    seed: tuple[Float, Float],
+    translation: Float,
+    step: Planted,
+) -> Planted:
+    """The next F frames of those of A agents who are `wanted` [A]; the others' are as given.
 
-def begin(legs: Legs, translation: Float, rotations: Float) -> LockState:
-    """The state before any motion, from a pose: translation [A, 3], rotations [A, 22, 4].
-
-    Nothing is shifted; feet near the floor are held.
+    translation [A, F, 3]. `seed` has translation [A, 2, 3] and rotations [A, 2, 22, 4] of the two
+    frames before, `shares` are the markers' (`leg_shares`). Every agent's result is its own.
     """
-    state = LockState.empty(len(translation))
-    _begin(_feet(state), bones(legs), packed(translation[:, None]), packed(rotations[:, None]))
-    return state
-
-
-def lock_feet(before: LockState, legs: Legs, translation: Float, rotations: Float) -> Locked:
-    """Clean the next F frames of A agents: translation [A, F, 3], rotations [A, F, 22, 4].
-
-    Many frames at once or in pieces, the result is the same; every agent's is its own.
-    """
-    after = before.take(np.arange(len(rotations)))
-    cleaned = np.array(rotations, np.float32, order="C")
-    held = np.empty((*rotations.shape[:2], 2), np.bool_)
-    _lock(_feet(after), bones(legs), packed(translation), cleaned, held)
-    return Locked(cleaned, held, after)
+    made = Planted(
+        np.array(step.rotations, np.float32, order="C"),
+        np.array(step.markers, np.float32, order="C"),
+        np.array(step.contacts, np.bool_, order="C"),
+    )
+    hips, turns = packed(seed[0]), packed(seed[1])
+    _lock(wanted, bones(legs), shares, hips, turns, packed(translation), made)
+    return made
 
 
 @cache
 def prepare() -> None:
     """Compile the lock, or load it, before anybody walks."""
-    feet, legs = _feet(LockState.empty(1)), bones(Legs.empty(1))
-    hips, turns = np.zeros((1, 1, 3), np.float32), np.ones((1, 1, POSED_JOINTS, 4), np.float32)
-    warm(_begin, feet, legs, hips, turns)
-    warm(_lock, feet, legs, hips, turns, np.empty((1, 1, 2), np.bool_))
-
-
-def _feet(state: LockState) -> _Feet:
-    return _Feet(state.soles, state.contact, state.hold, state.shift)
+    hips, turns = np.zeros((1, 2, 3), np.float32), np.ones((1, 2, POSED_JOINTS, 4), np.float32)
+    markers = np.zeros((1, SEED_FRAMES, MARKERS, 3), np.float32)
+    step = Planted(turns, markers, np.zeros((1, 2, 2), np.bool_))
+    shares = np.zeros((MARKERS, 2, 2), np.float32)
+    warm(_lock, np.ones(1, np.bool_), bones(Legs.empty(1)), shares, hips, turns, hips, step)
 
 
 @compiled
-def _begin(feet: _Feet, legs: Bones, translation: Float, rotations: Float) -> None:
-    for row in range(len(rotations)):
-        for foot in range(2):
-            leg, height = pose_leg(legs, row, 0, foot, rotations), np.inf
-            for point in range(SOLES):
-                sole = sole_point(legs, row, foot, point, leg, vector(translation, (row, 0)))
-                put_vector(feet.soles, (row, foot, point), sole)
-                height = min(height, sole[2])
-            feet.contact[row, foot] = height < TOUCH_HEIGHT
-            feet.hold[row, foot] = 1.0 if height < TOUCH_HEIGHT else 0.0
-
-
-@compiled
-def _lock(feet: _Feet, legs: Bones, translation: Float, rotations: Float, held: Flags) -> None:
-    """Into `feet`, `rotations` and `held` [A, F, 2]."""
+def _lock(
+    wanted: Flags,
+    legs: Bones,
+    shares: Float,
+    seed_hips: Float,
+    seed_turns: Float,
+    translation: Float,
+    step: Planted,
+) -> None:
+    """Changes `step` in place."""
+    rotations, markers, held = step
     was, now = np.empty((SOLES, 3)), np.empty((SOLES, 3))
+    frames, last = rotations.shape[1], seed_turns.shape[1] - 1
     for row in range(len(rotations)):
-        for foot in range(2):
-            for point in range(SOLES):
-                put_vector(was, (point,), vector(feet.soles, (row, foot, point)))
-            contact, hold = feet.contact[row, foot], float(feet.hold[row, foot])
-            x, y, z = vector(feet.shift, (row, foot))
-            for frame in range(rotations.shape[1]):
-                leg = pose_leg(legs, row, frame, foot, rotations)
-                height, root = np.inf, vector(translation, (row, frame))
-                for point in range(SOLES):
-                    sole = sole_point(legs, row, foot, point, leg, root)
-                    put_vector(now, (point,), sole)
-                    height = min(height, sole[2])
-                slide_x, slide_y = _slide(was, now, height)
-                speed = FPS * sqrt(slide_x * slide_x + slide_y * slide_y)
+        for foot in range(2 if wanted[row] else 0):
+            _put_soles(legs, row, last - 1, foot, seed_hips, seed_turns, was)
+            _put_soles(legs, row, last, foot, seed_hips, seed_turns, now)
+            slide_x, slide_y, height = _slide(was, now)
+            contact = height < TOUCH_HEIGHT and _speed(slide_x, slide_y) < TOUCH_SPEED
+            hold, x, y, z = (1.0 if contact else 0.0), 0.0, 0.0, 0.0
+            for frame in range(frames):
+                was, now = now, was
+                leg = _put_soles(legs, row, frame, foot, translation, rotations, now)
+                slide_x, slide_y, height = _slide(was, now)
+                speed = _speed(slide_x, slide_y)
                 if contact:
                     contact = height < LIFT_HEIGHT and speed < LIFT_SPEED
                 else:
@@ -182,30 +185,77 @@ def _lock(feet: _Feet, legs: Bones, translation: Float, rotations: Float, held: 
                 x, y = kept * x - grip * slide_x, kept * y - grip * slide_y
                 z += SETTLE * (hold * settling - z)
                 held[row, frame, foot] = contact and grip >= 0.5 and height + z <= TOLD_HEIGHT
+                thigh, shin = less(leg.knee, leg.hip), less(leg.ankle, leg.knee)
                 made = move_ankle(
                     leg.root_turn,
                     leg.hip_turn,
                     leg.knee_turn,
                     leg.ankle_turn,
-                    less(leg.knee, leg.hip),
-                    less(leg.ankle, leg.knee),
+                    thigh,
+                    shin,
                     (x, y, z),
                 )
                 put_leg(rotations, row, frame, foot, made)
-                for point in range(SOLES):
-                    put_vector(was, (point,), vector(now, (point,)))
-            for point in range(SOLES):
-                put_vector(feet.soles, (row, foot, point), vector(was, (point,)))
-            feet.contact[row, foot], feet.hold[row, foot] = contact, hold
-            put_vector(feet.shift, (row, foot), (x, y, z))
+                seed = frame - (frames - markers.shape[1])
+                if seed >= 0:
+                    _follow(legs, shares, row, seed, foot, leg, made, markers)
 
 
 @compiled
-def _slide(was: Double, now: Double, height: float) -> tuple[float, float]:
-    """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; `height`
-    of the lowest one.
+def _put_soles(
+    legs: Bones,
+    row: int,
+    frame: int,
+    foot: int,
+    translation: Float,
+    rotations: Float,
+    soles: Double,
+) -> Leg:
+    """The leg in a frame, and its points of the sole [P, 3] into `soles`."""
+    leg = pose_leg(legs, row, frame, foot, rotations)
+    root = vector(translation, (row, frame))
+    for point in range(SOLES):
+        put_vector(soles, (point,), sole_point(legs, row, foot, point, leg, root))
+    return leg
+
+
+@compiled
+def _follow(
+    legs: Bones,
+    shares: Float,
+    row: int,
+    frame: int,
+    foot: int,
+    leg: Leg,
+    made: Moved,
+    markers: Float,
+) -> None:
+    """Let markers [A, S, M, 3] go along with a leg that has been moved."""
+    hip_turn = multiply(leg.root_turn, made.hip)
+    knee = rotate(hip_turn, vector(legs.knee, (row, foot)))
+    knee_turn = multiply(hip_turn, made.knee)
+    ankle = add(knee, rotate(knee_turn, vector(legs.ankle, (row, foot))))
+    of_knee: Vector = less(knee, less(leg.knee, leg.hip))
+    of_ankle: Vector = less(ankle, less(leg.ankle, leg.hip))
+    for marker in range(len(shares)):
+        by_knee, by_ankle = shares[marker, foot, 0], shares[marker, foot, 1]
+        if by_knee > 0 or by_ankle > 0:
+            for axis in range(3):
+                way = by_knee * of_knee[axis] + by_ankle * of_ankle[axis]
+                markers[row, frame, marker, axis] += way
+
+
+@compiled
+def _speed(slide_x: float, slide_y: float) -> float:
+    return FPS * sqrt(slide_x * slide_x + slide_y * slide_y)
+
+
+@compiled
+def _slide(was: Double, now: Double) -> tuple[float, float, float]:
+    """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; and its
+    height, which is the lowest one's.
     """
-    total, x, y = 0.0, 0.0, 0.0
+    height, total, x, y = now[:, 2].min(), 0.0, 0.0, 0.0
     for point in range(SOLES):
         over = (height - now[point, 2]) / SOFTNESS
         if over > LEAST_LOAD:
@@ -213,4 +263,4 @@ def _slide(was: Double, now: Double, height: float) -> tuple[float, float]:
             total += load
             x += load * (now[point, 0] - was[point, 0])
             y += load * (now[point, 1] - was[point, 1])
-    return x / total, y / total
+    return x / total, y / total, height

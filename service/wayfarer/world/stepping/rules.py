@@ -12,9 +12,9 @@ from typing import Final
 from wayfarer.errors import InvalidArgument
 from wayfarer.world.rows import Float, Index
 
-RULES: Final = ("mirror", "guards", "righting", "getting up", "foot lock", "ground")
-"""In the order in which they act: up to *getting up* before the frames are planned, and from where
-they end the next step starts; the others on what is sent."""
+RULES: Final = ("mirror", "guards", "righting", "foot lock", "getting up", "ground")
+"""In the order in which they act: all but *ground* before the frames are planned, and from where
+they end the next step starts; the ground on what is sent."""
 
 MODEL: Final = "model"
 """What `watch` is told before the first of them has acted."""

@@ -19,6 +19,7 @@ from wayfarer.world.agents.slots import Gait, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
+from wayfarer.world.output.footlock import Planted, lock_feet
 from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Index, Int8
 from wayfarer.world.stepping.batch import broken, gather
@@ -61,6 +62,7 @@ class Scheduler:
         fell: Callable[[Index, Int8, Float, Float], None],
         guide: Guide,
         mirrors: bool,
+        shares: Float,
         faults: Faults,
     ) -> None:
         """`reset(slot)` gives the standing motion from which an agent goes on that has fallen.
@@ -68,6 +70,7 @@ class Scheduler:
         `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
         that are held. `fell(slots, modes, upright, hips)` is called before that with those who get
         up, and their bearing (see guards.py). `mirrors`: half of all agents are moved in a mirror.
+        `shares`: how far markers go along with legs (see footlock.py).
         """
         self._table = table
         self._playback = playback
@@ -81,6 +84,7 @@ class Scheduler:
         self._guide = guide
         self._rules = settings.rules
         self._mirrors = mirrors
+        self._shares = shares
         self._faults = faults
         self._single_threaded = settings.single_threaded
         self._company = settings.batch_lookahead_s * FPS  # frames
@@ -229,6 +233,14 @@ class Scheduler:
             step = righted(batch.gait.mode, Step(translation, rotations, markers))
             translation, rotations, markers = step
             self._rules.tell("righting", rows, translation, rotations)
+        planted = Planted(rotations, markers, outputs.contacts > 0.5)
+        if self._rules.acts("foot lock"):
+            before = batch.seed.translation, batch.seed.rotations
+            planted = lock_feet(
+                slots.foot_lock[rows], legs, self._shares, before, translation, planted
+            )
+            rotations, markers, _ = planted
+            self._rules.tell("foot lock", rows, translation, rotations)
         last = slice(-SEED_FRAMES, None)
         seed = Seeds(markers, translation[:, last], rotations[:, last])
         gait = observe(batch.gait, start, translation, batch.goals)
@@ -240,7 +252,7 @@ class Scheduler:
         chunks = Chunks(
             translation=translation,
             rotations=rotations,
-            contacts=outputs.contacts > 0.5,
+            contacts=planted.contacts,
             flags=flags.astype(np.uint8),
             goal_revision=slots.goal_revision[rows],
             candidates=np.full(len(rows), batch.candidates, np.int16),
