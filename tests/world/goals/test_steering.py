@@ -333,6 +333,28 @@ def test_standing_it_is_drawn_to_the_place_where_it_stopped():
     assert STEERING.targets(standing, at(1.2), goal()).place[0, :2].tolist() == [1.0, 0.0]
 
 
+@pytest.mark.parametrize(("aside", "passed"), [(0.45, True), (0.55, False)])
+def test_a_point_that_is_left_behind_is_passed_a_little_beyond_its_radius(aside, passed):
+    """Nobody turns back for a hand's breadth, nor stands beside it for ever."""
+    frames = np.zeros((1, NEW_FRAMES, 3), np.float32)
+    frames[0, :, 0], frames[0, :, 1] = np.linspace(0.32, 0.5, NEW_FRAMES), aside
+    start = np.array([[0.3, aside, 0.0]], np.float32)
+    beside, walks = goal(0.4, onward=(1, 0)), gait(Mode.WALKING, 0.9)
+    assert not observe(walks, start, frames, beside).arrived[0], "it is no place to stop"
+    beside.through[:] = True
+    assert observe(walks, start, frames, beside).arrived[0] == passed
+    assert not observe(walks, start, frames[:, :1], beside).arrived[0], "it still comes nearer"
+    assert not observe(gait(Mode.STANDING), start, frames, beside).arrived[0]
+
+
+@pytest.mark.parametrize("missed", [0.4, 0.6, 0.9])
+def test_who_has_missed_a_point_to_pass_through_turns_back_to_it(missed):
+    """A place beyond it would be at the agent's own feet, and there it would stand."""
+    point = goal(0.0, radius=0.1, through=True, onward=(1, 0))
+    place, speed, _ = STEERING.targets(gait(Mode.WALKING, 1.2), at(missed), point)
+    assert place[0].tolist() == [0.0, 0.0] and speed[0] == pytest.approx(1.2)
+
+
 def test_arrival_counts_once_and_by_any_frame():
     frames = np.zeros((1, NEW_FRAMES, 3), np.float32)
     frames[0, :, 0] = np.linspace(0.1, 0.8, NEW_FRAMES)  # through the circle and out again

@@ -9,7 +9,7 @@ constexpr double TOUCH_HEIGHT = 0.03, TOUCH_SPEED = 0.4, LIFT_HEIGHT = 0.05, LIF
 constexpr double RISE = 1.0 / 3;
 constexpr double SLIPPING[] = {0.25, LIFT_SPEED}, LEASH[] = {0.09, 0.14};
 constexpr double FADE = 1 / (0.15 * FPS);
-constexpr double SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.001;
+constexpr double SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.006;
 
 double smooth(double value, const double (&ends)[2]) { return local::smooth(value, ends[0], ends[1]); }
 

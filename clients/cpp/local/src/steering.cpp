@@ -5,7 +5,7 @@
 namespace wayfarer::local {
 namespace {
 
-constexpr double TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
+constexpr double TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3, GONE_BY = 0.2;
 constexpr double PACE = 0.7;  // m/s: nobody who walks to a goal is slower before its end, unless that is asked
 
 double between(Point a, Point b) { return std::acos(bounded(dot(a, b), -1, 1)); }
@@ -145,8 +145,9 @@ Targets Steering::targets(const Gait& gait, const Start& start, const GoalRow& g
 }
 
 Point Steering::ahead(const Start& start, const GoalRow& goal) const {
-  if (!goal.through) return goal.place;
-  const double distance = length(goal.place - start.hips);
+  const Point to = goal.place - start.hips;
+  const double distance = length(to);
+  if (!goal.through || dot(to, goal.onward) <= 0) return goal.place;  // who is past it has missed it, and turns back
   const double lookahead = std::max(lookahead_, lookahead_seconds_ * goal.speed);
   return goal.place + std::max(lookahead * std::cos(goal.bend) - distance, 0.0) * goal.onward;
 }
@@ -157,11 +158,18 @@ Point Steering::rest(const Gait& gait, const Start& start) const {
 }
 
 Gait observe(Gait gait, Point start, const std::array<Vec3, FRAMES>& hips, const GoalRow& goal) {
-  if (goal.given)
-    for (const Vec3& place : hips) gait.arrived |= length(floor_of(place) - goal.place) <= goal.radius;
+  const bool walks = gait.mode == WALKING || gait.mode == STRAFING;
+  if (goal.given) {
+    double away = length(start - goal.place);
+    for (const Vec3& place : hips) {
+      const double before = away;
+      away = length(floor_of(place) - goal.place);
+      gait.arrived |= away <= goal.radius + (goal.through && walks && away > before ? GONE_BY : 0);
+    }
+  }
   gait.speed = length(floor_of(hips.back()) - start) / STEP_SECONDS;
   const double lacks = 1 - gait.speed / std::max(goal.speed, 1e-3);
-  const bool steady = goal.given && (gait.mode == WALKING || gait.mode == STRAFING) && std::abs(lacks) < STEADY;
+  const bool steady = goal.given && walks && std::abs(lacks) < STEADY;
   gait.trim = bounded(gait.trim + (steady ? TRIM_GAIN * lacks : 0), -TRIM_MOST, TRIM_MOST);
   return gait;
 }

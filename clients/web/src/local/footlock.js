@@ -9,7 +9,7 @@ const TOUCH_HEIGHT = 0.03, TOUCH_SPEED = 0.4, LIFT_HEIGHT = 0.05, LIFT_SPEED = 0
 const RISE = 1 / 3;
 const SLIPPING = [0.25, LIFT_SPEED], LEASH = [0.09, 0.14];
 const FADE = 1 / (0.15 * FPS);
-const SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.001;
+const SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.006;
 /** How far markers follow knee and ankle. @type {Record<string, [number, number]>} */
 const SHARES = {
   THI: [0.5, 0], KNE: [1, 0], KNI: [1, 0], SHN: [0.5, 0.5], CLF: [0.5, 0.5],

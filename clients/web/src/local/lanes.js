@@ -1,7 +1,7 @@
 // Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders. It mirrors
 // the server's world/scenes/lanes.py, which explains the rules. World: metres.
 
-import { bounded, minus, plus, times } from "./steering.js";
+import { bounded, dot, minus, plus, times } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
@@ -48,5 +48,3 @@ function wall(point, side, clear) {
 
 /** Radians by which shoulders are turned in a way of that half width. @param {number} half @param {number[]} between */
 const narrower = (half, [low, high]) => TURN * (1 - bounded((half - low) / (high - low), 0, 1));
-/** @param {Point} a @param {Point} b */
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1];

@@ -1,7 +1,7 @@
 // Doors and other narrow places: the order of passing, and where the others wait. It mirrors the server's
 // world/scenes/passages.py, which explains the rules. World: metres.
 
-import { minus, times, unit } from "./steering.js";
+import { dot, minus, times, unit } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
@@ -36,6 +36,3 @@ export function turn(people, self, points, clear) {
   if (isFirst && self.memory.waited > HESITATES) return null;
   return others.some(({ oncoming, beyond, nearer, off }) => oncoming && beyond && nearer && off < CONTEST) ? place : null;
 }
-
-/** @param {Point} a @param {Point} b */
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1];

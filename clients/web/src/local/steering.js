@@ -6,6 +6,7 @@ export const MODES = Object.freeze(["STANDING", "WALKING", "STOPPING", "TURNING"
 export const STEP_SECONDS = 0.2;
 
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
+const GONE_BY = 0.2; // metres
 const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one is asked for
 
 /** @typedef {[number, number]} Point */
@@ -153,8 +154,8 @@ export class Steering {
 
   /** @param {Start} start @param {GoalRow} goal @returns {Point} */
   #ahead(start, goal) {
-    if (!goal.through) return goal.place;
-    const distance = Math.hypot(...minus(goal.place, start.hips));
+    const to = minus(goal.place, start.hips), distance = Math.hypot(...to);
+    if (!goal.through || dot(to, goal.onward) <= 0) return goal.place; // a person past it has missed it, and turns back
     const lookahead = Math.max(this.lookahead, this.lookaheadSeconds * goal.speed);
     return plus(goal.place, times(Math.max(lookahead * Math.cos(goal.bend) - distance, 0), goal.onward));
   }
@@ -171,15 +172,17 @@ export class Steering {
  */
 export function observe(gait, start, translation, goal) {
   const frames = translation.length / 3;
-  let there = gait.arrived;
+  const walks = gait.mode === WALKING || gait.mode === STRAFING;
+  let there = gait.arrived, away = Math.hypot(start[0] - goal.place[0], start[1] - goal.place[1]);
   for (let t = 0; t < frames && goal.given; t += 1) {
-    const away = Math.hypot(translation[3 * t] - goal.place[0], translation[3 * t + 1] - goal.place[1]);
-    there ||= away <= goal.radius;
+    const before = away;
+    away = Math.hypot(translation[3 * t] - goal.place[0], translation[3 * t + 1] - goal.place[1]);
+    there ||= away <= goal.radius + (goal.through && walks && away > before ? GONE_BY : 0);
   }
   const last = 3 * (frames - 1);
   const speed = Math.hypot(translation[last] - start[0], translation[last + 1] - start[1]) / STEP_SECONDS;
   const lacks = 1 - speed / Math.max(goal.speed, 1e-3);
-  const steady = goal.given && (gait.mode === WALKING || gait.mode === STRAFING) && Math.abs(lacks) < STEADY;
+  const steady = goal.given && walks && Math.abs(lacks) < STEADY;
   const trim = bounded(gait.trim + (steady ? TRIM_GAIN * lacks : 0), -TRIM_MOST, TRIM_MOST);
   return { ...gait, speed, trim, arrived: there };
 }
@@ -199,6 +202,8 @@ export const bounded = (value, low, high) => Math.min(Math.max(value, low), high
 export const plus = (a, b) => [a[0] + b[0], a[1] + b[1]];
 /** @param {Point} a @param {Point} b @returns {Point} */
 export const minus = (a, b) => [a[0] - b[0], a[1] - b[1]];
+/** @param {Point} a @param {Point} b */
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1];
 /** @param {number} s @param {Point} a @returns {Point} */
 export const times = (s, a) => [s * a[0], s * a[1]];
 /** @param {Point} a @returns {Point} */

@@ -27,6 +27,10 @@ TRIM_MOST: Final = 0.15
 PACE: Final = 0.7
 """m/s: a walker is not slower than this before its goal, unless a lower speed is asked for."""
 
+GONE_BY: Final = 0.2
+"""Metres beyond the radius of a point to pass through, within which it is passed all the same once
+a walker leaves it behind: nobody turns back for so little."""
+
 STEADY: Final = 0.3
 """Share of the target speed. An agent whose error is larger sets off or slows; it has no trim."""
 
@@ -208,8 +212,11 @@ def aim_rows(
                 to_x, to_y = place_x - hips[row, last, 0], place_y - hips[row, last, 1]
                 sight = max(limits.lookahead, limits.lookahead_seconds * asked)
                 beyond = sight * cos(float(goals.bend[row])) - sqrt(to_x * to_x + to_y * to_y)
-                place_x += goals.onward[row, 0] * max(beyond, 0.0)
-                place_y += goals.onward[row, 1] * max(beyond, 0.0)
+                # An agent that has missed it turns back: the point beyond would be at its own feet.
+                is_past = to_x * goals.onward[row, 0] + to_y * goals.onward[row, 1] <= 0
+                beyond = 0.0 if is_past else max(beyond, 0.0)
+                place_x += goals.onward[row, 0] * beyond
+                place_y += goals.onward[row, 1] * beyond
             facing_x = facing_y = 0.0
             if mode == STRAFING:
                 facing_x, facing_y = float(goals.heading[row, 0]), float(goals.heading[row, 1])
@@ -237,15 +244,18 @@ def observe_rows(goals: GoalArrays, hips: Float, start: Float, gait: GaitArrays)
     last = hips.shape[1] - 1
     for row in range(len(hips)):
         radius, there = float(goals.radius[row]), False
+        goal_x, goal_y = float(goals.position[row, 0]), float(goals.position[row, 1])
+        away = sqrt((start[row, 0] - goal_x) ** 2 + (start[row, 1] - goal_y) ** 2)
+        walks = gait.mode[row] in (WALKING, STRAFING)
         for frame in range(last + 1):
-            x = float(hips[row, frame, 0]) - float(goals.position[row, 0])
-            y = float(hips[row, frame, 1]) - float(goals.position[row, 1])
-            there = there or sqrt(x * x + y * y) <= radius
+            x, y = float(hips[row, frame, 0]) - goal_x, float(hips[row, frame, 1]) - goal_y
+            before, away = away, sqrt(x * x + y * y)
+            leaves = goals.through[row] and walks and away > before
+            there = there or away <= radius + (GONE_BY if leaves else 0.0)
         x = float(hips[row, last, 0]) - float(start[row, 0])
         y = float(hips[row, last, 1]) - float(start[row, 1])
         speed = sqrt(x * x + y * y) / STEP_SECONDS
         lacks = 1 - speed / max(float(goals.speed[row]), 1e-3)
-        walks = gait.mode[row] in (WALKING, STRAFING)
         trim = float(gait.trim[row])
         if goals.given[row] and walks and abs(lacks) < STEADY:
             trim += TRIM_GAIN * lacks

@@ -77,7 +77,7 @@ SETTLE: Final = 0.25
 DROP: Final = 0.02
 """Metres: a foot in contact is pulled down less, the higher it is; from here on, not at all."""
 
-SOFTNESS: Final = 0.001
+SOFTNESS: Final = 0.006
 """Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
 
 LEAST_LOAD: Final = -40
