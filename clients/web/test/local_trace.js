@@ -54,6 +54,7 @@ console.log(JSON.stringify({
     chunks: [rows.length, chunks[who].length],
     hips: Math.max(...rows.map(({ hips }) => hips)),
     turns: Math.max(...rows.map(({ turns }) => turns)),
+    early: Math.max(...rows.slice(0, 50).map(({ hips, turns }) => Math.max(hips, turns))), // in 10 s
     otherStates: count(rows, "state"), otherNotes: count(rows, "notes"), otherContacts: count(rows, "contacts"),
     resets: people[who].resets,
   })),

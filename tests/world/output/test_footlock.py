@@ -115,6 +115,37 @@ def test_it_is_the_same_anywhere_and_any_way_round(angle, x, y):
     np.testing.assert_allclose(there[:, :, 1:], here[:, :, 1:], atol=2e-3)  # float32 at 50 m
 
 
+def heading_of_feet(soles: np.ndarray) -> np.ndarray:
+    """Radians [F, 2] of the line from heel to balls, of soles [1, F, 2, P, 3]."""
+    along = soles[0, :, :, 1:3, :2].mean(2) - soles[0, :, :, 0, :2]
+    return np.unwrap(np.arctan2(along[..., 1], along[..., 0]), axis=0)
+
+
+def turning(rotations: np.ndarray, speed: float) -> np.ndarray:
+    """The whole body, turning on the spot, radians per second."""
+    turned = rotations.copy()
+    for frame in range(rotations.shape[1]):
+        angle = np.array([0, 0, speed * frame / FPS])
+        turned[0, frame, 0] = multiply(quaternion_from_rotvec(angle), rotations[0, frame, 0])
+    return turned
+
+
+@pytest.mark.parametrize("heel", ["down", "up"])
+def test_a_flat_foot_does_not_turn_on_the_floor_and_one_on_its_ball_does(heel):
+    translation, rotations = standing(16)
+    if heel == "up":
+        tip = quaternion_from_rotvec(np.array([-0.3, 0, 0]))
+        for ankle, ball in ((7, 10), (8, 11)):
+            rotations[0, :, ankle] = multiply(rotations[0, 0, ankle], tip)
+            rotations[0, :, ball] = quaternion_from_rotvec(np.array([0.3, 0, 0]))
+        translation[..., 2] -= soles_of(translation, rotations)[..., 2].min()
+    turned = turning(rotations, 1.0)
+    made = locked(translation, turned)
+    swept = np.ptp(heading_of_feet(soles_of(translation, made.rotations)), axis=0)
+    assert made.contacts.all()
+    assert (swept < 0.02).all() if heel == "down" else (swept > 0.3).all()
+
+
 def test_markers_go_along_with_their_leg():
     translation, rotations = standing(8)
     translation = moved(translation, (0.0, 0.1, 0))
@@ -134,6 +165,20 @@ def test_markers_go_along_with_their_leg():
     np.testing.assert_allclose(way["RKNE"], knees[:, :, 1], atol=1e-6)
     np.testing.assert_allclose(way["LTHI"], knees[:, :, 0] / 2, atol=1e-6)
     np.testing.assert_allclose(way["LSHN"], (knees + ankles)[:, :, 0] / 2, atol=1e-6)
+
+
+def test_markers_of_a_foot_turn_with_it():
+    translation, rotations = standing(8)
+    turned = turning(rotations, 1.0)
+    soles = soles_of(translation, turned)
+    markers = soles[:, -2:, 0, [0, 3]]  # heel and toe of the left foot
+    step = Planted(turned, markers, np.zeros((1, 8, 2), np.bool_))
+    first = translation[:, [0, 0]], turned[:, [0, 0]]
+    shares = leg_shares(["LSOLE_HEEL", "LSOLE_TOE"])
+    made = lock_feet(everybody(1), legs(), shares, first, translation, step)
+    there = soles_of(translation, made.rotations)[:, -2:, 0, [0, 3]]
+    assert np.abs(there - markers).max() > 0.01
+    np.testing.assert_allclose(made.markers, there, atol=1e-4)
 
 
 def test_who_does_not_want_it_is_left_as_given():

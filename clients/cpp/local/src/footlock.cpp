@@ -7,7 +7,7 @@ namespace {
 
 constexpr double TOUCH_HEIGHT = 0.03, TOUCH_SPEED = 0.4, LIFT_HEIGHT = 0.05, LIFT_SPEED = 0.7, TOLD_HEIGHT = 0.02;
 constexpr double RISE = 1.0 / 3;
-constexpr double SLIPPING[] = {0.25, LIFT_SPEED}, LEASH[] = {0.09, 0.14};
+constexpr double SLIPPING[] = {0.25, LIFT_SPEED}, SWIVELLING[] = {2, 6}, TILTED[] = {0.01, 0.025}, LEASH[] = {0.09, 0.14};
 constexpr double FADE = 1 / (0.15 * FPS);
 constexpr double SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.006;
 
@@ -23,17 +23,43 @@ LegShare share_of(const std::string& marker) {
   return found == KNOWN.end() ? LegShare{} : found->second;
 }
 
-// way of the bearing point since the last frame
-Point slide(const Soles& before, const Soles& now) {
+// the point that bears: its way since the last frame, and its place
+struct Bearing {
+  Point way, at;
+};
+
+Bearing bearing(const Soles& before, const Soles& now) {
   const double height = lowest(now);
-  Point way;
+  Point way, at;
   double loads = 0;
   for (std::size_t p = 0; p < SOLES; ++p) {
     const double load = std::exp((height - now[p].z) / SOFTNESS);
     loads += load;
     way = way + load * floor_of(now[p] - before[p]);
+    at = at + load * floor_of(now[p]);
   }
-  return (1 / loads) * way;
+  return {(1 / loads) * way, (1 / loads) * at};
+}
+
+// from the heel to between the balls
+Point along(const Soles& soles) { return floor_of(0.5 * (soles[1] + soles[2]) - soles[0]); }
+
+// how far the end of an arm is moved that turns by `yaw`
+Vec3 turned_off(double yaw, Point arm) {
+  const double sine = std::sin(yaw), less_cosine = std::cos(yaw) - 1;
+  return {less_cosine * arm.x - sine * arm.y, sine * arm.x + less_cosine * arm.y, 0};
+}
+
+// turn the markers of a seed frame's feet about their ankles
+void turn_feet(const std::vector<Feet<LegShare>>& shares, const LegPose& pose, const Vec3& hips,
+               const Feet<double>& yaws, std::size_t frame, Markers& markers) {
+  for (std::size_t m = 0; m < shares.size(); ++m) {
+    for (std::size_t side = 0; side < 2; ++side) {
+      if (shares[m][side].ankle != 1) continue;
+      Vec3& marker = markers[shares.size() * frame + m];
+      marker = rounded(marker + turned_off(yaws[side], floor_of(marker - hips - pose.ankle[side])));
+    }
+  }
 }
 
 // let the markers of a seed frame follow legs that have been moved
@@ -64,17 +90,17 @@ void lock_feet(const Legs& legs, const std::vector<Feet<LegShare>>& shares, cons
   const LegPose first(legs, seed.hips[0], seed.turns[0]), last(legs, seed.hips[1], seed.turns[1]);
   Feet<Soles> soles = last.soles;
   Feet<bool> contact;
-  Feet<double> hold;
-  Feet<Vec3> shift;
+  Feet<double> hold, yaw{};
+  Feet<Vec3> shift, moved;
   for (std::size_t side = 0; side < 2; ++side) {
-    const double speed = FPS * length(slide(first.soles[side], soles[side]));
+    const double speed = FPS * length(bearing(first.soles[side], soles[side]).way);
     contact[side] = lowest(soles[side]) < TOUCH_HEIGHT && speed < TOUCH_SPEED;
     hold[side] = contact[side];
   }
   for (std::size_t t = 0; t < FRAMES; ++t) {
-    const LegPose pose(legs, step.hips[t], step.turns[t]);
+    LegPose pose(legs, step.hips[t], step.turns[t]);
     for (std::size_t side = 0; side < 2; ++side) {
-      const Point way = slide(soles[side], pose.soles[side]);
+      const auto [way, at] = bearing(soles[side], pose.soles[side]);
       const double height = lowest(pose.soles[side]), speed = FPS * length(way);
       bool& touches = contact[side];
       touches = height < (touches ? LIFT_HEIGHT : TOUCH_HEIGHT) && speed < (touches ? LIFT_SPEED : TOUCH_SPEED);
@@ -84,12 +110,20 @@ void lock_feet(const Legs& legs, const std::vector<Feet<LegShare>>& shares, cons
       const double stays = 1 - (1 - grip) * FADE, settling = -height * (1 - local::smooth(height, 0, DROP));
       off = {stays * off.x - grip * way.x, stays * off.y - grip * way.y,
              off.z + SETTLE * (hold[side] * settling - off.z)};
+      const Soles& now = pose.soles[side];
+      const double swivel = turn_to(along(soles[side]), along(now)), tilt = std::abs(now[0].z - (now[1].z + now[2].z) / 2);
+      const double firm = hold[side] * (1 - smooth(FPS * std::abs(swivel), SWIVELLING)) * (1 - smooth(tilt, TILTED));
+      yaw[side] = (1 - (1 - firm) * FADE) * yaw[side] - firm * swivel;
+      moved[side] = off + turned_off(yaw[side], floor_of(step.hips[t] + pose.ankle[side]) - at);
+      pose.ankle_turn[side] = multiply(about_z(yaw[side]), pose.ankle_turn[side]);
       step.contacts[t][side] = touches && grip >= 0.5 && height + off.z <= TOLD_HEIGHT;
     }
     soles = pose.soles;
-    move_ankles(pose, shift, step.turns[t]);
-    if (t >= FRAMES - SEED)
+    move_ankles(pose, moved, step.turns[t]);
+    if (t >= FRAMES - SEED) {
+      turn_feet(shares, pose, step.hips[t], yaw, t - (FRAMES - SEED), step.markers);
       follow(shares, pose, LegPose(legs, step.hips[t], step.turns[t]), t - (FRAMES - SEED), step.markers);
+    }
   }
 }
 

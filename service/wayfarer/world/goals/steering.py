@@ -102,11 +102,11 @@ class Steering:
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
-    turn_radius: float = 0.4  # who turns on the spot aims so far off it, halfway to the heading, …
+    turn_radius: float = 0.35  # who turns on the spot aims so far off it, halfway to the heading, …
     turn_speed: float = 0.5  # … and steps so fast: asked for no way, a body turns like a turntable
     climbing: float = 1.5  # steps a second on stairs, where each is as long as a tread
     strafe_speed: float = 1.2  # at most, when it faces elsewhere than where it goes, …
-    strafe_slowest: float = 0.6  # … and at least: asked for less, a body glides
+    strafe_slowest: float = 0.8  # … and at least: asked for less, a body glides
 
     def with_search(
         self,

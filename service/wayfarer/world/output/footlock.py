@@ -7,12 +7,15 @@ that two-bone inverse kinematics carries out; while the foot swings, the shift f
     contact   low and slow, with hysteresis; hold follows it within 3 frames
     shift     − grip · slide of the bearing point       a gripped foot stands still
               − (1 − grip) · FADE · shift               a free one returns to the model's place
+    turn      − firm · swivel of the foot               nor does a flat foot turn on the floor
+              − (1 − firm) · FADE · turn
     height    while in contact the lowest sole point settles on the floor, z = 0
 
 The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
 rolls over its ball, and pivots about it. Only motion is taken off, never a place set, so nothing
 jumps when the bearing point changes, at contact, or at a seam. A shift that grows beyond a *leash*,
-or a foot that is pulled away fast, loosens the grip by degrees. Feet keep their turn in the world.
+or a foot that is pulled away or turned fast, loosens the grip by degrees. A foot turns about the
+point that bears, and freely once its heel is up.
 
 The next step starts from what the lock has made: the markers of a leg go along with its knee and
 ankle. So a body that would glide is held by its feet until it steps, and a lock has nothing to
@@ -22,7 +25,7 @@ before it. Pure functions; world space, metres, 40 frames per second.
 
 from collections.abc import Sequence
 from functools import cache
-from math import exp, sqrt
+from math import atan2, cos, exp, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -63,6 +66,12 @@ RISE: Final = 1 / 3
 
 SLIPPING: Final = (0.25, LIFT_SPEED)
 """Metres per second: between these a foot tears itself loose by degrees."""
+
+SWIVELLING: Final = (2.0, 6.0)
+"""Radians per second: and between these a foot that turns."""
+
+TILTED: Final = (0.01, 0.025)
+"""Metres from heel to balls, up or down, between which a foot is no longer flat."""
 
 LEASH: Final = (0.09, 0.14)
 """Metres of horizontal shift between which the grip lets go by degrees: a foot that is pulled on
@@ -165,13 +174,13 @@ def _lock(
         for foot in range(2 if wanted[row] else 0):
             _put_soles(legs, row, last - 1, foot, seed_hips, seed_turns, was)
             _put_soles(legs, row, last, foot, seed_hips, seed_turns, now)
-            slide_x, slide_y, height = _slide(was, now)
+            slide_x, slide_y, height, _, _ = _slide(was, now)
             contact = height < TOUCH_HEIGHT and _speed(slide_x, slide_y) < TOUCH_SPEED
-            hold, x, y, z = (1.0 if contact else 0.0), 0.0, 0.0, 0.0
+            hold, x, y, z, yaw = (1.0 if contact else 0.0), 0.0, 0.0, 0.0, 0.0
             for frame in range(frames):
                 was, now = now, was
                 leg = _put_soles(legs, row, frame, foot, translation, rotations, now)
-                slide_x, slide_y, height = _slide(was, now)
+                slide_x, slide_y, height, bears_x, bears_y = _slide(was, now)
                 speed = _speed(slide_x, slide_y)
                 if contact:
                     contact = height < LIFT_HEIGHT and speed < LIFT_SPEED
@@ -183,22 +192,31 @@ def _lock(
                 settling = -height * (1 - smooth(height, 0.0, DROP))
                 kept = 1 - (1 - grip) * FADE
                 x, y = kept * x - grip * slide_x, kept * y - grip * slide_y
+                swivel, tilt = _swivel(was, now)
+                turning = FPS * abs(swivel)
+                firm = 1 - smooth(turning, SWIVELLING[0], SWIVELLING[1])
+                firm *= hold * (1 - smooth(tilt, TILTED[0], TILTED[1]))
+                yaw = (1 - (1 - firm) * FADE) * yaw - firm * swivel
                 z += SETTLE * (hold * settling - z)
                 held[row, frame, foot] = contact and grip >= 0.5 and height + z <= TOLD_HEIGHT
                 thigh, shin = less(leg.knee, leg.hip), less(leg.ankle, leg.knee)
+                root = vector(translation, (row, frame))
+                ankle_x, ankle_y = root[0] + leg.ankle[0], root[1] + leg.ankle[1]
+                off_x, off_y = _turned_off(yaw, ankle_x - bears_x, ankle_y - bears_y)
                 made = move_ankle(
                     leg.root_turn,
                     leg.hip_turn,
                     leg.knee_turn,
-                    leg.ankle_turn,
+                    multiply((0.0, 0.0, sin(yaw / 2), cos(yaw / 2)), leg.ankle_turn),
                     thigh,
                     shin,
-                    (x, y, z),
+                    (x + off_x, y + off_y, z),
                 )
                 put_leg(rotations, row, frame, foot, made)
                 seed = frame - (frames - markers.shape[1])
                 if seed >= 0:
-                    _follow(legs, shares, row, seed, foot, leg, made, markers)
+                    ankle = ankle_x, ankle_y
+                    _follow(legs, shares, row, seed, foot, leg, made, yaw, ankle, markers)
 
 
 @compiled
@@ -228,9 +246,11 @@ def _follow(
     foot: int,
     leg: Leg,
     made: Moved,
+    yaw: float,
+    ankle_was: tuple[float, float],
     markers: Float,
 ) -> None:
-    """Let markers [A, S, M, 3] go along with a leg that has been moved."""
+    """Let markers [A, S, M, 3] go along with a leg that has been moved, and its foot turned."""
     hip_turn = multiply(leg.root_turn, made.hip)
     knee = rotate(hip_turn, vector(legs.knee, (row, foot)))
     knee_turn = multiply(hip_turn, made.knee)
@@ -239,10 +259,42 @@ def _follow(
     of_ankle: Vector = less(ankle, less(leg.ankle, leg.hip))
     for marker in range(len(shares)):
         by_knee, by_ankle = shares[marker, foot, 0], shares[marker, foot, 1]
+        if by_ankle == 1:
+            arm_x = markers[row, frame, marker, 0] - ankle_was[0]
+            off_x, off_y = _turned_off(yaw, arm_x, markers[row, frame, marker, 1] - ankle_was[1])
+            markers[row, frame, marker, 0] += off_x
+            markers[row, frame, marker, 1] += off_y
         if by_knee > 0 or by_ankle > 0:
             for axis in range(3):
                 way = by_knee * of_knee[axis] + by_ankle * of_ankle[axis]
                 markers[row, frame, marker, axis] += way
+
+
+@compiled
+def _swivel(was: Double, now: Double) -> tuple[float, float]:
+    """Radians that a foot has turned since the last frame, of sole points [P, 3] from heel to toe;
+    and metres that its heel is above or below its balls.
+    """
+    before_x, before_y = _along(was)
+    x, y = _along(now)
+    tilt = abs(now[0, 2] - (now[1, 2] + now[2, 2]) / 2)
+    return atan2(before_x * y - before_y * x, before_x * x + before_y * y), tilt
+
+
+@compiled
+def _along(soles: Double) -> tuple[float, float]:
+    """Horizontally from the heel to between the balls of a foot."""
+    return (
+        (soles[1, 0] + soles[2, 0]) / 2 - soles[0, 0],
+        (soles[1, 1] + soles[2, 1]) / 2 - soles[0, 1],
+    )
+
+
+@compiled
+def _turned_off(yaw: float, x: float, y: float) -> tuple[float, float]:
+    """How far the end of an arm is moved that turns by `yaw`."""
+    sine, less_cosine = sin(yaw), cos(yaw) - 1
+    return less_cosine * x - sine * y, sine * x + less_cosine * y
 
 
 @compiled
@@ -251,11 +303,11 @@ def _speed(slide_x: float, slide_y: float) -> float:
 
 
 @compiled
-def _slide(was: Double, now: Double) -> tuple[float, float, float]:
-    """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; and its
-    height, which is the lowest one's.
+def _slide(was: Double, now: Double) -> tuple[float, float, float, float, float]:
+    """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; its height,
+    which is the lowest one's, and its place.
     """
-    height, total, x, y = now[:, 2].min(), 0.0, 0.0, 0.0
+    height, total, x, y, at_x, at_y = now[:, 2].min(), 0.0, 0.0, 0.0, 0.0, 0.0
     for point in range(SOLES):
         over = (height - now[point, 2]) / SOFTNESS
         if over > LEAST_LOAD:
@@ -263,4 +315,6 @@ def _slide(was: Double, now: Double) -> tuple[float, float, float]:
             total += load
             x += load * (now[point, 0] - was[point, 0])
             y += load * (now[point, 1] - was[point, 1])
-    return x / total, y / total, height
+            at_x += load * now[point, 0]
+            at_y += load * now[point, 1]
+    return x / total, y / total, height, at_x / total, at_y / total
