@@ -27,7 +27,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import FPS, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.output.legs import SOLES, Bones, Leg, Legs, bones, packed, pose_leg, sole_point
 from wayfarer.world.output.turns import (
@@ -201,7 +201,7 @@ def _lock(
                     _follow(legs, shares, row, seed, foot, leg, made, markers)
 
 
-@compiled
+@inner
 def _put_soles(
     legs: Bones,
     row: int,
@@ -219,7 +219,7 @@ def _put_soles(
     return leg
 
 
-@compiled
+@inner
 def _follow(
     legs: Bones,
     shares: Float,
@@ -245,17 +245,19 @@ def _follow(
                 markers[row, frame, marker, axis] += way
 
 
-@compiled
+@inner
 def _speed(slide_x: float, slide_y: float) -> float:
     return FPS * sqrt(slide_x * slide_x + slide_y * slide_y)
 
 
-@compiled
+@inner
 def _slide(was: Double, now: Double) -> tuple[float, float, float]:
     """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; and its
     height, which is the lowest one's.
     """
-    height, total, x, y = now[:, 2].min(), 0.0, 0.0, 0.0
+    height, total, x, y = now[0, 2], 0.0, 0.0, 0.0
+    for point in range(1, SOLES):
+        height = min(height, now[point, 2])
     for point in range(SOLES):
         over = (height - now[point, 2]) / SOFTNESS
         if over > LEAST_LOAD:
