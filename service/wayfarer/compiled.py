@@ -19,21 +19,28 @@ from numba.core.dispatcher import Dispatcher
 
 log = structlog.get_logger(__name__)
 
-OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
+OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Not `fastmath`: a result is the same in every batch, process and replay."""
 
 
-def compiled(rule: Callable[..., Any]) -> Any:
+def compiled(rule: Callable[..., Any], **more: bool) -> Any:
     """A rule, compiled when it is first called with arguments of new types; see `warm`."""
     folder = _kept_in(rule)
     if folder is None:
-        return numba.njit(**OPTIONS)(rule)
+        return numba.njit(**OPTIONS, **more)(rule)
     config: Any = numba.config
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        return numba.njit(cache=True, **OPTIONS)(rule)
+        return numba.njit(cache=True, **OPTIONS, **more)(rule)
     finally:
         config.CACHE_DIR = before
+
+
+def inner(rule: Callable[..., Any]) -> Any:
+    """A part of other compiled rules, which Python cannot call: machine code for that, and for calls
+    among parts, would take as long to compile again.
+    """
+    return compiled(rule, no_cpython_wrapper=True, forceinline=True)
 
 
 def warm(rule: Any, *arguments: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled
+from wayfarer.compiled import compiled, inner
 from wayfarer.world.rows import Double, Flags, Float, Index, Int
 
 TURNS: Final = (0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160)
@@ -122,12 +122,12 @@ class Next(NamedTuple):
     retreat: Float  # [A, 2]
 
 
-@compiled
+@inner
 def _length(x: float, y: float) -> float:
     return sqrt(x * x + y * y)
 
 
-@compiled
+@inner
 def _keep_together(everybody: Everybody, me: int, x: float, y: float) -> float:
     """Share of its speed that who is before its group keeps."""
     if everybody.group[me] <= 0:
@@ -145,7 +145,7 @@ def _keep_together(everybody: Everybody, me: int, x: float, y: float) -> float:
     return min(max(1 - 0.5 * (ahead / count - LEAD), GROUP_SLOWEST), 1.0)
 
 
-@compiled
+@inner
 def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -> int:
     """Those in sight who are near now, or will be in a second; the nearest first. How many."""
     count = 0
@@ -176,7 +176,7 @@ def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -
     return count
 
 
-@compiled
+@inner
 def _keep_right(
     everybody: Everybody, me: int, px: float, py: float, lane: float
 ) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def _keep_right(
     return float(np.float32(turned * x)), float(np.float32(turned * y))
 
 
-@compiled
+@inner
 def _candidates(wx: float, wy: float, tried: Float) -> None:
     """Velocities to try: the way, a fan around it; the last one and a stop follow."""
     speed = _length(wx, wy)
@@ -234,7 +234,7 @@ def _candidates(wx: float, wy: float, tried: Float) -> None:
         tried[k, 0], tried[k, 1] = scale * (x * wx - y * wy), scale * (x * wy + y * wx)
 
 
-@compiled
+@inner
 def _opposed(everybody: Everybody, me: int, other: int) -> bool:
     """Whether two would walk against each other."""
     x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
@@ -242,7 +242,7 @@ def _opposed(everybody: Everybody, me: int, other: int) -> bool:
     return x * px + y * py < -OPPOSITE * _length(x, y) * _length(px, py)
 
 
-@compiled
+@inner
 def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, fan: Fan) -> None:
     """How soon and how nearly one other is met at each velocity of the fan, added to its costs."""
     own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
@@ -328,7 +328,7 @@ def weigh(
             made.costs[row, k] = cost + (fan.most[k] + 0.25 * fan.total[k])
 
 
-@compiled
+@inner
 def _in_the_way(
     everybody: Everybody, me: int, near: Index, count: int, px: float, py: float
 ) -> int:
@@ -362,7 +362,8 @@ def decide(everybody: Everybody, rows: Index, made: Choices, seconds: float, fou
             least = min(least, costs[k])
         while costs[best] > least + EVEN:
             best += 1
-        found.velocity[row] = made.tried[row, best]
+        found.velocity[row, 0] = made.tried[row, best, 0]
+        found.velocity[row, 1] = made.tried[row, best, 1]
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
         speed = _length(px, py)
         on = everybody.velocity[me, 0] * px + everybody.velocity[me, 1] * py
@@ -370,7 +371,8 @@ def decide(everybody: Everybody, rows: Index, made: Choices, seconds: float, fou
         waited = everybody.waited[me] + seconds if on / max(speed, TINY) < 0.25 * speed else 0.0
         found.waited[row] = waited
         found.yields[row] = max(everybody.yields[me] - seconds, 0.0)
-        found.retreat[row] = everybody.retreat[me]
+        found.retreat[row, 0] = everybody.retreat[me, 0]
+        found.retreat[row, 1] = everybody.retreat[me, 1]
         if found.waited[row] <= PATIENCE or found.yields[row] > 0:
             continue
         other = _in_the_way(everybody, me, made.near[row], made.known[row], px, py)

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
@@ -92,7 +92,7 @@ class GoalArrays(NamedTuple):
     tread: Float
 
 
-@compiled
+@inner
 def _faces(turns: Float, row: int) -> tuple[float, float]:
     """Horizontal unit vector that a body faces, as `heading.facing_of`; turns [A, S, 22, 4]."""
     x, y, z, w = turn(turns, (row, turns.shape[1] - 1, 0))

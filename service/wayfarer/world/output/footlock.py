@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import FPS, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.output.legs import SOLES, Bones, Leg, Legs, bones, packed, pose_leg, sole_point
 from wayfarer.world.output.turns import (
@@ -219,7 +219,7 @@ def _lock(
                     _follow(legs, shares, row, seed, foot, leg, made, yaw, ankle, markers)
 
 
-@compiled
+@inner
 def _put_soles(
     legs: Bones,
     row: int,
@@ -237,7 +237,7 @@ def _put_soles(
     return leg
 
 
-@compiled
+@inner
 def _follow(
     legs: Bones,
     shares: Float,
@@ -270,7 +270,7 @@ def _follow(
                 markers[row, frame, marker, axis] += way
 
 
-@compiled
+@inner
 def _swivel(was: Double, now: Double) -> tuple[float, float]:
     """Radians that a foot has turned since the last frame, of sole points [P, 3] from heel to toe;
     and metres that its heel is above or below its balls.
@@ -281,7 +281,7 @@ def _swivel(was: Double, now: Double) -> tuple[float, float]:
     return atan2(before_x * y - before_y * x, before_x * x + before_y * y), tilt
 
 
-@compiled
+@inner
 def _along(soles: Double) -> tuple[float, float]:
     """Horizontally from the heel to between the balls of a foot."""
     return (
@@ -290,24 +290,26 @@ def _along(soles: Double) -> tuple[float, float]:
     )
 
 
-@compiled
+@inner
 def _turned_off(yaw: float, x: float, y: float) -> tuple[float, float]:
     """How far the end of an arm is moved that turns by `yaw`."""
     sine, less_cosine = sin(yaw), cos(yaw) - 1
     return less_cosine * x - sine * y, sine * x + less_cosine * y
 
 
-@compiled
+@inner
 def _speed(slide_x: float, slide_y: float) -> float:
     return FPS * sqrt(slide_x * slide_x + slide_y * slide_y)
 
 
-@compiled
+@inner
 def _slide(was: Double, now: Double) -> tuple[float, float, float, float, float]:
     """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; its height,
     which is the lowest one's, and its place.
     """
-    height, total, x, y, at_x, at_y = now[:, 2].min(), 0.0, 0.0, 0.0, 0.0, 0.0
+    height, total, x, y, at_x, at_y = now[0, 2], 0.0, 0.0, 0.0, 0.0, 0.0
+    for point in range(1, SOLES):
+        height = min(height, now[point, 2])
     for point in range(SOLES):
         over = (height - now[point, 2]) / SOFTNESS
         if over > LEAST_LOAD:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.body.skeleton import joint_names
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.output.quaternion import Array
@@ -134,7 +134,7 @@ def bones(legs: Legs) -> Bones:
     return Bones(*(getattr(legs, name) for name in Bones._fields))
 
 
-@compiled
+@inner
 def pose_leg(legs: Bones, row: int, frame: int, foot: int, rotations: Float) -> Leg:
     """Forward kinematics of a row's foot in a frame, from rotations [A, F, 22, 4]."""
     of = row, foot
@@ -150,7 +150,7 @@ def pose_leg(legs: Bones, row: int, frame: int, foot: int, rotations: Float) -> 
     return Leg(root_turn, hip_turn, knee_turn, ankle_turn, ball_turn, hip, knee, ankle, ball)
 
 
-@compiled
+@inner
 def sole_point(legs: Bones, row: int, foot: int, point: int, leg: Leg, root: Vector) -> Vector:
     """Where a point of a sole is in the world."""
     of = row, foot, point

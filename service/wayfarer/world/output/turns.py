@@ -5,7 +5,7 @@ A vector is (x, y, z), a turn the unit quaternion (x, y, z, w): of floats, as Py
 
 from math import sqrt
 
-from wayfarer.compiled import compiled
+from wayfarer.compiled import inner
 from wayfarer.world.rows import Double, Float
 
 Vector = tuple[float, float, float]
@@ -13,13 +13,13 @@ Turn = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 
-@compiled
+@inner
 def vector(values: Float | Double, at: tuple[int, ...]) -> Vector:
     """That of an array [..., 3] at an index. Not of a part of it: each is made, and counted."""
     return float(values[(*at, 0)]), float(values[(*at, 1)]), float(values[(*at, 2)])
 
 
-@compiled
+@inner
 def turn(values: Float, at: tuple[int, ...]) -> Turn:
     """That of an array [..., 4] at an index."""
     return (
@@ -30,19 +30,19 @@ def turn(values: Float, at: tuple[int, ...]) -> Turn:
     )
 
 
-@compiled
+@inner
 def put_vector(values: Float | Double, at: tuple[int, ...], made: Vector) -> None:
     """Into an array [..., 3] at an index."""
     values[(*at, 0)], values[(*at, 1)], values[(*at, 2)] = made
 
 
-@compiled
+@inner
 def put(values: Float, at: tuple[int, ...], made: Turn) -> None:
     """Into an array [..., 4] at an index."""
     values[(*at, 0)], values[(*at, 1)], values[(*at, 2)], values[(*at, 3)] = made
 
 
-@compiled
+@inner
 def multiply(a: Turn, b: Turn) -> Turn:
     """First turn by b, then by a."""
     return (
@@ -53,49 +53,49 @@ def multiply(a: Turn, b: Turn) -> Turn:
     )
 
 
-@compiled
+@inner
 def inverse(a: Turn) -> Turn:
     """The turn back."""
     return -a[0], -a[1], -a[2], a[3]
 
 
-@compiled
+@inner
 def about(axis: Vector, sine: float, cosine: float) -> Turn:
     """About an axis, by half the angle's sine and cosine."""
     return sine * axis[0], sine * axis[1], sine * axis[2], cosine
 
 
-@compiled
+@inner
 def add(a: Vector, b: Vector) -> Vector:
     """Sum."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@compiled
+@inner
 def less(a: Vector, b: Vector) -> Vector:
     """The way from b to a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@compiled
+@inner
 def cross(a: Vector, b: Vector) -> Vector:
     """Cross product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@inner
 def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@inner
 def length(a: Vector) -> float:
     """Euclidean norm."""
     return sqrt(dot(a, a))
 
 
-@compiled
+@inner
 def matrix(a: Turn) -> Matrix:
     """The rows of its matrix: to turn several vectors."""
     x2, y2, z2 = 2 * a[0], 2 * a[1], 2 * a[2]
@@ -109,25 +109,25 @@ def matrix(a: Turn) -> Matrix:
     )
 
 
-@compiled
+@inner
 def turned(rows: Matrix, a: Vector) -> Vector:
     """A vector turned by a matrix."""
     return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
 
 
-@compiled
+@inner
 def rotate(by: Turn, a: Vector) -> Vector:
     """A vector turned."""
     return turned(matrix(by), a)
 
 
-@compiled
+@inner
 def bounded(value: float, low: float, high: float) -> float:
     """The nearest number that is between two."""
     return min(max(value, low), high)
 
 
-@compiled
+@inner
 def smooth(value: float, low: float, high: float) -> float:
     """0 below `low`, 1 above `high`, smooth between."""
     t = bounded((value - low) / (high - low), 0.0, 1.0)

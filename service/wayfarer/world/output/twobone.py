@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, LegPose, Legs, pose_legs
 from wayfarer.world.output.turns import (
@@ -64,7 +64,7 @@ class Moved(NamedTuple):
     ankle: Turn
 
 
-@compiled
+@inner
 def move_ankle(
     root_turn: Turn,
     hip_turn: Turn,
@@ -110,7 +110,7 @@ def move_ankle(
     )
 
 
-@compiled
+@inner
 def put_leg(rotations: Float, row: int, frame: int, foot: int, made: Moved) -> None:
     """A leg's joints into rotations [A, F, 22, 4]."""
     put(rotations, (row, frame, HIPS[foot]), made.hip)

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.world.rows import Double, Index
 
 ROUNDS: Final = 16
@@ -21,7 +21,7 @@ STEPS: Final = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1
 DIAGONAL: Final = sqrt(2.0)
 
 
-@compiled
+@inner
 def _sweep(room: Double, least: float, cost: Double) -> bool:
     """Carry the costs of cells on to those beside them, in four orders; whether any has changed."""
     rows, columns = cost.shape
@@ -44,7 +44,7 @@ def _sweep(room: Double, least: float, cost: Double) -> bool:
     return changed
 
 
-@compiled
+@inner
 def _sees(room: Double, least: float, r0: int, c0: int, r1: int, c1: int) -> bool:
     """Whether a straight line between two cells keeps the room, taken between cells."""
     rows, columns = room.shape

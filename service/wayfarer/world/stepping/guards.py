@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Seeds
 from wayfarer.world.output import quaternion
@@ -135,7 +135,7 @@ def _bend(rotations: Float, rest: Float, mends: bool) -> bool:
     return any_beyond
 
 
-@compiled
+@inner
 def _straightened(knee: Turn, beside: float) -> Turn:
     """A knee with as much of its turn about Y and Z left as it has; `beside` is the square of that
     part, and too much.
@@ -173,7 +173,7 @@ def _bear(translation: Float, rotations: Float, legs: Bones, found: Float) -> No
         found[1, row] = translation[row, last, 2] / height
 
 
-@compiled
+@inner
 def spine_up(rotations: Float, row: int) -> Vector:
     """Mean of where the joints of a row's spine point up in the last frame of [A, F, 22, 4]."""
     frame = rotations.shape[1] - 1

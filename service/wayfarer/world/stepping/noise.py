@@ -14,7 +14,7 @@ import numpy as np
 from numba.np.random import _constants as ziggurat
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import LATENT
 
 _STREAM: Final = np.uint64(0x5741594641524552)
@@ -101,7 +101,7 @@ def _draw(
     return True
 
 
-@compiled
+@inner
 def _of_tail(words: Words, used: int) -> tuple[np.float32, int]:
     """A number of the tail, and how many words are used then; more than there are: too few."""
     while used + 2 <= len(words):
@@ -113,12 +113,12 @@ def _of_tail(words: Words, used: int) -> tuple[np.float32, int]:
     return _TAIL, len(words) + 1
 
 
-@compiled
+@inner
 def _uniform(word: int) -> np.float32:
     return np.float32(word >> 8) * _UNIT
 
 
-@compiled
+@inner
 def _fill(words: Words, seed: np.uint64, chunk: np.uint64) -> None:
     """Philox 4×64-10 (Salmon et al. 2011), the lower half of each number first."""
     for block in range(len(words) // 8):
@@ -136,7 +136,7 @@ def _fill(words: Words, seed: np.uint64, chunk: np.uint64) -> None:
         words[at + 6], words[at + 7] = d & _LOWER, d >> _HALF
 
 
-@compiled
+@inner
 def _product(a: np.uint64, b: np.uint64) -> tuple[np.uint64, np.uint64]:
     """Both halves of 128 bits."""
     a_low, a_high, b_low, b_high = a & _LOWER, a >> _HALF, b & _LOWER, b >> _HALF

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wayfarer.body.landmarks import marker_names
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.output.legs import packed
@@ -130,7 +130,7 @@ def _right(mode: Int8, step: Step, mends: bool) -> bool:
     return any_leans
 
 
-@compiled
+@inner
 def _bend_back(rotations: Float, row: int, frame: int, axis: Vector, back: float) -> None:
     """Turn the spine in rotations [A, F, 22, 4] by radians `back` about the world's `axis` in the
     mean.
@@ -144,7 +144,7 @@ def _bend_back(rotations: Float, row: int, frame: int, axis: Vector, back: float
         above = multiply(above, local)
 
 
-@compiled
+@inner
 def _swing(markers: Float, row: int, frame: int, pivot: Vector, axis: Vector, back: float) -> None:
     """Turn those of markers [A, S, 67, 3] that are above the hips by `back` about `axis` through
     `pivot`.
