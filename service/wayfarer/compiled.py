@@ -37,8 +37,8 @@ def compiled(rule: Callable[..., Any], **more: bool) -> Any:
 
 
 def inner(rule: Callable[..., Any]) -> Any:
-    """A part of other compiled rules, which Python cannot call: machine code for that, and for calls
-    among parts, would take as long to compile again.
+    """A part of other compiled rules, which Python cannot call: machine code for that, and for its
+    calls by other parts, would take as long to compile again.
     """
     return compiled(rule, no_cpython_wrapper=True, forceinline=True)
 
