@@ -38,8 +38,8 @@ def compiled(rule: Callable[..., Any], **more: bool) -> Any:
 
 
 def inner(rule: Callable[..., Any]) -> Any:
-    """A part of other compiled rules, which Python cannot call: code for that, and for calls among
-    parts, would take as long to compile again.
+    """A part of other compiled rules, for which code to call it from Python, or from each other,
+    would take as long to compile again. A call from Python ends the process.
     """
     return compiled(rule, no_cpython_wrapper=True, forceinline=True)
 
