@@ -8,6 +8,7 @@ takes from elsewhere: numba itself would take code of another release for this o
 
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
@@ -25,20 +26,20 @@ OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy", "no_cfu
 
 def compiled(rule: Callable[..., Any], **more: bool) -> Any:
     """A rule, compiled when it is first called with arguments of new types; see `warm`."""
-    folder = _kept_in(rule)
+    folder, njit = _kept_in(rule), partial(numba.njit, **OPTIONS, **more)
     if folder is None:
-        return numba.njit(**OPTIONS, **more)(rule)
+        return njit(rule)
     config: Any = numba.config
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        return numba.njit(cache=True, **OPTIONS, **more)(rule)
+        return njit(rule, cache=True)
     finally:
         config.CACHE_DIR = before
 
 
 def inner(rule: Callable[..., Any]) -> Any:
-    """A part of other compiled rules, which Python cannot call: machine code for that, and for its
-    calls by other parts, would take as long to compile again.
+    """A part of other compiled rules, for which code to call it from Python, or from each other,
+    would take as long to compile again. A call from Python ends the process.
     """
     return compiled(rule, no_cpython_wrapper=True, forceinline=True)
 

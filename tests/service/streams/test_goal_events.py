@@ -89,7 +89,6 @@ def record(mode, arrived=True, stop=True):
         created_at=0.0,
         seq=7,
         motion=motion,
-        feet=None,
         footing=Footing.empty(1),
         memory=Memory.empty(1),
         aims=Aims.empty(1),

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import inner
+from wayfarer.compiled import compiled, inner
 
 MIDDLE: Final = 16383
 """The count that stands for 0."""
@@ -31,7 +31,7 @@ OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 """[left out] → the three that are sent."""
 
 
-@inner
+@compiled
 def pack_one(x: float, y: float, z: float, w: float) -> tuple[int, int, int]:
     """The words of a unit quaternion, of float32 numbers."""
     counts = _count(x), _count(y), _count(z), _count(w)

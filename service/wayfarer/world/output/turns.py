@@ -122,6 +122,13 @@ def rotate(by: Turn, a: Vector) -> Vector:
 
 
 @inner
+def apart(a: Float, row: int, b: Float, other: int) -> float:
+    """How far two points are from each other, of arrays [N, 2], in their precision."""
+    x, y = a[row, 0] - b[other, 0], a[row, 1] - b[other, 1]
+    return sqrt(x * x + y * y)
+
+
+@inner
 def bounded(value: float, low: float, high: float) -> float:
     """The nearest number that is between two."""
     return min(max(value, low), high)

@@ -1,5 +1,6 @@
 """How agents give way to each other: their next stretch is bent around others."""
 
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -10,8 +11,9 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.avoidance.avoid import avoid
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.avoidance.avoid import NextVelocity, avoid
+from wayfarer.world.avoidance.people import Memory
+from wayfarer.world.rows import Index
 from wayfarer.world.scenes.people import SessionPeople, people_of
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
@@ -35,9 +37,9 @@ class CollisionAvoidance:
         self._scenery = scenery
         self._seen: dict[int, SessionPeople] = {}
 
-    def forget(self) -> None:
-        """A new step begins: everybody may have moved."""
-        self._seen.clear()
+    def look(self, rows: Index) -> None:
+        """A new step of `rows` begins: everybody may have moved."""
+        self._seen = people_of(self._slots, rows[self._slots.avoids[rows]])
 
     def bend(
         self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array, half: Array
@@ -47,29 +49,32 @@ class CollisionAvoidance:
         `rows` are their slots, `hips` [A, 2] where they are, `left` [A] metres to where each stops,
         `half` [A] half the width of their ways.
         """
-        slots = self._slots
-        avoiding: Flags = slots.avoids[rows]
-        for number in np.unique(slots.session[rows[avoiding]]).tolist():
-            mine = np.flatnonzero(avoiding & (slots.session[rows] == number))
-            others = self.others(number, rows[mine])
-            if len(others.slots) < 2:
-                continue
-            way = ahead.position[led[mine], :2] - hips[mine]
-            distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-            preferred = (way / distance * ahead.speed[led[mine], None]).astype(np.float32)
-            clear = self.clearance(rows[mine])
-            places = others.rows(rows[mine])
-            stops = left[mine].astype(np.float32)
-            wide = half[mine].astype(np.float32)
-            course = avoid(others.people, places, preferred, clear, STEP_SECONDS, stops, wide)
-            slots.memory.put(rows[mine], course.memory)
-            self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
+        way = ahead.position[led, :2] - hips
+        distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
+        preferred = (way / distance * ahead.speed[led, None]).astype(np.float32)
+        left, half = left.astype(np.float32), half.astype(np.float32)
+        which, courses = list[Index](), list[NextVelocity]()
+        for mine, others in self.sessions(rows, np.flatnonzero(self._slots.avoids[rows])):
+            if len(others.slots) > 1:
+                some, clear = others.rows(rows[mine]), self.clearance(rows[mine])
+                wanted, stops, wide = preferred[mine], left[mine], half[mine]
+                which.append(mine)
+                courses.append(avoid(others.people, some, wanted, clear, STEP_SECONDS, stops, wide))
+        if which:
+            mine = np.concatenate(which)
+            self._slots.memory.put(rows[mine], Memory.join([course.memory for course in courses]))
+            chosen = np.concatenate([course.velocity for course in courses])
+            self._turn(ahead, led[mine], hips[mine], preferred[mine], chosen)
 
-    def others(self, session: int, rows: Index) -> SessionPeople:
-        """The people of a session, once for the course and the obstacles of a step."""
-        if session not in self._seen:
-            self._seen[session] = people_of(self._slots, session, rows)
-        return self._seen[session]
+    def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
+        """Of some of the rows, those of each session, and everybody of it."""
+        numbers = self._slots.session[rows[which]]
+        for number in np.unique(numbers).tolist():
+            yield which[numbers == number], self._seen[number]
+
+    def everybody(self, slot: int) -> SessionPeople:
+        """The people of a slot's session."""
+        return self._seen[int(self._slots.session[slot])]
 
     def _turn(
         self,
@@ -78,9 +83,8 @@ class CollisionAvoidance:
         hips: Array,
         preferred: Array,
         chosen: Array,
-        waits: Flags,
     ) -> None:
-        speed = np.linalg.norm(chosen, axis=-1)
+        speed, waits = np.linalg.norm(chosen, axis=-1), (chosen == 0).all(-1)
         ahead.given[led[waits]] = False
         other = ~waits & (chosen != preferred).any(-1)  # else not even by rounding
         ahead.speed[led[other]] = speed[other]

@@ -1,6 +1,5 @@
 """What others mean for an agent's goal and way: where it stops, and who stands in its way."""
 
-from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ from wayfarer.world.scenes.passages import turns
 from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.planner import Tell
 from wayfarer.world.scenes.routes import Routes
-from wayfarer.world.scenes.spots import FARTHEST, take_spots
+from wayfarer.world.scenes.spots import FARTHEST, Clear, Seekers, set_spots, take_spots
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
 Array = NDArray[np.floating[Any]]
@@ -73,6 +72,7 @@ class Company:
         self._routes = routes
         self._scenery = scenery
         self._avoidance = avoidance
+        self._sessions = avoidance.sessions
         self._tell = tell
         self._detours = Detours(slots, routes, scenery)
 
@@ -86,23 +86,29 @@ class Company:
         if not len(mine):
             return goals
         slots.aims.barred[rows] *= goals.given & ~arrived
+        sessions = [one for one in self._sessions(rows, mine) if len(one[1].slots) > 1]
+        if not sessions:
+            return goals
+        which = np.concatenate([mine for mine, _ in sessions])
+        some, columns = rows[which], goals.take(which)
+        aims, asked = slots.aims.take(some), columns.position[:, :2]
+        aims.spot[(aims.asked != asked).any(-1)] = asked[(aims.asked != asked).any(-1)]
+        aims.asked[:] = asked
+        concerned, first = columns.given & ~columns.through & ~arrived[which], 0
+        for of_session, everybody in sessions:
+            mine, part = rows[of_session], slice(first, first := first + len(of_session))
+            people = everybody.rows(mine)
+            seekers = Seekers(people, aims.asked[part], aims.spot[part], concerned[part])
+            take_spots(everybody, seekers, partial(self._clear_of, mine), self._room(mine))
+        far = set_spots(columns, aims)
+        slots.aims.put(some, aims)
+        off = np.linalg.norm(aims.spot - hips[which], axis=-1)
+        for row in np.flatnonzero(far & (off < WAITS)).tolist():
+            self._wait(int(some[row]), self._avoidance.everybody(int(some[row])))
+            columns.given[row] = False
+        columns.radius[far] = -1.0
         placed = goals.take(np.arange(len(rows)))
-        for which, everybody in self._sessions(rows, mine):
-            if len(everybody.slots) < 2:
-                continue
-            some, columns = rows[which], placed.take(which)
-            aims = slots.aims.take(some)
-            concerned = columns.given & ~columns.through & ~arrived[which]
-            clears = [partial(self._clear, int(slot)) for slot in some]
-            members, room = everybody.rows(some), self._room(some)
-            far = take_spots(everybody, members, columns, aims, concerned, clears, room)
-            slots.aims.put(some, aims)
-            off = np.linalg.norm(aims.spot - hips[which], axis=-1)
-            for row in np.flatnonzero(far & (off < WAITS)).tolist():
-                self._wait(int(some[row]), everybody)
-                columns.given[row] = False
-            columns.radius[far] = -1.0
-            placed.put(which, columns)
+        placed.put(which, columns)
         return placed
 
     def bar(
@@ -113,18 +119,23 @@ class Company:
         `rows` are their slots, `hips` [A, 2] where they are. Call it before `ahead` is bent.
         """
         avoids = np.flatnonzero(self._slots.avoids[rows])
+        self._detours.count_down(rows[avoids])
+        waits = np.zeros(len(rows), np.bool_)
         for which, everybody in self._sessions(rows, avoids):
+            if not everybody.stand.any():
+                self._slots.aims.barred[rows[which]] = 0
+                continue
             some, places = rows[which], goals.position[led[which]]
             barred = self._detours.update(some, hips[which], places, everybody)
             rests = self._slots.planned.gait.speed[some] < SLOW
-            waits = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
-            self._settle(some, hips[which], waits, goals.through[led[which]])
-            ahead.given[led[which[waits]]] = False
+            waits[which] = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
             seconds = self._slots.aims.barred[some]
             told = barred.is_barred & (seconds >= TOLD) & (seconds < TOLD + 0.19)
             for row in np.flatnonzero(told).tolist():
                 others = everybody.slots[barred.by[row]]
                 self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
+        self._settle(rows[avoids], hips[avoids], waits[avoids], goals.through[led[avoids]])
+        ahead.given[led[waits]] = False
 
     def take_turns(
         self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
@@ -221,12 +232,8 @@ class Company:
             self._blocked(slot, others, "stand at the goal and leave no room")
         aims.barred[slot] += STEP_SECONDS
 
-    def _sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
-        """Of some of the rows, those of each session, and everybody of it."""
-        numbers = self._slots.session[rows[which]]
-        for number in np.unique(numbers).tolist():
-            mine = which[numbers == number]
-            yield mine, self._avoidance.others(number, rows[mine])
+    def _clear_of(self, slots: Index, row: int) -> Clear:
+        return partial(self._clear, int(slots[row]))
 
     def _clear(self, slot: int, points: Array) -> Array:
         """Metres to the nearest wall [P] at points [P, 2] on a slot's storey."""

@@ -67,17 +67,20 @@ class Detours:
         self._routes = routes
         self._scenery = scenery
 
+    def count_down(self, rows: Index) -> None:
+        """A step begins of rows, which look for ways around now and then."""
+        route, flat = self._slots.route, rows[self._slots.scene[rows] == NOWHERE]
+        route.wait[flat] = np.maximum(route.wait[flat] - 1, 0)
+
     def update(self, rows: Index, hips: Array, goals: Array, everybody: SessionPeople) -> Barred:
         """Let rows of one session that want to go to `goals` [A, 3] walk around people who stand.
 
         A way around is laid as the route. One is looked for in a call, by whoever waits longest.
         """
-        slots, route, aims = self._slots, self._slots.route, self._slots.aims
+        route, aims = self._slots.route, self._slots.aims
         barred = self._barred(rows, hips, goals, everybody)
         seconds = np.where(barred.is_barred, aims.barred[rows] + STEP_SECONDS, 0)
         aims.barred[rows] = seconds
-        flat = slots.scene[rows] == NOWHERE
-        route.wait[rows[flat]] = np.maximum(route.wait[rows[flat]] - 1, 0)
         due = np.flatnonzero(barred.is_barred & (route.wait[rows] == 0))
         if len(due):
             row = int(due[seconds[due].argmax()])

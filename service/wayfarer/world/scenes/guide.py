@@ -98,12 +98,14 @@ class SceneGuide:
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
-        self.avoidance.forget()
+        self.avoidance.look(rows)
         hips = seed.translation[:, -1, :2]
         goals = self.company.place(rows, hips, gait.arrived, goals)
+        in_scene = self._slots.scene[rows] != NOWHERE
+        if not in_scene.any():
+            return self._on_floor(rows, hips, gait, goals)
         ahead = goals.take(np.arange(len(rows)))
         radius = goals.radius.copy()
-        in_scene = self._slots.scene[rows] != NOWHERE
         for which, lead in ((in_scene, self._led), (~in_scene, self._on_floor)):
             mine = np.flatnonzero(which)
             if len(mine):
@@ -118,10 +120,11 @@ class SceneGuide:
         scenes = self._slots.scene[rows]
         if not (scenes.any() or self._slots.avoids[rows].any()):
             return found
-        hips = seed.translation[:, -1, :2]
-        velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
-        floors = self._slots.footing.hips[rows]
         half = found.shape[1] // 2
+        if scenes.any():
+            hips = seed.translation[:, -1, :2]
+            velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
+            floors = self._slots.footing.hips[rows]
         for number in np.unique(scenes[scenes != NOWHERE]).tolist():
             mine = np.flatnonzero(scenes == number)
             scene = self._scenery.scene(number)
@@ -129,11 +132,8 @@ class SceneGuide:
                 scene, hips[mine], velocity[mine], floors[mine], half
             )
         avoiding = np.flatnonzero(self._slots.avoids[rows])
-        for number in np.unique(self._slots.session[rows[avoiding]]).tolist():
-            mine = avoiding[self._slots.session[rows[avoiding]] == number]
-            others = self.avoidance.others(number, rows[mine])
-            near = nearest_people(others.people, others.rows(rows[mine]), half)
-            found[mine, half:] = near
+        for mine, others in self.avoidance.sessions(rows, avoiding):
+            nearest_people(others.people, others.rows(rows[mine]), mine, half, found)
         return found
 
     # Within

@@ -1,13 +1,16 @@
 """Obstacles near a body, as inputs of the candidate search: see `StepInputs.obstacles`."""
 
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.compiled import compiled, warm
 from wayfarer.engines.engine import Float
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Index
 
 Array = NDArray[np.floating[Any]]
@@ -52,18 +55,40 @@ def nearest_walls(scene: Scene, hips: Array, velocity: Array, floors: Array, cou
     return found
 
 
-def nearest_people(people: People, rows: Index, count: int) -> Float:
-    """The nearest others [A, count, 7] of `rows` of people, moving on as they do now."""
-    place = people.position
-    apart = np.linalg.norm(place - place[rows, None], axis=-1)
-    apart[np.arange(len(rows)), rows] = np.inf
-    nearest = np.argsort(apart, axis=1, kind="stable")[:, :count]
-    found = np.zeros((len(rows), count, 7), np.float32)
-    found[..., 6] = -1.0
-    known = nearest.shape[1]
-    spots = place[nearest]
-    found[:, :known, 0:2] = found[:, :known, 2:4] = spots
-    found[:, :known, 4:6] = people.velocity[nearest]
-    gaps = np.take_along_axis(apart, nearest, 1)
-    found[:, :known, 6] = np.where(gaps < PEOPLE_NEAR, PERSON, -1.0)
-    return found
+def nearest_people(people: People, rows: Index, places: Index, count: int, found: Float) -> None:
+    """The nearest others of `rows` [A] of people, moving on as they do now, into the last `count`
+    of each of `places` [A] of `found` [B, O, 7], where nobody is.
+    """
+    _nearest(people.position, people.velocity, rows, places, count, found)
+
+
+@compiled
+def _nearest(
+    position: Float, velocity: Float, rows: Index, places: Index, count: int, found: Float
+) -> None:
+    gaps, first = np.empty(count, np.float32), found.shape[1] - count
+    for row in range(len(rows)):
+        me, near, known = rows[row], found[places[row]], 0
+        for other in range(len(position)):
+            gap = apart(position, other, position, me)
+            if other == me or gap >= PEOPLE_NEAR or (known == count and gap >= gaps[count - 1]):
+                continue
+            known = min(known + 1, count)
+            at = known - 1
+            while at > 0 and gaps[at - 1] > gap:  # of two as near the lower row is the first
+                gaps[at] = gaps[at - 1]
+                for k in range(7):
+                    near[first + at, k] = near[first + at - 1, k]
+                at -= 1
+            gaps[at] = gap
+            for k in range(2):
+                near[first + at, k] = near[first + at, 2 + k] = position[other, k]
+                near[first + at, 4 + k] = velocity[other, k]
+            near[first + at, 6] = PERSON
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    row, place = np.zeros(1, np.int64), np.zeros((1, 2), np.float32)
+    warm(_nearest, place, place, row, row, 1, np.zeros((1, 2, 7), np.float32))

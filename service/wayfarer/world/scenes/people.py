@@ -21,44 +21,49 @@ class SessionPeople(NamedTuple):
 
     people: People
     slots: Index  # ascending
+    stand: Flags  # who stands and does not want to go anywhere
 
     def rows(self, slots: Index) -> Index:
         """Where some of them stand in `people`."""
         return np.searchsorted(self.slots, slots)
 
-    @property
-    def stand(self) -> Flags:
-        """Who stands and does not want to go anywhere [N]."""
-        found: Flags = ~self.people.walks & ~self.people.velocity.any(-1)
-        return found
 
+def people_of(slots: Slots, rows: Index) -> dict[int, SessionPeople]:
+    """Everybody of the sessions of `rows`, which are about to be stepped, by session.
 
-def people_of(slots: Slots, session: int, rows: Index) -> SessionPeople:
-    """Everybody of a session when `rows` of it are about to be stepped.
-
-    Agents are planned to different moments; they are carried on to that of `rows`.
+    Agents are planned to different moments; they are carried on to that of their session's `rows`.
     """
-    members = np.flatnonzero(slots.active & (slots.session == session))
+    frames = slots.start_frame + NEW_FRAMES * slots.planned_chunks
+    numbers, of = np.unique(slots.session[rows], return_inverse=True)
+    moments = np.full(len(numbers), np.iinfo(np.int64).min)
+    np.maximum.at(moments, of, frames[rows])
+    members = np.flatnonzero(slots.active & np.isin(slots.session, numbers))
+    members = members[np.argsort(slots.session[members], kind="stable")]
     planned, route = slots.planned, slots.route
     seed, gait = planned.seed, planned.gait
-    frames = slots.start_frame + NEW_FRAMES * slots.planned_chunks
-    velocity = moving(seed.translation[members], gait.speed[members])
-    ahead = (frames[rows].max() - frames[members]) / FPS
-    ahead = np.minimum(np.maximum(ahead, -FORESIGHT), FORESIGHT)
-    mode = gait.mode[members]
+    hips = seed.translation[members]
+    velocity = moving(hips, gait.speed[members])
+    ahead = moments[np.searchsorted(numbers, slots.session[members])] - frames[members]
+    ahead = np.minimum(np.maximum(ahead / FPS, -FORESIGHT), FORESIGHT)
     on_way = slots.aims.wants[members] & ~gait.arrived[members]
     opened = route.revision[members] == slots.goal_revision[members]
     opened &= route.passage[members] == Passage.OPEN
     walks = on_way & (opened | (slots.scene[members] == NOWHERE))
-    people = People(
+    walks |= gait.mode[members] == Mode.WALKING
+    everybody = People(
         number=slots.alias[members],
         group=slots.group[members],
-        position=(seed.translation[members, -1, :2] + velocity * ahead[:, None]).astype(np.float32),
-        height=seed.translation[members, -1, 2].astype(np.float32),
+        position=(hips[:, -1, :2] + velocity * ahead[:, None]).astype(np.float32),
+        height=hips[:, -1, 2].astype(np.float32),
         velocity=velocity,
-        walks=walks | (mode == Mode.WALKING),
+        walks=walks,
         radius=np.full(len(members), RADIUS, np.float32),
         memory=slots.memory.take(members),
         aims=slots.aims.take(members),
     )
-    return SessionPeople(people, members)
+    stand = ~walks & ~velocity.any(-1)
+    ends = np.searchsorted(slots.session[members], numbers, "right").tolist()
+    return {
+        number: SessionPeople(everybody.part(first, last), members[first:last], stand[first:last])
+        for number, first, last in zip(numbers.tolist(), [0, *ends], ends, strict=False)
+    }

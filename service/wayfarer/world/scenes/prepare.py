@@ -3,11 +3,12 @@
 from wayfarer.world.avoidance import avoid
 from wayfarer.world.goals import gait_rules
 from wayfarer.world.output import footlock, legs, twobone
-from wayfarer.world.scenes import around
+from wayfarer.world.scenes import around, near, spots
 from wayfarer.world.stepping import guards, noise, righting
 
 
 def prepare() -> None:
     """Compile what is compiled, or load it."""
-    for rule in (avoid, around, legs, twobone, footlock, guards, righting, noise, gait_rules):
+    of_people = avoid, around, near, spots
+    for rule in (*of_people, legs, twobone, footlock, guards, righting, noise, gait_rules):
         rule.prepare()

@@ -3,16 +3,19 @@
 An agent keeps its spot until somebody stands there, or somebody goes there who is nearer to it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import cache
 from math import pi
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.compiled import compiled, warm
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.avoidance.people import Aims
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.output.turns import apart
+from wayfarer.world.rows import Double, Flags, Float, Index, Int
 from wayfarer.world.scenes.people import SessionPeople
 
 Array = NDArray[np.floating[Any]]
@@ -50,6 +53,9 @@ TOO_FAR: Final = 10.0
 RINGS: Final = ((0.4, 8), (0.7, 12), (1.4, 18), (2.1, 24), (2.8, 30), (3.5, 36))
 """Metres from the goal, and spots that are tried there."""
 
+FAR: Final = RINGS[-1][0] + APART
+"""Metres from the goal beyond which others do not count."""
+
 SPOTS: Final = np.concatenate(
     [np.zeros((1, 2))]
     + [
@@ -66,54 +72,96 @@ Clear = Callable[[Array], Array]
 """Metres to the nearest wall [P] at points [P, 2] on the agent's storey."""
 
 
-def take_spots(
-    everybody: SessionPeople,
-    people: Index,
-    goals: GoalColumns,
-    aims: Aims,
-    concerned: Flags,
-    clear: Sequence[Clear],
-    room: float,
-) -> Flags:
-    """Choose where the agents stop that are the rows `people` of a session.
+class Seekers(NamedTuple):
+    """Some agents [A] of a session, and where each is to stop."""
 
-    `goals` and `aims` are theirs: spots are chosen for those `concerned` [A], which walk to a
-    goal, and written into both; those at their spots keep them. `clear` [A]: of their scenes;
-    `room`: metres that it keeps from walls there.
-    Returns rows whose spot is farther from the goal than counts as arrived.
+    rows: Index  # of the session's people
+    asked: Float  # [A, 2] their goals …
+    spot: Float  # [A, 2] … and spots: new ones are written there
+    concerned: Flags  # it walks to its goal; who is at its spot keeps it
+
+
+def take_spots(
+    everybody: SessionPeople, seekers: Seekers, clear: Callable[[int], Clear], room: float
+) -> None:
+    """Choose where agents stop. `clear(row)`: of a seeker's scene; `room`: metres that it keeps
+    from walls there.
     """
-    kept = (aims.asked == goals.position[:, :2]).all(-1)
-    aims.asked[:] = goals.position[:, :2]
-    aims.spot[~kept] = aims.asked[~kept]
-    standing, them = everybody.stand, everybody.people
-    # claims of everybody: where it stands, or where it goes
-    claims = np.where(standing[:, None], them.position, them.aims.spot)
-    apart = np.linalg.norm(claims - them.position, axis=-1)
-    counts = standing | (them.walks & them.aims.wants)
-    for row in np.flatnonzero(concerned).tolist():
-        me = int(people[row])
-        place, goal, spot = them.position[me], aims.asked[row], aims.spot[row]
-        if np.linalg.norm(goal - place) > NEAR:
-            aims.spot[row] = goal
+    people, shape = everybody.people, (len(seekers.rows), len(everybody.slots))
+    claims = np.where(everybody.stand[:, None], people.position, people.aims.spot)
+    session = Session(
+        people.number, people.position, people.height, people.aims.asked, claims,
+        everybody.stand, everybody.stand | (people.walks & people.aims.wants),
+    )  # fmt: skip
+    by = np.full(shape, -1, np.float64)
+    lost = np.zeros(len(seekers.rows), np.bool_)
+    _look_at_spots(session, seekers, by, lost)
+    for row in np.flatnonzero(lost).tolist():
+        others = by[row] >= 0
+        taken = claims[others], by[row][others]
+        place, goal = people.position[seekers.rows[row]], seekers.asked[row]
+        seekers.spot[row] = _free_spot(place, goal, *taken, clear(row), room, seekers.spot[row])
+
+
+class Session(NamedTuple):
+    """Everybody [N] of a session, for compiled rules."""
+
+    number: Int
+    position: Float
+    height: Float
+    asked: Float
+    claims: Float  # [N, 2] where it stands, or where it goes
+    stand: Flags
+    counts: Flags  # it stands or goes
+
+
+@compiled
+def _look_at_spots(session: Session, seekers: Seekers, by: Double, lost: Flags) -> None:
+    """Whose spot is taken is `lost` [A]: then metres that it keeps from others are `by` [A, N].
+
+    Who is far from its goal takes that for its spot.
+    """
+    claims, spot = session.claims, seekers.spot
+    for row in range(len(lost)):
+        me = seekers.rows[row]
+        if not seekers.concerned[row]:
             continue
-        others = counts & (np.abs(them.height - them.height[me]) < 1.0)
-        others[me] = False
-        others &= np.linalg.norm(claims - goal, axis=-1) < RINGS[-1][0] + APART
-        mine = float(np.linalg.norm(spot - place))
-        first = apart < mine - KEEPS
-        first |= (apart <= mine + KEEPS) & (them.number < them.number[me])
-        share = np.linalg.norm(them.aims.asked - goal, axis=-1) < SHARED
-        apart_by = np.where(share, APART, STRANGERS)
-        taken = others & (standing | first)
-        gaps = np.linalg.norm(claims - spot, axis=-1) - apart_by
-        if (gaps[taken] < -SLACK).any():
-            some = claims[others], apart_by[others]
-            aims.spot[row] = _free_spot(place, goal, *some, clear[row], room, spot)
+        if apart(seekers.asked, row, session.position, me) > NEAR:
+            spot[row, 0], spot[row, 1] = seekers.asked[row, 0], seekers.asked[row, 1]
+            continue
+        mine = apart(spot, row, session.position, me)
+        for other in range(len(claims)):
+            level = abs(session.height[other] - session.height[me]) < 1.0
+            if other == me or not session.counts[other] or not level:
+                continue
+            if apart(claims, other, seekers.asked, row) >= FAR:
+                continue
+            shares = apart(session.asked, other, seekers.asked, row) < SHARED
+            by[row, other] = APART if shares else STRANGERS
+            way, lower = apart(claims, other, session.position, other), session.number[me]
+            first = way < mine - KEEPS
+            first = first or (way <= mine + KEEPS and session.number[other] < lower)
+            if session.stand[other] or first:
+                gap = apart(claims, other, spot, row) - by[row, other]
+                lost[row] = lost[row] or gap < -SLACK
+
+
+def set_spots(goals: GoalColumns, aims: Aims) -> Flags:
+    """Let goals [A] be at spots; those whose spots are farther away than counts as arrived."""
     moved = (aims.spot != aims.asked).any(-1) & goals.given & ~goals.through
     goals.position[moved, :2] = aims.spot[moved]
     goals.radius[moved] = np.minimum(goals.radius[moved], RADIUS)
     far: Flags = moved & (np.linalg.norm(aims.spot - aims.asked, axis=-1) > FARTHEST)
     return far
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    place, number, flag = np.zeros((1, 2), np.float32), np.zeros(1, np.int64), np.ones(1, np.bool_)
+    session = Session(number, place, np.zeros(1, np.float32), place, place, flag, flag)
+    seekers = Seekers(number, place, place, flag)
+    warm(_look_at_spots, session, seekers, np.zeros((1, 1)), np.zeros(1, np.bool_))
 
 
 def _free_spot(
