@@ -70,8 +70,11 @@ class BatchWriter:
         batch = motion_pb2.MotionBatch(
             added=[self.agent(info) for info in added], removed=removed, resume_token=resume_token
         )
-        packed = self.encoder.encode(chunks, self.basis, self.pose_format) if chunks else None
-        return _with_chunks(batch, chunks, packed)
+        return _with_chunks(batch, chunks, self.pack(chunks) if chunks else None)
+
+    def pack(self, chunks: MotionChunks) -> PackedPoses:
+        """Their poses, packed once for all readers. Thread-safe."""
+        return self.encoder.encode(chunks, self.basis, self.pose_format)
 
     def portion(
         self,

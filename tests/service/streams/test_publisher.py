@@ -43,6 +43,23 @@ async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
     assert [seqs(await take(r, 2)) for r in readers] == [[0, 1]] * 8
 
 
+async def test_what_falls_due_is_packed_before_it_is_delivered_and_a_failure_is_the_streams():
+    stage, packed = Stage(), []
+
+    def failing(chunks):
+        raise ValueError("pack")
+
+    readers = [await stage.subscribe(pack=pack) for pack in (packed.append, failing, None)]
+    chunks = together(chunk(0, "a"))
+    stage.publisher.publish("s", chunks)
+    assert packed == [chunks]
+    stage.publisher.tell("s", [])
+    stage.publisher.flush()
+    await asyncio.sleep(0)
+    assert [seqs(await take(reader, 1)) for reader in readers] == [[0]] * 3
+    assert packed == [chunks]
+
+
 # Resume
 
 

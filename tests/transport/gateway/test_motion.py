@@ -26,6 +26,7 @@ from wayfarer.errors import (
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport import schema
+from wayfarer.transport.codec import encoder
 from wayfarer.v1 import motion_pb2
 
 
@@ -48,6 +49,31 @@ async def test_stream_introduces_agents_with_their_first_chunk(service, api):
         (third,) = (await api.agents.create(session_id, late)).agents
         service.emit(session_id)
         assert [a.name for a in (await anext(messages)).batch.added] == [third.name]
+
+
+@pytest.mark.parametrize("encoding", ["smallest_three", "root"])
+async def test_a_stream_writes_what_the_publisher_has_packed(service, api, monkeypatch, encoding):
+    plain, packed = encoder.encode, []
+
+    def counting(*args):
+        packed.append(args)
+        return plain(*args)
+
+    monkeypatch.setattr(encoder, "encode", counting)
+    session_id, _ = await session_of_two(api)
+    chosen = {"encoding": encoding}
+    async with contextlib.aclosing(stream(api, session_id, format=chosen)) as messages:
+        await anext(messages)
+        [subscription] = service.subscriptions
+        if encoding == "root":  # it has its own way
+            assert subscription.options.pack is None
+            return
+        service.emit(session_id)
+        published = await subscription.queue.get()
+        subscription.options.pack(published.chunks)
+        subscription.queue.put_nowait(published)
+        assert (await anext(messages)).batch.chunks.poses
+        assert len(packed) == 1
 
 
 async def test_stream_tells_of_deleted_agents_and_drops_their_late_chunks(service, api):

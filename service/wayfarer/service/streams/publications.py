@@ -1,5 +1,6 @@
 """What the readers of a session ask for, and what is published to them: chunks and events."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -53,6 +54,7 @@ class StreamOptions:
     roots: bool = False  # publications shall have roots
     events_only: bool = False  # it shows nobody
     sights: Sights | None = None  # of a stream with rings; none: it shows everybody in full
+    pack: Callable[[MotionChunks], object] | None = None  # ahead, on the motion thread; see _pack
 
 
 def model_changed(agent: AgentInfo, at: float) -> Event:

@@ -9,6 +9,7 @@ import secrets
 import weakref
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -149,6 +150,7 @@ class Publisher:
         self, session_id: str, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]
     ) -> None:
         readers = [(reader, log.spares(reader, self._limits.queue_s)) for reader in log.open()]
+        _pack(chunks, (reader for reader, _ in readers))
         entry = log.add(chunks, events, self._roots(session_id, log, chunks))
         for reader, spare in readers:
             self._deliveries[reader.loop].append((reader, entry, spare))
@@ -338,6 +340,14 @@ class _Log:
             reader.options.hold_s for reader in following
         )
         return self.is_waiting
+
+
+def _pack(chunks: MotionChunks, readers: Iterable[Subscription]) -> None:
+    """Pack what falls due here: compiled code does it beside the event loop, which only writes."""
+    for reader in readers if chunks else ():
+        if reader.options.pack is not None:
+            with suppress(Exception):  # the stream packs again, and ends with what that raises
+                reader.options.pack(chunks)
 
 
 def _gap(now: float, reason: str) -> Event:

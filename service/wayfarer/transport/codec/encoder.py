@@ -1,6 +1,7 @@
 """Remembers what has been packed, so that many streams cost as much as one."""
 
 from collections import OrderedDict
+from threading import Lock
 
 from numpy.typing import NDArray
 
@@ -17,6 +18,7 @@ class PoseEncoder:
 
     It is known by its array of rotations: streams share it, whatever flags they add, and no other
     motion has it, even where numbers repeat (clips, replays, a session imported again).
+    Thread-safe: the motion thread packs, event loops find it here.
     """
 
     def __init__(self, capacity: int = 4 << 20) -> None:
@@ -24,6 +26,7 @@ class PoseEncoder:
         prepare()
         self._capacity = capacity
         self._bytes = 0
+        self._lock = Lock()
         # the array is kept beside its id, which would otherwise be given to another one
         self._packed: OrderedDict[Key, tuple[PackedPoses, NDArray]] = OrderedDict()
 
@@ -32,12 +35,15 @@ class PoseEncoder:
     ) -> PackedPoses:
         """As the function `encode`, from memory where another stream was first."""
         key = basis, pose_format, id(chunks.rotations)
-        if key in self._packed:
-            return self._packed[key][0]
+        with self._lock:
+            if key in self._packed:
+                return self._packed[key][0]
         poses = encode(chunks, basis, pose_format)
-        self._packed[key] = poses, chunks.rotations
-        self._bytes += poses.poses.nbytes
-        while self._bytes > self._capacity:
-            _, (forgotten, _) = self._packed.popitem(last=False)
-            self._bytes -= forgotten.poses.nbytes
+        with self._lock:
+            if key not in self._packed:
+                self._packed[key] = poses, chunks.rotations
+                self._bytes += poses.poses.nbytes
+            while self._bytes > self._capacity:
+                _, (forgotten, _) = self._packed.popitem(last=False)
+                self._bytes -= forgotten.poses.nbytes
         return poses

@@ -1,7 +1,7 @@
 """Streams, clips, lock-step."""
 
 import secrets
-from collections.abc import AsyncGenerator, AsyncIterator, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Sequence
 from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
@@ -21,6 +21,7 @@ from wayfarer.transport.motion_files import motion_file, parts_of, performances
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.agents.agent import MotionChunks
 
 
 class MotionApi:
@@ -66,8 +67,11 @@ class MotionApi:
         session = self._context.book.session(request.session_id)
         interest = _levels(request.interest, usual, session.basis)
         formats = [ring.pose_format for ring in interest.rings] if interest else [usual]
-        async with self._followed(request, formats, interest) as (session, stream):
-            writers = [self._context.writer(session.basis, each) for each in formats]
+        writers = [self._context.writer(session.basis, each) for each in formats]
+        has_poses = usual.encoding is not PoseEncoding.ROOT
+        is_whole = has_poses and not (interest or most or request.agent_ids)
+        pack = writers[0].pack if is_whole else None
+        async with self._followed(request, formats, interest, pack) as (_, stream):
             messages = stream.messages(writers, self._context.limits.resume_s, most)
             async with aclosing(messages):
                 yield stream, messages
@@ -152,6 +156,7 @@ class MotionApi:
         request: schema.StreamRequest,
         formats: Sequence[PoseFormat] = (),
         interest: DetailLevels | None = None,
+        pack: Callable[[MotionChunks], object] | None = None,
     ) -> AsyncIterator[tuple[OpenSession, MotionStream]]:
         context = self._context
         context.require_ready()
@@ -174,6 +179,7 @@ class MotionApi:
                     roots=any(each.encoding is PoseEncoding.ROOT for each in formats),
                     events_only=not formats,
                     sights=interest.sights if interest else None,
+                    pack=pack,
                 ),
             )
             try:

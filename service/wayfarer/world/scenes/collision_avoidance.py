@@ -39,7 +39,8 @@ class CollisionAvoidance:
 
     def look(self, rows: Index) -> None:
         """A new step of `rows` begins: everybody may have moved."""
-        self._seen = people_of(self._slots, rows[self._slots.avoids[rows]])
+        avoiding = rows[self._slots.avoids[rows]]
+        self._seen = people_of(self._slots, avoiding) if len(avoiding) else {}
 
     def bend(
         self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array, half: Array
