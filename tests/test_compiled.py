@@ -88,6 +88,7 @@ from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, enco
 from wayfarer.world.agents.agent import MotionChunks
 from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs
+from wayfarer.world.scenes.near import nearest_people
 from wayfarer.world.scenes.around import way_around
 
 random = np.random.default_rng(0)
@@ -97,6 +98,8 @@ people.position[:] = random.uniform(-2, 2, (20, 2))
 people.velocity[:] = random.normal(size=(20, 2))
 people.walks[::2], people.radius[:] = True, 0.25
 found = avoid(people, np.arange(20), random.normal(size=(20, 2)).astype("f4"), None, 0.2)
+beside = np.full((20, 4, 7), -1, "f4")
+nearest_people(people, np.arange(20), np.arange(20)[::-1].copy(), 2, beside)
 legs = Legs.empty(3)
 for part in ("hip", "knee", "ankle", "ball", "sole_of_ankle", "sole_of_ball"):
     getattr(legs, part)[:] = random.normal(size=getattr(legs, part).shape) * 0.05 - [0, 0, 0.2]
@@ -135,6 +138,7 @@ count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
 
 KEPT = {
     "found.velocity": 1e-5,
+    "beside": 1e-6,
     "feet.rotations": 1e-5,
     "feet.markers": 1e-5,
     "bent": 1e-6,
@@ -165,6 +169,7 @@ def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_pat
         made = eval(name, names)
         np.testing.assert_allclose(made, kept[f"arr_{number}"], atol=tolerance, err_msg=name)
     assert names["count"] > 1
+    assert (names["beside"][:, :2] == -1).all() and (names["beside"][:, 3, 6] > 0).any(), "near"
     assert (names["bent"] != names["turns"]).any(), "a knee is bent too far"
     assert names["upright"].rotations is not names["eight"][0], "somebody leans"
 

@@ -4,13 +4,12 @@ Shapes are [3, ...] and [4, ...] and broadcast: so sums and products run along a
 which is several times faster than numpy's cross products and 3×3 matrices over a short last axis.
 """
 
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-Real = TypeVar("Real", bound=np.floating[Any])
 
 
 def stacked(*components: Array) -> Array:
@@ -87,12 +86,6 @@ def length(v: Array) -> Array:
     """Euclidean norm, without the first axis."""
     norm: Array = np.sqrt(sum((c * c for c in v[1:]), v[0] * v[0]))
     return norm
-
-
-def row_length(v: NDArray[Real]) -> NDArray[Real]:
-    """Euclidean norm over a short last axis, several times as fast as numpy's."""
-    squares = [v[..., k] * v[..., k] for k in range(v.shape[-1])]
-    return cast("NDArray[Real]", np.sqrt(sum(squares[1:], squares[0])))
 
 
 def unit(v: Array) -> Array:

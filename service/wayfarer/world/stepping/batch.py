@@ -1,15 +1,19 @@
 """Gathers slots for one engine call, puts the results back, and finds broken rows."""
 
+import math
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.style import manner
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.output.quaternion import row_length
-from wayfarer.world.rows import Index
+from wayfarer.world.output.legs import packed
+from wayfarer.world.rows import Flags, Index
 from wayfarer.world.stepping.noise import latents
 
 MAX_STEP_METRES = 3.0
@@ -61,11 +65,40 @@ def assemble(
     )
 
 
-def broken(start: NDArray[np.float32], outputs: StepOutputs) -> NDArray[np.bool_]:
+def broken(start: Float, outputs: StepOutputs) -> NDArray[np.bool_]:
     """Rows [A] that cannot be shown: not finite, or with hips far off `start` [A, 3]."""
-    finite = np.ones(len(start), np.bool_)
-    for values in (outputs.translation, outputs.rotations, outputs.next_seed_markers):
-        finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-    with np.errstate(invalid="ignore"):
-        way = row_length(outputs.translation - start[:, None]).max(axis=-1)
-        return ~(finite & (way <= MAX_STEP_METRES))
+    found, rows = np.empty(len(start), np.bool_), len(start)
+    turns, markers = (
+        packed(values).reshape(rows, math.prod(values.shape[1:]))
+        for values in (outputs.rotations, outputs.next_seed_markers)
+    )
+    _break(packed(start), packed(outputs.translation), turns, markers, found)
+    return found
+
+
+@compiled
+def _break(start: Float, translation: Float, turns: Float, markers: Float, found: Flags) -> None:
+    """Of hips [A, F, 3] and the other numbers of each row [A, N]."""
+    for row in range(len(found)):
+        whole = _finite(turns, row) and _finite(markers, row)
+        for frame in range(translation.shape[1]):
+            x = translation[row, frame, 0] - start[row, 0]
+            y = translation[row, frame, 1] - start[row, 1]
+            z = translation[row, frame, 2] - start[row, 2]
+            whole = whole and math.sqrt(x * x + y * y + z * z) <= MAX_STEP_METRES
+        found[row] = not whole
+
+
+@inner
+def _finite(values: Float, row: int) -> bool:
+    whole = True
+    for k in range(values.shape[1]):
+        whole &= abs(values[row, k]) < np.inf
+    return whole
+
+
+@cache
+def prepare() -> None:
+    """Compile the check, or load it, before anybody walks."""
+    row = np.zeros((1, 3), np.float32)
+    warm(_break, row, row[None], row, row, np.ones(1, np.bool_))
