@@ -14,7 +14,6 @@ import threading
 import webbrowser
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, nullcontext
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -96,12 +95,14 @@ async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bo
         if plan and tenancy:
             beside = joined(plan, tenancy, gateway, server.ports, stop.set)
         async with beside:
+            if shows_page:  # it says that the server is starting, and goes on by itself
+                open_page(server.http_url)
             await server.until_ready()
             settle()
             if plan:
                 log.info("node ready", http=server.http_url, grpc=server.grpc_address)
             else:
-                announce(settings, server.http_url, server.grpc_address, shows_page)
+                announce(settings, server.http_url, server.grpc_address)
             await stop.wait()
             if plan is None:  # a node receives several signals to end
                 for sign in SIGNALS:
@@ -143,14 +144,8 @@ def settle() -> None:
         libc.malloc_trim(0)
 
 
-def announce(
-    settings: Settings, http_url: str, grpc_address: str, shows_page: bool = False
-) -> None:
-    """Report the addresses of the service, to a person on a terminal or to the log. `shows_page`:
-    open the viewer in a browser, too.
-    """
-    if shows_page:  # in a thread: a browser in a terminal returns when it is closed
-        threading.Thread(target=show_page, args=(f"{http_url}/",), daemon=True).start()
+def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
+    """Report the addresses of the service, to a person on a terminal or to the log."""
     model = Path(settings.model).name
     if not sys.stdout.isatty():
         log.info("ready", http=http_url, grpc=grpc_address, model=model, workers=settings.workers)
@@ -165,10 +160,16 @@ def announce(
     console.print("Ctrl-C stops it.")
 
 
-def show_page(url: str) -> None:
+def open_page(http_url: str) -> None:
     """Open the viewer in the user's browser; log it if there is none."""
-    if not webbrowser.open(url):
-        log.warning("there is no browser to open; open the page by hand", page=url)
+
+    def show() -> None:
+        if not webbrowser.open(page):
+            log.warning("there is no browser to open; open the page by hand", page=page)
+
+    page = f"{http_url}/"
+    # in a thread: a browser in a terminal returns when it is closed
+    threading.Thread(target=show, daemon=True).start()
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -213,7 +214,7 @@ def serve_command(
         ),
     ] = False,
     shows_page: Annotated[
-        bool, typer.Option("--open", help="Open the viewer in a browser when it is ready.")
+        bool, typer.Option("--open", help="Open the viewer in a browser.")
     ] = False,
     **options: Any,
 ) -> None:
@@ -240,7 +241,13 @@ def serve_command(
     model_folder(settings)
     warn_if_open(settings)
     settings = with_engine(settings)
-    run(serve_nodes(settings, partial(announce, settings, shows_page=shows_page)))
+
+    def ready(http_url: str, grpc_address: str) -> None:
+        announce(settings, http_url, grpc_address)
+        if shows_page:
+            open_page(http_url)
+
+    run(serve_nodes(settings, ready))
 
 
 def node_command() -> None:

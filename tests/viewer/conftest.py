@@ -19,6 +19,8 @@ class HostPage(SimpleHTTPRequestHandler):
     """A page of somebody else's, with the viewer in it (?viewer=URL); the web client's files."""
 
     FILES = ("/clients/web/", "/tests/golden/")
+    REFUSED = "/refused/"
+    """Below it, what may be in no page."""
 
     HTML = """<!doctype html><title>Host</title>
 <wayfarer-view scene="corridor" style="width: 500px; height: 300px"></wayfarer-view>
@@ -33,6 +35,8 @@ class HostPage(SimpleHTTPRequestHandler):
             return
         self.send_response(200)
         self.send_header("content-type", "text/html")
+        if self.path.startswith(self.REFUSED):
+            self.send_header("content-security-policy", "frame-ancestors 'none'")
         self.end_headers()
         self.wfile.write(self.HTML.encode())
 

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Rig } from "../../service/wayfarer/transport/viewer/rig.js";
+import { posedJoints, Rig, settle } from "../../service/wayfarer/transport/viewer/rig.js";
 
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 const about = (axis, angle) => [0, 1, 2].map((k) => (k === axis ? Math.sin(angle / 2) : 0)).concat(Math.cos(angle / 2));
@@ -44,4 +44,32 @@ test("hips that turn take all with them", () => {
 
 test("a body without a bone of the stream is refused", () => {
   assert.throws(() => new Rig(LEG, ["hips", "tail"]), /no bone tail/);
+});
+
+test("skin of a joint that no frame turns rests beside the joint above it, and moves with it", () => {
+  const names = ["hips", "thigh"];
+  const bent = LEG.map((joint) => (joint.name === "toe" ? { ...joint, inverse: [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -0.1, 0, 0.2, 1] } : joint));
+  const found = posedJoints(bent, names);
+  assert.deepEqual(found.carriers, [0, 1, 1]);
+  assert.deepEqual(found.posed.map(({ name }) => name), names);
+  const skin = {
+    position: Float32Array.from([0.3, 0.1, 0.2]), normal: Float32Array.from([0, 0, 1]),
+    skinIndex: Uint16Array.from([2, 1, 0, 0]), skinWeight: Float32Array.from([0.75, 0.25, 0, 0]),
+  };
+  const [all, some] = [new Rig(bent, names), new Rig(found.posed, names)];
+  const frame = Float32Array.from([5, 1, 2, ...about(1, 1), ...about(0, 0.7)]);
+  const [before, after] = [new Float32Array(48), new Float32Array(32)];
+  all.matrices(frame, before);
+  some.matrices(frame, after);
+  const [toe, thigh] = [2, 1].map((joint) => moved(before, joint, skin.position));
+  settle(skin, found);
+  assert.deepEqual([...skin.skinIndex.subarray(0, 2)], [1, 1]);
+  close(moved(after, 1, skin.position), toe.map((value, axis) => 0.75 * value + 0.25 * thigh[axis]));
+  close([...skin.normal], [0, -0.75, 0.25]);
+});
+
+test("a joint between two that turn stays, though no frame turns it", () => {
+  const { posed, carriers } = posedJoints(LEG, ["hips", "toe"]);
+  assert.deepEqual(posed.map(({ parent }) => parent), [-1, 0, 1]);
+  assert.deepEqual(carriers, [0, 1, 2]);
 });

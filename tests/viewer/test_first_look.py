@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.conftest import HostPage
 from tests.viewer.stage import FIRST_SECONDS, FREE_SPOT, SIZES, look_down
 
 pytestmark = needs_chromium
@@ -241,6 +242,12 @@ def test_it_can_be_a_part_of_another_page(page: Page, host_url: str):
     assert seen() == ["open", "none", "block"]
     assert page.evaluate("document.activeElement === document.body")  # it took no focus
     assert page.problems == []
+    view = "document.querySelector('wayfarer-view')"
+    assert not page.evaluate(f"{view}.shadowRoot.textContent")
+    page.evaluate(f"{view}.setAttribute('server', '{host_url}{HostPage.REFUSED}')")
+    page.wait_for(f"{view}.shadowRoot.textContent.includes('cors_origins')", 20)
+    page.evaluate(f"{view}.setAttribute('server', '{page.url}')")
+    page.wait_for(f"!{view}.shadowRoot.textContent", 20)
 
 
 def test_without_webgl_it_says_so(page: Page):

@@ -80,6 +80,20 @@ export class MotionStream {
     else this.#connectAgain();
   }
 
+  /**
+   * This program has slept, frozen by the browser or with its machine. What waits in the socket is of before, and says nothing
+   * about the network: connect again, and find the moment to show anew.
+   */
+  wake() {
+    if (this.closed) return;
+    const socket = this.#socket;
+    this.#socket = null; // nothing of it counts any more
+    socket?.close();
+    this.#losses += 1; // nor does a retry that is pending
+    this.player.wake();
+    this.#connectAgain();
+  }
+
   /** Send a text. Only the last within a tenth of a second is sent, and none twice. @param {string} text */
   say(text) {
     if (text === this.#said) return;

@@ -177,6 +177,30 @@ test("while it waits to try again, it can be told to do so at once, and does so 
   assert.equal(sockets.length, 3);
 });
 
+test("after a sleep it connects at once, whatever the old socket still says, with a new clock", () => {
+  const { stream, player, sockets, run, heard } = harness();
+  sockets[0].say("header");
+  const { clock } = player;
+  const { onclose } = sockets[0];
+  sockets[0].close = () => {}; // it takes its time
+  stream.wake();
+  assert.equal(sockets.length, 2);
+  assert.notEqual(player.clock, clock);
+  const before = heard.length;
+  sockets[0].say("batch");
+  onclose({ code: 1006, reason: "" });
+  assert.equal(heard.length, before);
+  sockets[1].onclose({ code: 1006, reason: "" }); // the network is not back yet
+  stream.wake();
+  assert.equal(sockets.length, 3);
+  run(0.5); // the retry of before
+  assert.equal(sockets.length, 3);
+  sockets[2].onclose({ code: 4404, reason: "no session" });
+  assert.deepEqual(heard.at(-1), ["ended", "no session"]);
+  stream.wake();
+  assert.equal(sockets.length, 3);
+});
+
 test("texts are sent once the header has come, the last of those in a tenth of a second", () => {
   const { stream, sockets, run } = harness();
   const sent = [];

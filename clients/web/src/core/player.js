@@ -114,6 +114,11 @@ export class MotionPlayer {
     return this.moment;
   }
 
+  /** Time has passed in which nothing could be received: `MotionStream.wake`. */
+  wake() {
+    this.clock = new PlayoutClock();
+  }
+
   /** Forget all agents, as if they were removed, and the clock. */
   clear() {
     for (const alias of [...this.agents.keys()]) this.remove(alias);

@@ -4,7 +4,7 @@ import {
   BufferAttribute, BufferGeometry, GLTFLoader, Group, MeshLambertMaterial, Skeleton, SkinnedMesh,
   Sphere,
 } from "./vendor/three.min.js";
-import { Rig } from "./rig.js";
+import { posedJoints, Rig, settle } from "./rig.js";
 
 const ROOM = { vertices: 3072, corners: 12288 }; // that a body may have, or a multiple of it
 const VERTICES = 65536; // of one mesh: 21 light bodies, or 3 fine ones
@@ -179,7 +179,9 @@ function bodyOf(scene, boneNames) {
     inverse: boneInverses[joint].elements,
   }));
   const merged = (name) => joinedArrays(parts.map(({ geometry }) => geometry.attributes[name].array));
-  const position = merged("position");
+  const found = posedJoints(joints, boneNames);
+  const skin = Object.fromEntries(["position", "normal", "skinIndex", "skinWeight"].map((name) => [name, merged(name)]));
+  settle(skin, found);
   let first = 0;
   const index = parts.map(({ geometry }) => {
     const moved = new Uint32Array(geometry.index.array);
@@ -188,10 +190,10 @@ function bodyOf(scene, boneNames) {
     return moved;
   });
   return {
-    rig: new Rig(joints, boneNames),
-    height: heightOf(position),
-    position, normal: merged("normal"), color: joinedArrays(parts.map(colours)),
-    index: joinedArrays(index), skinIndex: merged("skinIndex"), skinWeight: merged("skinWeight"),
+    rig: new Rig(found.posed, boneNames),
+    height: heightOf(skin.position),
+    color: joinedArrays(parts.map(colours)),
+    index: joinedArrays(index), ...skin,
   };
 }
 

@@ -2,9 +2,10 @@
 
 import { FLAG } from "./client/index.js";
 import { Bodies } from "./bodies.js";
-import { Person } from "./people.js";
+import { NAME_SIZE, Person } from "./people.js";
 import { Trails } from "./trails.js";
 
+const NAMES = 40; // shown at a time: each is a draw call
 const NEAR_SHARE = 2 / 3; // of those who may have a fine body: who just passes gets none
 const SWAP_SECONDS = 2; // between two who give up their fine bodies: to read another takes as long as some frames
 const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
@@ -58,7 +59,7 @@ export class Crowd {
   mark(name, visible) {
     this.marks[name] = visible;
     if (name === "trails") this.trails.show(visible);
-    else for (const person of this.people) person.showLabel(visible);
+    else if (!visible) for (const person of this.people) person.showLabel(false);
   }
 
   /** Show everybody as the session's player has them; or, with `before` { history, moment }, as they were then. */
@@ -76,20 +77,21 @@ export class Crowd {
     return this.frame;
   }
 
-  /** Of names that would lie over each other, show the nearest to the camera. */
+  /** Show the names nearest to the camera, none over another. */
   separateNames(camera, width, height) {
     if (!this.marks.labels) return;
     const taken = [];
-    const placed = this.people.filter(({ label }) => label).map(({ label }) => {
-      const { x, y, z } = label.position.clone().project(camera);
-      return { label, x: (x * width) / 2, y: (y * height) / 2, z };
+    const placed = this.people.map((person) => {
+      const { x, y, z } = person.namePlace.project(camera);
+      return { person, x: (x * width) / 2, y: (y * height) / 2, z };
     }).sort((a, b) => a.z - b.z);
-    // a sprite's scale is a share of the view's height, half its tangent
     const reach = height / (2 * Math.tan((camera.fov * Math.PI) / 360));
-    for (const { label, x, y, z } of placed) {
-      const [w, h] = [label.scale.x * reach, label.scale.y * reach];
-      label.visible = z < 1 && taken.every((other) => Math.abs(other.x - x) > w || Math.abs(other.y - y) > h);
-      if (label.visible) taken.push({ x, y });
+    const [w, h] = NAME_SIZE.map((share) => share * reach);
+    for (const { person, x, y, z } of placed) {
+      const seen = person.shown && z < 1 && Math.abs(x) < (width + w) / 2 && Math.abs(y) < (height + h) / 2;
+      const free = seen && taken.length < NAMES && taken.every((other) => Math.abs(other.x - x) > w || Math.abs(other.y - y) > h);
+      person.showLabel(free);
+      if (free) taken.push({ x, y });
     }
   }
 
@@ -104,7 +106,6 @@ export class Crowd {
     const person = new Person(played, this);
     this.members.set(agent.alias, person);
     this.stage.add(person.group);
-    person.showLabel(this.marks.labels);
     const look = this.looks.get(agent.id);
     if (look) person.wear(look.body(agent.restOffsets));
     else person.load(...this.mesh(agent, "low"), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));

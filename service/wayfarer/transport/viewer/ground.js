@@ -14,7 +14,7 @@ export class Ground {
       const [z0, z1] = span(corners, "z");
       for (let x = cell(x0); x <= cell(x1); x += 1) {
         for (let z = cell(z0); z <= cell(z1); z += 1) {
-          const key = `${x},${z}`;
+          const key = keyOf(x, z);
           if (!this.cells.has(key)) this.cells.set(key, []);
           this.cells.get(key).push(triangle);
         }
@@ -25,7 +25,7 @@ export class Ground {
   /** Height of the ground below a point at height `y`, of several storeys the right one; or null. */
   heightAt(x, z, y = 0) {
     let best = null;
-    for (const triangle of this.cells.get(`${cell(x)},${cell(z)}`) ?? []) {
+    for (const triangle of this.cells.get(keyOf(cell(x), cell(z))) ?? []) {
       const height = heightIn(this.corners[triangle], x, z);
       if (height === null) continue;
       const better = best === null || (height <= y + UNDER ? best > y + UNDER || height > best : height < best);
@@ -109,6 +109,7 @@ function rayMeets(origin, direction, [a, b, c]) {
 }
 
 const cell = (value) => Math.floor(value / CELL);
+const keyOf = (x, z) => 2 ** 20 * x + z; // of a cell: a text would be made anew for everybody in every picture
 const span = (corners, axis) => [Math.min(...corners.map((c) => c[axis])), Math.max(...corners.map((c) => c[axis]))];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];

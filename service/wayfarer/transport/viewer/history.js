@@ -6,6 +6,7 @@ const SECONDS = 60;
 const FPS = 30; // of what is kept: a minute of one person is 0.65 MB
 const ROOM = SECONDS * FPS + 2;
 const GAP = 0.5; // seconds between two frames that belong to different visits: nobody is there between
+const MOST = 30; // frames noted at once: a page that was hidden for some seconds does not stand still to note them
 const JUMP = 5; // seconds back or on after which it is another stream
 
 /** Frames of one person, a ring. */
@@ -70,7 +71,8 @@ export class History {
       this.clear();
       this.begun = this.last = moment;
     }
-    for (let at = this.last + 1 / FPS; at <= moment; at += 1 / FPS) {
+    const step = Math.max(1 / FPS, (moment - this.last) / MOST);
+    for (let at = this.last + step; at <= moment; at += step) {
       this.last = at;
       for (const { agent, played } of people) {
         if (at < played.since || !played.track.sample(at, played.frame)) continue; // `since`: of a replay

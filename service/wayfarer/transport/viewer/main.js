@@ -2,6 +2,7 @@
 
 import { Access, Api, BONES, clock } from "./client/index.js";
 import { Arrivals } from "./arrivals.js";
+import { watchSleep } from "./asleep.js";
 import { Camera } from "./camera.js";
 import { crowdText, eventText } from "./choices.js";
 import { Crowd } from "./crowd.js";
@@ -420,6 +421,7 @@ setInterval(() => {
   if (!document.hidden) api.stats().then((stats) => readout.stats(stats) ?? session.hurry(), () => readout.stats(null));
 }, STATS_SECONDS * 1000);
 setInterval(wander, WANDER_SECONDS * 1000);
+watchSleep(() => session.wake());
 
 // for the browser's console, and the tests
 globalThis.wayfarer = {

@@ -2,7 +2,7 @@
 
 import {
   BufferAttribute, BufferGeometry, CanvasTexture, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial,
-  RingGeometry, SRGBColorSpace, Sprite, SpriteMaterial,
+  RingGeometry, SRGBColorSpace, Sprite, SpriteMaterial, Vector3,
 } from "./vendor/three.min.js";
 import { BASES, headingOf } from "./client/index.js";
 
@@ -10,6 +10,9 @@ const ACCENT = "#0b7285";
 const BESIDE = [0.02, 0.3, 0.75]; // colour of somebody who is there to be compared with another
 const RING_LIFT = 0.014; // metres over the ground
 const WAY_LIFT = 0.025;
+
+/** Width and height of a name as shares of the view's height, half its tangent. */
+export const NAME_SIZE = [0.12, 0.03];
 
 /** A flat ring on the floor, or the arc of it around a heading. */
 export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, width = 2 * Math.PI } = {}) {
@@ -44,9 +47,11 @@ export class Person {
     this.shown = false; // has a body, and a pose
     this.gone = false;
     this.group = new Group();
+    this.group.matrixAutoUpdate = false; // it stays where it is
     this.marker = floorRing(0.36, 0.42, ACCENT);
     this.marker.visible = false;
     this.path = new Group(); // a mark for each goal ahead
+    this.path.matrixAutoUpdate = false;
     this.way = null; // the line to the next one
     this.ahead = []; // { x, z, heading? … }
     this.passed = 0; // goals of its path that are behind it
@@ -89,12 +94,19 @@ export class Person {
     this.fine = false;
   }
 
+  /** Where the name is, above the head. */
+  get namePlace() {
+    return new Vector3(this.x, this.y + this.height + 0.22, this.z);
+  }
+
   showLabel(visible) {
     if (visible && !this.label) {
       this.label = label(this.agent.name);
       this.group.add(this.label);
     }
-    if (this.label) this.label.visible = visible;
+    if (!this.label) return;
+    this.label.visible = this.label.matrixAutoUpdate = visible;
+    this.label.position.copy(this.namePlace);
   }
 
   /** Show nobody: at the moment shown it was not there. */
@@ -109,8 +121,8 @@ export class Person {
     [this.x, , this.z] = frame;
     this.y = this.heightAt(this.x, this.z, frame[1] - 0.5);
     this.heading = headingOf(BASES.gltf, frame, 3);
+    this.marker.matrixAutoUpdate = this.marker.visible;
     this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
-    this.label?.position.set(this.x, this.y + this.height + 0.22, this.z);
     if (now) this.trail.add(this.x, this.y, this.z);
     this.body?.pose(frame);
     this.shown = this.body !== null;
@@ -213,6 +225,6 @@ function label(text) {
   map.colorSpace = SRGBColorSpace;
   // the same size on the screen however far
   const sprite = new Sprite(new SpriteMaterial({ map, depthTest: false, sizeAttenuation: false }));
-  sprite.scale.set(0.12, 0.03, 1);
+  sprite.scale.set(...NAME_SIZE, 1);
   return sprite;
 }

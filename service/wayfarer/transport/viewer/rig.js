@@ -1,6 +1,54 @@
 // A body's bones as numbers: a pose to the matrices that move its skin. No DOM, no three.js.
 
+import { inverse, product } from "./client/core/skins.js";
+
 const UPRIGHT = new Float32Array([0, 0, 0, 1]);
+
+/**
+ * The joints that a stream turns, and those above them, as `Rig` takes them. Any other moves with one of them, as a finger
+ * does with the hand: `carriers` has the number among them for each joint of the body, and `settled` the matrix that takes the
+ * skin of a joint from the bind pose to rest beside its carrier's; null where it is the carrier itself.
+ */
+export function posedJoints(joints, boneNames) {
+  const kept = new Set();
+  joints.forEach(({ name }, joint) => {
+    if (!boneNames.includes(name)) return;
+    for (let above = joint; above >= 0 && !kept.has(above); above = joints[above].parent) kept.add(above);
+  });
+  const carriers = [];
+  const posed = [];
+  joints.forEach((joint, k) => {
+    carriers.push(kept.has(k) ? posed.length : carriers[joint.parent]);
+    if (kept.has(k)) posed.push({ ...joint, parent: joint.parent < 0 ? -1 : carriers[joint.parent] });
+  });
+  const rest = new Float32Array(16 * joints.length), carried = new Float32Array(16 * posed.length);
+  const upright = Float32Array.from([0, 0, 0, ...boneNames.flatMap(() => [0, 0, 0, 1])]);
+  new Rig(joints, boneNames).matrices(upright, rest);
+  new Rig(posed, boneNames).matrices(upright, carried);
+  const of = (matrices, k) => matrices.subarray(16 * k, 16 * k + 16);
+  const settled = carriers.map((carrier, k) => (kept.has(k) ? null : product(inverse(of(carried, carrier)), of(rest, k))));
+  return { posed, carriers, settled };
+}
+
+/** Put skin { position, normal, skinIndex, skinWeight } to rest, as `posedJoints` says, and bind it to the carriers. */
+export function settle({ position, normal, skinIndex, skinWeight }, { carriers, settled }) {
+  for (let vertex = 0; vertex < position.length / 3; vertex += 1) {
+    const own = [0, 1, 2, 3].map((k) => 4 * vertex + k);
+    if (own.some((k) => skinWeight[k] && settled[skinIndex[k]])) {
+      for (const [values, moved] of [[position, 1], [normal, 0]]) {
+        const [x, y, z] = values.subarray(3 * vertex, 3 * vertex + 3);
+        for (let axis = 0; axis < 3; axis += 1) {
+          values[3 * vertex + axis] = own.reduce((sum, k) => {
+            const m = settled[skinIndex[k]];
+            const to = m ? m[axis] * x + m[4 + axis] * y + m[8 + axis] * z + moved * m[12 + axis] : [x, y, z][axis];
+            return sum + skinWeight[k] * to;
+          }, 0);
+        }
+      }
+    }
+    for (const k of own) skinIndex[k] = carriers[skinIndex[k]];
+  }
+}
 
 /** The joints of one body. */
 export class Rig {
@@ -62,15 +110,15 @@ export class Rig {
     const xx = 1 - 2 * (y * y + z * z), yx = 2 * (x * y + w * z), zx = 2 * (x * z - w * y);
     const xy = 2 * (x * y - w * z), yy = 1 - 2 * (x * x + z * z), zy = 2 * (y * z + w * x);
     const xz = 2 * (x * z + w * y), yz = 2 * (y * z - w * x), zz = 1 - 2 * (x * x + y * y);
-    for (let column = 0; column < 4; column += 1) {
-      const from = 16 * joint + 4 * column, to = at + 4 * column;
+    for (let column = 0; column < 16; column += 4) {
+      const from = 16 * joint + column, to = at + column;
       const a = inverses[from], b = inverses[from + 1], c = inverses[from + 2];
-      const moved = column === 3 ? 1 : 0;
-      out[to] = xx * a + xy * b + xz * c + moved * places[3 * joint];
-      out[to + 1] = yx * a + yy * b + yz * c + moved * places[3 * joint + 1];
-      out[to + 2] = zx * a + zy * b + zz * c + moved * places[3 * joint + 2];
-      out[to + 3] = moved;
+      out[to] = xx * a + xy * b + xz * c;
+      out[to + 1] = yx * a + yy * b + yz * c;
+      out[to + 2] = zx * a + zy * b + zz * c;
     }
+    for (let axis = 0; axis < 3; axis += 1) out[at + 12 + axis] += places[3 * joint + axis];
+    out[at + 15] = 1;
   }
 }
 

@@ -60,7 +60,7 @@ export class Stage {
 
   /**
    * Draw from now on, `frame()` before each picture. It takes a while: what can be asked of the server meanwhile
-   * should be on its way. `look`: number of the look to begin with and keep; without it, what the machine can do.
+   * should be on its way. `look`: number of the look to begin with and keep, the nearest that there is; without it, what the machine can do.
    * Throws NoPicture.
    */
   begin(frame, look = null) {
@@ -76,7 +76,7 @@ export class Stage {
     this.renderer.toneMapping = ACESFilmicToneMapping;
     this.renderer.toneMappingExposure = 1.05;
     this.steady = look !== null;
-    this.#take(look ?? least);
+    this.#take(look === null ? least : Math.min(LOOKS.length - 1, Math.max(0, Math.round(look) || 0)));
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     this.resize();
     this.#compile()

@@ -65,6 +65,11 @@ export class PageSession {
     if (this.latest === "lost") this.current?.stream?.reconnect();
   }
 
+  /** The page has slept (asleep.js). */
+  wake() {
+    this.current?.stream?.wake();
+  }
+
   /** Whether it is a replay: nobody can be sent. */
   get watchOnly() {
     return this.current instanceof Replay;
