@@ -12,7 +12,7 @@ from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
-from wayfarer.transport.schema.agents import Agent, AgentSpec
+from wayfarer.transport.schema.agents import AgentSpec
 from wayfarer.transport.schema.base import (
     BasisInfo,
     Bool,
@@ -27,7 +27,7 @@ from wayfarer.transport.schema.base import (
     length_field,
 )
 from wayfarer.transport.schema.catalogue import Skeleton
-from wayfarer.transport.schema.goals import Goal
+from wayfarer.transport.schema.messages import Agent, Goal
 from wayfarer.world.agents.agent import AgentState
 from wayfarer.world.events import EventKind
 
