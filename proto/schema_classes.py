@@ -12,16 +12,29 @@ from typing import Any, Final
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-FILES: Final = ("goal", "agent")
+FILES: Final = ("goal", "agent", "session", "catalog", "admin", "scene", "motion")
 """Protos whose messages are generated."""
 
 SCHEMA: Final = "wayfarer.transport.schema"
 BY_HAND: Final = {
-    "AgentSpec": f"{SCHEMA}.agents",
+    **dict.fromkeys(("AgentSpec", "Gender", "Phenotype"), f"{SCHEMA}.agents"),
+    **dict.fromkeys(("BasisInfo", "Endpoint", "Problem", "Vector3"), f"{SCHEMA}.base"),
+    **dict.fromkeys(("CharacterJoint",), f"{SCHEMA}.catalogue"),
+    **dict.fromkeys(("Mesh", "MeshScene"), f"{SCHEMA}.scenes"),
+    **dict.fromkeys(
+        ("Interest", "InterestRing", "MotionFile", "PoseFormat", "Viewpoint", "Viewpoints"),
+        f"{SCHEMA}.motion",
+    ),
+    **dict.fromkeys(
+        ("Box", "Cylinder", "Floor", "Obstacle", "Outline", "Prism", "Ramp", "Solid", "Walkable"),
+        f"{SCHEMA}.shapes",
+    ),
     "AgentState": "wayfarer.world.agents.agent",
-    "Gender": f"{SCHEMA}.agents",
-    "Phenotype": f"{SCHEMA}.agents",
-    "Vector3": f"{SCHEMA}.base",
+    "Basis": "wayfarer.transport.basis",
+    "EventKind": "wayfarer.world.events",
+    "Heartbeat": "",  # gRPC only
+    "Limits": "wayfarer.limits",
+    "PoseEncoding": "wayfarer.transport.codec",
 }
 """Classes that are written by hand, and their modules."""
 

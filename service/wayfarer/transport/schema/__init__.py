@@ -12,6 +12,5 @@ from wayfarer.transport.schema.catalogue import *
 from wayfarer.transport.schema.messages import *
 from wayfarer.transport.schema.motion import *
 from wayfarer.transport.schema.scenes import *
-from wayfarer.transport.schema.sessions import *
 from wayfarer.transport.schema.shapes import *
 from wayfarer.transport.schema.stats import *
