@@ -16,14 +16,14 @@ BIN := $(VENV)/bin
 PYTHON ?=
 ARGS ?=
 
-PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto')
+PACKAGE := pyproject.toml proto/build_hook.py proto/schema_classes.py $(shell find proto -name '*.proto')
 CLIENT := clients/python/pyproject.toml clients/python/build_hook.py
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 WEB := clients/web
 NPM_TOOLS := tests/node_modules/.package-lock.json
 BUF := tests/node_modules/.bin/buf
 RELEASED := tests/proto/released.binpb
-CHECKED := service lab tests requirements clients/python benchmarks proto/build_hook.py .github/name_repository.py
+CHECKED := service lab tests requirements clients/python benchmarks $(wildcard proto/*.py) .github/name_repository.py
 PINNED := requirements/build.txt requirements/serve.txt
 PINS := $(CURDIR)/requirements/dev.txt
 
@@ -90,7 +90,7 @@ image-check: $(VENV)/.client ## build and run the image; an agent walks in it (d
 	@$(BIN)/python -m tests.installed.image $(ARGS)
 
 clean: ## remove the virtual environment, generated code and caches
-	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
+	rm -rf $(VENV) build dist service/wayfarer/v1 service/wayfarer/transport/schema/messages.py clients/python/wayfarer_client/v1
 	rm -rf $(WEB)/node_modules $(WEB)/types tests/node_modules
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find service lab clients tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -4,6 +4,7 @@ Used by the server (`service/wayfarer/v1`) and by the Python client
 (`clients/python/wayfarer_client/v1`). The result is built, never committed.
 """
 
+import importlib.util
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,7 +15,10 @@ PROTO = Path(__file__).resolve().parent
 
 
 def generate(package_root: Path, package: str) -> None:
-    """Write `<package_root>/<package>/v1/*_pb2*.py`, importable as `<package>.v1`."""
+    """Write `<package_root>/<package>/v1/*_pb2*.py`, importable as `<package>.v1`.
+
+    For the server, also the classes of transport/schema that restate the protos.
+    """
     import grpc_tools
     from grpc_tools import protoc
 
@@ -26,6 +30,9 @@ def generate(package_root: Path, package: str) -> None:
     target.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as staging:
         outputs = [f"--{kind}_out={staging}" for kind in ("python", "pyi", "grpc_python")]
+        described = Path(staging) / "described.binpb"
+        outputs += [f"--descriptor_set_out={described}", "--include_imports"]
+        outputs += ["--include_source_info"]
         code = protoc.main(
             ["protoc", f"-I{PROTO}", f"-I{well_known}", *outputs, *map(str, sources)]
         )
@@ -35,7 +42,23 @@ def generate(package_root: Path, package: str) -> None:
             text = made.read_text(encoding="utf-8")
             text = text.replace("from wayfarer.v1 import", f"from {package}.v1 import")
             (target / made.name).write_text(text, encoding="utf-8")
+        if package == "wayfarer":
+            made = package_root / package / "transport" / "schema" / "messages.py"
+            made.write_text(_schema_classes(described.read_bytes()), encoding="utf-8")
     (target / "__init__.py").write_text('"""Generated from proto/wayfarer/v1."""\n')
+
+
+def _schema_classes(described: bytes) -> str:
+    """The server's classes of the JSON forms, from a serialized set of descriptors."""
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+    path = PROTO / "schema_classes.py"
+    spec = importlib.util.spec_from_file_location("wayfarer_schema_classes", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text: str = module.Classes(FileDescriptorSet.FromString(described)).module()
+    return text
 
 
 class ProtoBuildHook(BuildHookInterface):  # type: ignore[type-arg]

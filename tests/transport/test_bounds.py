@@ -6,10 +6,10 @@ The schema is what a request is held to; everything else is compared with it.
 import re
 import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from inspect import getsource
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import protoc
 import pytest
@@ -18,7 +18,7 @@ from pydantic import BaseModel, TypeAdapter
 
 import wayfarer_client
 from wayfarer.transport import schema
-from wayfarer.transport.schema.base import UINT32
+from wayfarer.transport.schema.base import DOMAIN, UINT32
 
 ROOT = Path(__file__).parents[2]
 
@@ -126,10 +126,15 @@ def _refs(field: object) -> Iterator[str]:
             yield from _refs(value)
 
 
-def held(field: dict[str, Any]) -> Said:
-    """What the schema of a field holds a request to. Bounds of lengths are in its description, for
-    those of JSON schema are the widest of all bases.
+def held(field: dict[str, Any], message: str = "", name: str = "") -> Said:
+    """What a field of a request is held to. World states bounds of lengths, or else they are in the
+    description, for those of JSON schema are the widest of all bases.
     """
+    if world := DOMAIN.get(message.removesuffix("Request")):
+        hint = get_type_hints(world, include_extras=True).get(name)
+        if bounds := getattr(hint, "__metadata__", ((),))[0]:
+            default = next(each.default for each in fields(world) if each.name == name)
+            return Said(tuple(b for b in bounds if b is not None), default)
     described = said(field.get("description", ""))
     if described.bounds:
         return described
@@ -165,7 +170,7 @@ def test_a_comment_is_read():
 def test_the_protos_say_what_the_schema_holds(comments):
     wrong, compared = [], 0
     for message, name, field in pairs(comments):
-        text, rule = whole(comments, message, name), held(field)
+        text, rule = whole(comments, message, name), held(field, message, name)
         proto = said(comments[message, name][0])
         numbers = {_number(found) for found in re.findall(NUMBER, text)}
         if "Limits." in text or "ListBodies" in text:
@@ -184,11 +189,11 @@ def test_the_protos_say_what_the_schema_holds(comments):
 def test_the_table_of_goals_says_the_same():
     page = (ROOT / "docs" / "api.md").read_text("utf-8")
     table = page.split("| field of a goal |")[1].split("\n\n")[0]
-    fields = schema.Goal.model_json_schema()["properties"]
+    properties = schema.Goal.model_json_schema()["properties"]
     rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \|", table, re.MULTILINE)
-    assert {name for name, _ in rows} == set(fields)
+    assert {name for name, _ in rows} == set(properties)
     for name, text in rows:
-        rule = held(fields[name])
+        rule = held(properties[name], "Goal", name)
         assert said(text).bounds == rule.bounds, name
         if rule.default is not None:
             assert _number(re.findall(NUMBER, text)[-1]) == rule.default, name
@@ -196,13 +201,13 @@ def test_the_table_of_goals_says_the_same():
 
 @pytest.mark.parametrize("name", ["Goal", "Phenotype", "Wander", "Follow", "KeepAway", "Queue"])
 def test_the_python_client_says_the_same(name: str):
-    fields = getattr(schema, name).model_json_schema()["properties"]
+    properties = getattr(schema, name).model_json_schema()["properties"]
     lines = re.findall(
         r"^    (\w+): [^#\n]*# (.*)$", getsource(getattr(wayfarer_client, name)), re.MULTILINE
     )
     assert lines
     for field, text in lines:
-        if field in fields:
-            rule, client = held(fields[field]), said(text)
+        if field in properties:
+            rule, client = held(properties[field], name, field), said(text)
             assert client.bounds in ((), rule.bounds), f"{field}: {text}"
             assert client.default in (None, rule.default), f"{field}: {text}"

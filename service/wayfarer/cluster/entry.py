@@ -51,7 +51,7 @@ from wayfarer.service.stats import LoopStats
 from wayfarer.transport import errors
 from wayfarer.transport.asgi import front
 from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.contract import Rpc, from_message
+from wayfarer.transport.contract import Rpc
 from wayfarer.transport.grpc_guard import GuardInterceptor
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
@@ -63,7 +63,7 @@ from wayfarer.transport.residence import misdirected
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
 from wayfarer.transport.tls import peer_tls
-from wayfarer.transport.wire import answer
+from wayfarer.transport.wire import answer, from_message
 from wayfarer.v1 import control_pb2
 
 log = structlog.get_logger(__name__)

@@ -4,16 +4,15 @@
 """
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from pydantic import BaseModel
 
 from wayfarer.transport.caller import Scope
-from wayfarer.transport.wire import parse
 from wayfarer.v1 import (
     admin_pb2,
     agent_pb2,
@@ -93,24 +92,3 @@ def twin_of(parameter: inspect.Parameter) -> type[BaseModel] | None:
     """The message of schema/ that a parameter takes."""
     kind = parameter.annotation
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
-
-
-def from_message(call: Rpc, method: Callable[..., Any]) -> Callable[[Any], Any]:
-    """`method` of the gateway as a function of the protobuf request.
-
-    Fields of the request are its arguments by name. A parameter that is a message of schema/ takes
-    the body, which is the whole request unless the options say otherwise.
-    """
-    body = call.options.body
-    twins = {
-        name: twin_of(parameter) for name, parameter in inspect.signature(method).parameters.items()
-    }
-    fields = call.request.DESCRIPTOR.fields_by_name
-
-    def argument(request: Any, name: str, twin: type[BaseModel] | None) -> Any:
-        if twin is not None:
-            return parse(twin, getattr(request, body) if body else request, body)
-        is_absent = fields[name].has_presence and not request.HasField(name)
-        return None if is_absent else getattr(request, name)
-
-    return lambda request: method(**{n: argument(request, n, twin) for n, twin in twins.items()})

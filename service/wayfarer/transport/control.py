@@ -9,7 +9,7 @@ import structlog
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import errors, schema, wire
 from wayfarer.transport.call_rates import count_call
-from wayfarer.transport.contract import CALLS, from_message
+from wayfarer.transport.contract import CALLS
 from wayfarer.transport.framing import field
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.merge import merged
@@ -90,7 +90,7 @@ async def _give(request: control_pb2.ControlRequest, gateway: Gateway) -> int:
             f"after `open` comes one of {', '.join((*SILENT, *COMMANDS))}", payload or "payload"
         )
     call = COMMANDS[payload]
-    given = await from_message(call, gateway.calls[call.name])(getattr(request, payload))
+    given = await wire.from_message(call, gateway.calls[call.name])(getattr(request, payload))
     return int(given.revision)
 
 

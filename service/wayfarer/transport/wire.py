@@ -4,14 +4,16 @@ Among values enums stand as their short lower-case names, bytes as base64 text.
 """
 
 import asyncio
+import inspect
 from base64 import b64decode, b64encode
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any, Final, TypeVar
 
 from google.protobuf.message import Message as ProtoMessage
 from pydantic import BaseModel, ValidationError
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.transport.contract import Rpc, twin_of
 from wayfarer.transport.violations import invalid_request
 from wayfarer.v1 import common_pb2
 
@@ -22,6 +24,27 @@ VECTOR: Final = common_pb2.Vector3.DESCRIPTOR
 
 Twin = TypeVar("Twin", bound=BaseModel)
 Proto = TypeVar("Proto", bound=ProtoMessage)
+
+
+def from_message(call: Rpc, method: Callable[..., Any]) -> Callable[[Any], Any]:
+    """`method` of the gateway as a function of the protobuf request.
+
+    Fields of the request are its arguments by name. A parameter that is a message of schema/ takes
+    the body, which is the whole request unless the options say otherwise.
+    """
+    body = call.options.body
+    twins = {
+        name: twin_of(parameter) for name, parameter in inspect.signature(method).parameters.items()
+    }
+    fields = call.request.DESCRIPTOR.fields_by_name
+
+    def argument(request: Any, name: str, twin: type[BaseModel] | None) -> Any:
+        if twin is not None:
+            return parse(twin, getattr(request, body) if body else request, body)
+        is_absent = fields[name].has_presence and not request.HasField(name)
+        return None if is_absent else getattr(request, name)
+
+    return lambda request: method(**{n: argument(request, n, twin) for n, twin in twins.items()})
 
 
 def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:

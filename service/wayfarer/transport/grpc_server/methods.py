@@ -20,11 +20,11 @@ from grpc.aio import ServicerContext as Context
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
-from wayfarer.transport.contract import CALLS, FILES, from_message
+from wayfarer.transport.contract import CALLS, FILES
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.motion_files import parts_of
-from wayfarer.transport.wire import answer, first, parse
+from wayfarer.transport.wire import answer, first, from_message, parse
 from wayfarer.v1 import scene_pb2, snapshot_pb2
 
 HEADER_S: Final = 10.0

@@ -8,11 +8,9 @@ Lengths, places, headings are in the basis of the session unless a name ends in 
 from wayfarer.limits import Limits
 from wayfarer.transport.schema.agents import *
 from wayfarer.transport.schema.base import *
-from wayfarer.transport.schema.behaviours import *
 from wayfarer.transport.schema.catalogue import *
-from wayfarer.transport.schema.goals import *
+from wayfarer.transport.schema.messages import *
 from wayfarer.transport.schema.motion import *
 from wayfarer.transport.schema.scenes import *
-from wayfarer.transport.schema.sessions import *
 from wayfarer.transport.schema.shapes import *
 from wayfarer.transport.schema.stats import *

@@ -1,13 +1,13 @@
-"""Agents."""
+"""Agents to create: a body comes from numbers or from everyday terms."""
 
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from wayfarer.body.outfit import OUTFIT_TEXT
 from wayfarer.body.phenotype import LIMITS
-from wayfarer.spec import BETAS, JOINTS
+from wayfarer.spec import BETAS
 from wayfarer.transport.schema.base import (
     Bool,
     Float,
@@ -18,8 +18,6 @@ from wayfarer.transport.schema.base import (
     Uint32,
     Vector3,
 )
-from wayfarer.transport.schema.goals import Goal
-from wayfarer.world.agents.agent import AgentState
 
 Beta = Annotated[Float, Field(ge=-5, le=5)]
 
@@ -103,64 +101,3 @@ class AgentSpec(Message):
         if self.betas and self.phenotype is not None:
             raise ValueError("give betas or phenotype, not both")
         return self
-
-
-class NewAgents(Message):
-    """Agents to create, all or none."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"agents": [{"gender": "male", "phenotype": {"height_m": 1.85}, "name": "Ada"}]}
-            ]
-        }
-    )
-
-    agents: Many[AgentSpec] = Field(
-        min_length=1, max_length=1024, description="at most limits.agents_per_call"
-    )
-    request_id: Text = Field(default="", description="see NewSession.request_id")
-
-
-class AgentUpdate(Message):
-    """A change of an agent; absent fields stay as they are."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"name": "Grace"}]})
-
-    name: Text | None = Field(default=None, description="new name for display")
-    foot_lock: Bool | None = Field(
-        default=None, description="keep feet from sliding, from the next chunk on"
-    )
-
-
-class Agent(Message):
-    """A snapshot of one agent."""
-
-    agent_id: str
-    alias: int = Field(description="replaces agent_id in the chunks of this session")
-    session_id: str
-    name: str
-    body: str = Field(description="name of its body model")
-    gender: Gender
-    betas: tuple[float, ...]
-    seed: int
-    state: AgentState
-    position: Vector3 = Field(description="position of the hips in the last frame sent")
-    heading: float
-    goal: Goal | None = None
-    goal_revision: int = Field(description="number of goal commands so far; 0 before the first")
-    created_at_us: int
-    rest_offsets: tuple[float, ...] = Field(
-        description=f"{JOINTS} × 3 numbers: each joint relative to its parent's in the T-pose"
-    )
-    waypoint: int = Field(default=0, description="index of `goal` in its path, from 0")
-    waypoints: int = Field(default=0, description="number of goals of its path so far")
-    foot_lock: bool = Field(default=True, description="feet are kept from sliding on the floor")
-    model: str = Field(default="", description="the motion model that moves it; see /v1/models")
-    outfit: str = Field(default="", description="what it wears: `outfit` of getBody")
-
-
-class Agents(Message):
-    """Agents in order of creation."""
-
-    agents: tuple[Agent, ...]

@@ -1,8 +1,10 @@
 """What the other messages are made of."""
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from enum import Enum, auto
-from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Self, TypeVar, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -20,7 +22,9 @@ from pydantic_core import CoreSchema
 
 from wayfarer import endpoint as endpoints
 from wayfarer.transport.basis import Basis
-from wayfarer.world.agents.goal import MAX_DWELL, MAX_HEADING, SPEED
+from wayfarer.world import behaviours
+from wayfarer.world.agents import goal
+from wayfarer.world.agents.goal import DWELL, MAX_HEADING, SPEED
 
 Item = TypeVar("Item")
 
@@ -111,7 +115,7 @@ class Quantity(Enum):
 
 Length = Annotated[Float, Quantity.LENGTH]
 Heading = Annotated[Float, Field(ge=-MAX_HEADING, le=MAX_HEADING), Quantity.HEADING]
-Dwell = Annotated[Float, Field(ge=0, le=MAX_DWELL)]
+Dwell = Annotated[Float, Field(ge=DWELL[0], le=DWELL[1])]
 
 
 def bounds(low: float | None, high: float | None) -> JsonDict:
@@ -126,6 +130,41 @@ def bounds(low: float | None, high: float | None) -> JsonDict:
     if high is not None:
         found["maximum"] = max(high / unit for unit in UNITS)
     return found
+
+
+DOMAIN: Final[Mapping[str, Any]] = {
+    **behaviours.KINDS,
+    "Area": behaviours.Wander,
+    "Goal": goal.Goal,
+    "Part": behaviours.Part,
+}
+"""Classes of world/ by the messages that say the same. They state the ranges of their fields."""
+
+
+def _range(message: str, field: str) -> Any:
+    return get_type_hints(DOMAIN[message], include_extras=True)[field].__metadata__[0]
+
+
+def length_range(message: str, field: str) -> Any:
+    """Of a length or speed, which the runtime checks: the basis decides how it is written."""
+    return Field(json_schema_extra=bounds(*_range(message, field)))
+
+
+def plain_range(message: str, field: str) -> Any:
+    """Of a number that means the same in every basis: it is checked here already."""
+    low, high = _range(message, field)
+    return Field(ge=low, le=high)
+
+
+def count_range(message: str, field: str) -> Any:
+    """Of a number of items."""
+    low, high = _range(message, field)
+    return Field(min_length=low, max_length=high)
+
+
+def example(text: str) -> ConfigDict:
+    """Configuration of a message with an example, given as JSON."""
+    return ConfigDict(json_schema_extra={"examples": [json.loads(text)]})
 
 
 def length_field(

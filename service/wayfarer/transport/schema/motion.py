@@ -12,9 +12,8 @@ from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
-from wayfarer.transport.schema.agents import Agent, AgentSpec
+from wayfarer.transport.schema.agents import AgentSpec
 from wayfarer.transport.schema.base import (
-    BasisInfo,
     Bool,
     Float,
     Length,
@@ -26,10 +25,7 @@ from wayfarer.transport.schema.base import (
     Vector3,
     length_field,
 )
-from wayfarer.transport.schema.catalogue import Skeleton
-from wayfarer.transport.schema.goals import Goal
-from wayfarer.world.agents.agent import AgentState
-from wayfarer.world.events import EventKind
+from wayfarer.transport.schema.messages import Goal, MotionBatch, StreamHeader
 
 BONES = tuple(bone.name for bone in load_skeleton())
 BoneName = Annotated[str, Field(json_schema_extra={"enum": list(BONES)})]
@@ -205,89 +201,6 @@ class StepRequest(Message):
         default=0, description="steps of 0.2 s; 0: one; at most limits.steps_per_call"
     )
     format: PoseFormat = PoseFormat()
-
-
-class Tier(Message):
-    """How the poses of a ring are packed."""
-
-    radius: float
-    pose_encoding: PoseEncoding
-    sent_fps: int
-    bones: tuple[int, ...]
-    frame_bytes: int
-
-
-class StreamHeader(Message):
-    """What holds for the whole stream."""
-
-    server_version: str
-    session_id: str
-    fps: int
-    basis: BasisInfo
-    skeleton: Skeleton
-    pose_encoding: PoseEncoding
-    sent_fps: int = Field(description="frames per second sent")
-    bones: tuple[int, ...] = Field(
-        description="indices into `skeleton.bones` of the rotations that are sent"
-    )
-    frame_bytes: int = Field(description="bytes of one frame in `poses`")
-    resume_s: float = Field(description="seconds of motion kept for streams that resume")
-    resumed: bool = Field(description="continues without a gap after the requested resume_token")
-    tiers: tuple[Tier, ...] = Field(default=(), description="how the poses of each ring are packed")
-
-
-class MotionChunks(Message):
-    """Chunks, each with the new frames of one agent, as columns: the i-th values are chunk i."""
-
-    aliases: tuple[int, ...]
-    seqs: tuple[int, ...] = Field(description="sequence number: 0, 1, 2 … per agent")
-    first_frames: tuple[int, ...] = Field(
-        description="number of the first frame since the agent was created, at 40 per second"
-    )
-    scheduled_at_us: tuple[int, ...] = Field(
-        description="display time of the first frame: microseconds since the Unix epoch"
-    )
-    goal_revisions: tuple[int, ...]
-    states: tuple[AgentState, ...]
-    flags: tuple[int, ...] = Field(description="sums of ChunkFlag values")
-    poses: str = Field(description="base64 of the packed frames, chunk after chunk")
-    contacts: str = Field(
-        description="base64; one byte per frame, the sum of 1 (left foot) and 2 (right foot)"
-    )
-    waypoints: tuple[int, ...]
-    candidates: tuple[int, ...]
-
-
-class MotionBatch(Message):
-    """Chunks that are due together, and agents that were added or removed."""
-
-    added: tuple[Agent, ...] = Field(description="agents whose first chunk is in this batch")
-    chunks: MotionChunks | None = Field(default=None, description="at most one chunk per agent")
-    removed: tuple[int, ...] = Field(description="aliases of deleted agents")
-    resume_token: str
-    tier: int = Field(default=0, description="index into the header's `tiers`")
-    hidden: tuple[int, ...] = Field(
-        default=(), description="aliases of agents that have left the last ring"
-    )
-
-
-class Event(Message):
-    """Something that happened to an agent, a stream or the server."""
-
-    kind: EventKind
-    agent_id: str = Field(description="empty for a stream or the server")
-    alias: int
-    at_us: int = Field(description="microseconds since the Unix epoch")
-    goal_revision: int
-    waypoint: int
-    detail: str = Field(description="a sentence for people")
-
-
-class Steps(Message):
-    """Motion and events of the steps."""
-
-    batches: tuple[MotionBatch, ...] = Field(description="one per step")
-    events: tuple[Event, ...]
 
 
 class ClipLine(OneOf):

@@ -9,9 +9,7 @@ from wayfarer.navigation.checks import UNIT
 from wayfarer.navigation.scene_spec import MAX_FLOORS, MAX_SOLIDS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.schema.base import (
-    BasisInfo,
     Dwell,
-    Endpoint,
     Float,
     Length,
     Many,
@@ -21,7 +19,7 @@ from wayfarer.transport.schema.base import (
     Vector3,
     speed_field,
 )
-from wayfarer.transport.schema.shapes import CRATE, Floor, Obstacle, Solid, Walkable
+from wayfarer.transport.schema.shapes import CRATE, Floor, Solid, Walkable
 from wayfarer.world.scenes import messages
 from wayfarer.world.scenes.populate import MAX_RATE, MAX_STAY
 
@@ -102,146 +100,6 @@ class MeshScene(Message):
     mesh: Mesh = Mesh()
 
 
-class NewExampleScene(Message):
-    """How to create a scene that comes with the server."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"basis": "gltf"}]})
-
-    basis: Basis = Field(default=Basis.GLTF, description="basis of all calls on the scene")
-    lease_s: Lease = None
-    request_id: RequestId = ""
-
-
-class ExampleScene(Message):
-    """A scene that comes with the server."""
-
-    name: str = Field(description="name for createExampleScene")
-    summary: str
-
-
-class ExampleScenes(Message):
-    """The scenes that come with the server."""
-
-    examples: tuple[ExampleScene, ...]
-
-
-class NamedObstacle(Message):
-    """An obstacle in a scene."""
-
-    name: str
-    obstacle: Obstacle
-
-
-class Scene(Message):
-    """A scene as it is now."""
-
-    scene_id: str = Field(description="id, also for createSession")
-    name: str
-    basis: BasisInfo
-    content_hash: str = Field(
-        description="SHA-256 of its content; scenes of equal content share their navigation data"
-    )
-    version: int = Field(description="number of changes of its obstacles")
-    area_m2: float = Field(description="square metres on which the middle of an agent may be")
-    islands: int = Field(description="parts of its ground that no way connects")
-    min: Vector3 = Field(description="least coordinates of its ground; 0 along up")
-    max: Vector3 = Field(description="greatest coordinates of its ground; 0 along up")
-    obstacles: tuple[NamedObstacle, ...] = Field(description="its obstacles")
-    sessions: int = Field(description="number of sessions in it")
-    created_at_us: int = Field(description="microseconds since the Unix epoch")
-    bake_s: float = Field(description="seconds that baking took")
-    lease_s: float = Field(description="seconds it outlives its last session and call")
-    endpoint: Endpoint | None = Field(
-        default=None, description="the node that holds it; null on a server of one process"
-    )
-    notes: tuple[str, ...] = Field(
-        default=(),
-        description="what its level's author should know, one sentence each: what was left out, "
-        "what looks wrong",
-    )
-
-
-class Scenes(Message):
-    """The caller's scenes."""
-
-    scenes: tuple[Scene, ...] = Field(description="oldest first")
-
-
-class SceneVersion(Message):
-    """A scene after a change."""
-
-    version: int
-    area_m2: float
-    islands: int
-
-
-class PathQuery(Message):
-    """A path to find."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"start": {"x": -5, "y": 0, "z": -5}, "goal": {"x": 5, "y": 0, "z": 5}}]
-        }
-    )
-
-    start: Vector3 = Field(
-        description="start of the path; the component along up selects the storey"
-    )
-    goal: Vector3 = Field(description="end of the path")
-
-
-class ScenePath(Message):
-    """A path."""
-
-    points: tuple[Vector3, ...] = Field(description="points from start to goal, on the ground")
-    length: float = Field(description="length seen from above")
-    start_moved: float = Field(
-        description="distance by which start was moved to free ground; 0 if it was free"
-    )
-    goal_moved: float = Field(
-        description="distance by which goal was moved to ground that can be reached"
-    )
-    version: int = Field(description="version of the scene in which the path was found")
-
-
-class Ring(Message):
-    """A closed line."""
-
-    points: tuple[float, ...] = Field(description="three numbers per point")
-
-
-class Polygon(Message):
-    """An area seen from above; 0 along up."""
-
-    outline: tuple[float, ...] = Field(description="three numbers per point")
-    holes: tuple[Ring, ...]
-
-
-class Block(Message):
-    """A solid or obstacle, upright from its bottom to its top."""
-
-    top: tuple[float, ...] = Field(
-        description="outline of its top, three numbers per point; level, except for a ramp"
-    )
-    bottom: float = Field(description="component along up of its bottom")
-    name: str = Field(default="", description="name of an obstacle")
-
-
-class SceneOutlines(Message):
-    """Everything needed to draw a scene, with numbers as graphics libraries take them."""
-
-    walkable: tuple[Polygon, ...] = Field(
-        description="ground on which the middle of an agent may be"
-    )
-    vertices: tuple[float, ...] = Field(
-        description="vertices of the walkable ground, three numbers each"
-    )
-    triangles: tuple[int, ...] = Field(description="three indices of vertices each")
-    solids: tuple[Block, ...] = Field(description="permanent solids, without meshes")
-    obstacles: tuple[Block, ...] = Field(description="its obstacles")
-    version: int
-
-
 class Crowd(Message):
     """People who walk about in a session's scene."""
 
@@ -274,13 +132,3 @@ class Crowd(Message):
         le=MAX_STAY,
         description="mean seconds until a person leaves and another comes; 0: they stay",
     )
-
-
-class CrowdCame(Message):
-    """How many people have come."""
-
-    came: int = Field(
-        description="people who are there; streams announce them, and later ones, in `added`"
-    )
-    waiting: int = Field(description="people who come when there is room")
-    reason: str = Field(description="why they wait; empty: nothing keeps them")

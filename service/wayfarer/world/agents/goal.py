@@ -15,21 +15,25 @@ from wayfarer.world.rows import Flags, Float, Rows, Shape
 
 RADIUS: Final = (0.05, 10.0)
 SPEED: Final = (0.2, 4.0)
-MAX_DWELL: Final = 3600.0
+DWELL: Final = (0.0, 3600.0)
 MAX_HEADING: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A place to walk to, and how."""
+    """A place to walk to, and how. The JSON schema takes the ranges from the annotations."""
 
     position: tuple[float, float, float]  # metres, world; the ground below it is walked to
-    radius: float = 0.3  # metres: arrived when the pelvis is this near, horizontally
-    speed: float = 1.2  # metres per second, target on the way
+    radius: Annotated[float, RADIUS] = (
+        0.3  # metres: arrived when the pelvis is this near, horizontally
+    )
+    speed: Annotated[float, SPEED] = 1.2  # metres per second, target on the way
     heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there
     stop: bool = True  # False: pass through without slowing; with no goal to follow, stop after it
     strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
-    dwell: float = 0.0  # seconds to stand there before going on to the next goal of a path
+    dwell: Annotated[float, DWELL] = (
+        0.0  # seconds to stand there before going on to the next goal of a path
+    )
 
 
 def check_goal(
@@ -45,7 +49,7 @@ def check_goal(
     check_place(goal.position[:2], f"{where}.position", goal.position[2])
     check_range([goal.radius], *RADIUS, f"{where}.radius", Metres)
     check_range([goal.speed], *SPEED, f"{where}.speed", MetresPerSecond)
-    check_range([goal.dwell], 0, MAX_DWELL, f"{where}.dwell")
+    check_range([goal.dwell], *DWELL, f"{where}.dwell")
     if goal.dwell and not goal.stop:
         raise InvalidArgument("an agent does not dwell where it does not stop", f"{where}.dwell")
     if goal.heading is not None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import dist, hypot
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.limits import Limits
@@ -19,7 +19,7 @@ from wayfarer.world.agents.checks import check_agent_id
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.ranges import check_range
 
-MAX_BESIDE: Final = 10.0
+BESIDE: Final = (-10.0, 10.0)
 """Metres, behind or to the right."""
 
 MIN_APART: Final = 0.5
@@ -53,8 +53,8 @@ class Follow(Behaviour):
     """
 
     agent_id: str
-    behind: float = 1.2  # metres behind it; negative: before it
-    right: float = 0.0  # metres to its right; negative: to its left
+    behind: Annotated[float, BESIDE] = 1.2  # metres behind it; negative: before it
+    right: Annotated[float, BESIDE] = 0.0  # metres to its right; negative: to its left
     kind: Literal["follow"] = "follow"
 
     NEEDS_OTHERS: ClassVar[bool] = True
@@ -68,7 +68,7 @@ class Follow(Behaviour):
         """See `Behaviour`."""
         check_agent_id(self.agent_id, f"{where}.agent_id")
         for name in ("behind", "right"):
-            check_range([getattr(self, name)], -MAX_BESIDE, MAX_BESIDE, f"{where}.{name}", Metres)
+            check_range([getattr(self, name)], *BESIDE, f"{where}.{name}", Metres)
         if (apart := hypot(self.behind, self.right)) < MIN_APART:
             raise InvalidArgument(
                 "its place is {} from whom it follows; allowed: {} or more",

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, dist, pi, sin
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +51,10 @@ class KeepAway(Behaviour):
 
     agent_id: str = ""
     place: tuple[float, float] | None = None  # metres, on the floor
-    distance: float = 4.0  # metres; the agent stops when it is a quarter farther away than that
-    speed: float = 1.6  # m/s
+    distance: Annotated[float, DISTANCE] = (
+        4.0  # metres; the agent stops when it is a quarter farther away than that
+    )
+    speed: Annotated[float, SPEED] = 1.6  # m/s
     kind: Literal["keep_away"] = "keep_away"
 
     NEEDS_OTHERS: ClassVar[bool] = True

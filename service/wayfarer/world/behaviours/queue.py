@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import cos, dist, sin
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -33,8 +33,8 @@ class Queue(Behaviour):
     name: str
     head: tuple[float, float]  # metres, on the floor
     heading: float  # radians about +Z that those who wait face; the line grows to the other side
-    spacing: float = 0.8  # metres from one to the next
-    speed: float = 1.2  # m/s
+    spacing: Annotated[float, SPACING] = 0.8  # metres from one to the next
+    speed: Annotated[float, SPEED] = 1.2  # m/s
     kind: Literal["queue"] = "queue"
 
     NEEDS_OTHERS: ClassVar[bool] = True

@@ -1,7 +1,7 @@
 """Routines: one activity after the other."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
@@ -14,8 +14,8 @@ from wayfarer.world.behaviours.queue import Queue
 from wayfarer.world.behaviours.wander import Wander
 from wayfarer.world.ranges import check_range
 
-MAX_PARTS: Final = 32
-MAX_SECONDS: Final = 86_400.0
+PARTS: Final = (1, 32)
+SECONDS: Final = (0.0, 86_400.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,8 @@ class Part:
     """A part of a routine."""
 
     does: PartBehaviour
-    seconds: float = 0.0  # then the next part begins; 0: when it is done, as only a visit ever is
+    # then the next part begins; 0: when it is done, as only a visit ever is
+    seconds: Annotated[float, SECONDS] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +79,16 @@ class Routine(Behaviour):
     or begins again.
     """
 
-    parts: tuple[Part, ...]
+    parts: Annotated[tuple[Part, ...], PARTS]
     repeat: bool = False
     kind: Literal["routine"] = "routine"
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
         """See `Behaviour`."""
         count = len(self.parts)
-        if not 1 <= count <= MAX_PARTS:
+        if not PARTS[0] <= count <= PARTS[1]:
             raise InvalidArgument(
-                f"a routine has {count} parts; allowed: 1 to {MAX_PARTS}", f"{where}.parts"
+                f"a routine has {count} parts; allowed: {PARTS[0]} to {PARTS[1]}", f"{where}.parts"
             )
         goals = sum(len(part.does.given_goals) for part in self.parts)
         if goals > limits.path_goals:
@@ -97,7 +98,7 @@ class Routine(Behaviour):
             )
         for number, part in enumerate(self.parts):
             at = f"{where}.parts[{number}]"
-            check_range([part.seconds], 0, MAX_SECONDS, f"{at}.seconds")
+            check_range([part.seconds], *SECONDS, f"{at}.seconds")
             part.does.check(start if number == 0 else None, limits, at)
             more = self.repeat or number < count - 1
             if more and part.seconds == 0 and not isinstance(part.does, Visit):

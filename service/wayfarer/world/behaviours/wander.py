@@ -5,7 +5,7 @@ Places are drawn from the agent's seed and counters alone, so a run can be repea
 
 from dataclasses import dataclass
 from math import cos, dist, pi, sin, sqrt
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import MAX_COORDINATE
 from wayfarer.world.agents.behaviour import BehavingAgent, Behaviour, Start
-from wayfarer.world.agents.goal import MAX_DWELL, SPEED, Goal
+from wayfarer.world.agents.goal import DWELL, SPEED, Goal
 from wayfarer.world.behaviours.places import drawn_places, island_at
 from wayfarer.world.ranges import check_place, check_range
 
@@ -41,9 +41,9 @@ class Wander(Behaviour):
     """
 
     center: tuple[float, float] | None  # metres, world; None: wherever the agent's scene is free
-    radius: float = 0.0  # metres; ignored without a centre
-    speed: float = 1.2  # m/s
-    dwell: float = 0.0  # seconds to stand at each place
+    radius: Annotated[float, (MIN_RADIUS, None)] = 0.0  # metres; ignored without a centre
+    speed: Annotated[float, SPEED] = 1.2  # m/s
+    dwell: Annotated[float, DWELL] = 0.0  # seconds to stand at each place
     kind: Literal["wander"] = "wander"
 
     WALKS: ClassVar[bool] = True
@@ -59,7 +59,7 @@ class Wander(Behaviour):
         if self.center is not None:
             _check_disc(self.center, self.radius, start or self.center, limits, where)
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
-        check_range([self.dwell], 0, MAX_DWELL, f"{where}.dwell")
+        check_range([self.dwell], *DWELL, f"{where}.dwell")
 
     def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
         """See `Behaviour`."""

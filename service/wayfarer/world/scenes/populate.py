@@ -24,7 +24,7 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
 from wayfarer.world.agents.faults import MAX_FAULTS, Faults, Stage
-from wayfarer.world.agents.goal import MAX_DWELL, SPEED
+from wayfarer.world.agents.goal import DWELL, SPEED
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.behaviours import Wander
@@ -279,7 +279,7 @@ def check_crowd(crowd: Crowd) -> None:
         raise InvalidArgument("seed must lie in [0, 2^64)", "seed")
     for name, kind, values, (low, high) in (
         ("speed", MetresPerSecond, crowd.speed, SPEED),
-        ("dwell", "{:g}".format, crowd.dwell, (0.0, MAX_DWELL)),
+        ("dwell", "{:g}".format, crowd.dwell, DWELL),
     ):
         for end, value in zip(("min", "max"), values, strict=True):
             check_range([value], low, high, f"{end}_{name}", kind)
