@@ -24,16 +24,14 @@ class Goal:
     """A place to walk to, and how. The JSON schema takes the ranges from the annotations."""
 
     position: tuple[float, float, float]  # metres, world; the ground below it is walked to
-    radius: Annotated[float, RADIUS] = (
-        0.3  # metres: arrived when the pelvis is this near, horizontally
-    )
+    # metres: arrived when the pelvis is this near, horizontally
+    radius: Annotated[float, RADIUS] = 0.3
     speed: Annotated[float, SPEED] = 1.2  # metres per second, target on the way
     heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there
     stop: bool = True  # False: pass through without slowing; with no goal to follow, stop after it
     strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
-    dwell: Annotated[float, DWELL] = (
-        0.0  # seconds to stand there before going on to the next goal of a path
-    )
+    # seconds to stand there before going on to the next goal of a path
+    dwell: Annotated[float, DWELL] = 0.0
 
 
 def check_goal(

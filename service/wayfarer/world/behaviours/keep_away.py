@@ -51,9 +51,8 @@ class KeepAway(Behaviour):
 
     agent_id: str = ""
     place: tuple[float, float] | None = None  # metres, on the floor
-    distance: Annotated[float, DISTANCE] = (
-        4.0  # metres; the agent stops when it is a quarter farther away than that
-    )
+    # metres; the agent stops when it is a quarter farther away than that
+    distance: Annotated[float, DISTANCE] = 4.0
     speed: Annotated[float, SPEED] = 1.6  # m/s
     kind: Literal["keep_away"] = "keep_away"
 
