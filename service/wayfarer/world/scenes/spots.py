@@ -89,7 +89,7 @@ def take_spots(
     """
     people, shape = everybody.people, (len(seekers.rows), len(everybody.slots))
     claims = np.where(everybody.stand[:, None], people.position, people.aims.spot)
-    session = Session(
+    session = Claimants(
         people.number, people.position, people.height, people.aims.asked, claims,
         everybody.stand, everybody.stand | (people.walks & people.aims.wants),
     )  # fmt: skip
@@ -103,7 +103,7 @@ def take_spots(
         seekers.spot[row] = _free_spot(place, goal, *taken, clear(row), room, seekers.spot[row])
 
 
-class Session(NamedTuple):
+class Claimants(NamedTuple):
     """Everybody [N] of a session, for compiled rules."""
 
     number: Int
@@ -116,7 +116,7 @@ class Session(NamedTuple):
 
 
 @compiled
-def _look_at_spots(session: Session, seekers: Seekers, by: Double, lost: Flags) -> None:
+def _look_at_spots(session: Claimants, seekers: Seekers, by: Double, lost: Flags) -> None:
     """Whose spot is taken is `lost` [A]: then metres that it keeps from others are `by` [A, N].
 
     Who is far from its goal takes that for its spot.
@@ -159,7 +159,7 @@ def set_spots(goals: GoalColumns, aims: Aims) -> Flags:
 def prepare() -> None:
     """Compile the rule, or load it, before anybody walks."""
     place, number, flag = np.zeros((1, 2), np.float32), np.zeros(1, np.int64), np.ones(1, np.bool_)
-    session = Session(number, place, np.zeros(1, np.float32), place, place, flag, flag)
+    session = Claimants(number, place, np.zeros(1, np.float32), place, place, flag, flag)
     seekers = Seekers(number, place, place, flag)
     warm(_look_at_spots, session, seekers, np.zeros((1, 1)), np.zeros(1, np.bool_))
 
