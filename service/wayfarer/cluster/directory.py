@@ -65,9 +65,6 @@ class LeaseRules:
     """Of one cluster."""
 
     lease_s: float = 2.0
-    go_on: bool = False
-    """Nodes that cannot renew go on stepping; then their groups move only once their end is known
-    (`ended`), never because they are silent."""
     nodes: int = 0
     """How many there will be, if that is known, and if no directory was before this one: it gives
     nothing away until all have told what they have kept."""
@@ -226,9 +223,7 @@ class Directory:
             self._pass_on(group)
 
     def expire(self, now: float) -> None:
-        """Fence the nodes whose lease has ended, unless they go on without."""
-        if self.rules.go_on:
-            return
+        """Fence the nodes whose lease has ended."""
         for node in [n for n in self._nodes.values() if n.lease_until <= now]:
             self.counters["expired"] += 1
             self.ended(node.info.name)

@@ -58,7 +58,6 @@ class NodePlan(ClusterMessage):
     number: int
     host: str  # at which others reach it; empty: all nodes are on one machine (LOOPBACK)
     secret: str  # that nodes show each other
-    go_on: bool = False  # as `LeaseRules`
     cores: tuple[int, ...] = ()  # those it may run on; none: all
     settings: Settings
 

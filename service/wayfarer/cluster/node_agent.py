@@ -389,7 +389,7 @@ async def joined(
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(replication.running(), name="replicas"),
-        asyncio.create_task(_until_orphaned(link, plan, gateway, stop), name="keeper"),
+        asyncio.create_task(_until_orphaned(link, stop), name="keeper"),
     ]
     try:
         yield
@@ -406,16 +406,9 @@ def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
     return found.state if found else b""
 
 
-async def _until_orphaned(
-    link: KeeperLink, plan: NodePlan, gateway: Gateway, stop: Callable[[], None]
-) -> None:
-    """Without a keeper nobody renews the lease: end; where the rule is to go on, once it is empty.
-
-    Its successor runs beside it then, and takes what is new.
-    """
+async def _until_orphaned(link: KeeperLink, stop: Callable[[], None]) -> None:
+    """Without a keeper nobody renews the lease: end."""
     await link.lost.wait()
-    while plan.go_on and (gateway.moves.sessions or gateway.streams):
-        await asyncio.sleep(RENEW_S)
     stop()
 
 
@@ -445,4 +438,4 @@ def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
         fingerprint=fingerprint,
         capacity=plan.settings.limits.agents,
     )
-    return Tenancy(node, plan.go_on)
+    return Tenancy(node)

@@ -31,17 +31,13 @@ def boot_clock() -> float:
 class Tenancy:
     """Of one node."""
 
-    def __init__(
-        self, node: NodeInfo, go_on: bool = False, clock: Callable[[], float] = boot_clock
-    ) -> None:
-        """`go_on`: step without a lease, too (`LeaseRules.go_on`)."""
+    def __init__(self, node: NodeInfo, clock: Callable[[], float] = boot_clock) -> None:
         self.node = node
         self.view = GroupMap()
         self.registered = False
         self.unclaimed = asyncio.Event()
         """Something was made here that the directory shall hear of now."""
         self._answered = asyncio.Event()  # the next time
-        self._go_on = go_on
         self._clock = clock
         self._until = float("-inf")  # of the lease
         self._draining = False
@@ -105,7 +101,7 @@ class Tenancy:
 
     def may_step(self) -> bool:
         """The lease holds, and nothing is here that has another owner."""
-        return not self._lost and (self._go_on or self.leased)
+        return self.leased and not self._lost
 
     def epoch(self, session_id: str) -> int:
         """The epoch of the group of a session; 0 if this node does not own it."""
