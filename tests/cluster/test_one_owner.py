@@ -36,6 +36,7 @@ class Moves:
         self.node = node
         self.frozen = {}  # every session in the world of this node, and whether it is frozen
         self.open = {}  # those that callers find
+        self.full_until = 0.0  # for those that are adopted
 
     @property
     def sessions(self):
@@ -89,8 +90,10 @@ class Moves:
         await self.node.work()
         if name in self.frozen:
             raise AlreadyExists(name)
-        if self.node.sim.chance(0.1):
+        if self.node.sim.chance(0.1) or self.node.sim.now < self.full_until:
             raise Unavailable("no room")
+        if self.node.sim.chance(0.1):
+            self.full_until = self.node.sim.now + 4 * LEASE
         self.frozen[name] = False
         self.open[name] = True
         self.node.sim.seen["adopted"] += 1
@@ -173,6 +176,9 @@ class Node:
             lambda d: d.transfer(told.group, told.owner, told.epoch, told.to, self.sim.now)
         )
 
+    async def place(self, request):
+        return await self._ask(lambda d: d.place(self.sim.now))
+
     async def _ask(self, call):
         async with self._turn:
             await self.awake()
@@ -189,6 +195,14 @@ class Node:
             return result
 
     # Other nodes, as Peers
+
+    async def keep(self, node, owner, name, replica, after):
+        to = self.sim.nodes.get(node.name)
+        if to is None or self.sim.loses():
+            raise Unavailable("it has ended")
+        await to.awake()
+        self.sim.seen["handed on"] += 1
+        return to.replicas.keep(owner, name, replica.state, replica.log_part, after)
 
     async def take(self, node, owner, group, epoch, live):
         to, sim = self.sim.nodes.get(node.name), self.sim
@@ -227,7 +241,7 @@ class Sim:
         self.greatest = {}
         self.calls = set()
         self.seen = dict.fromkeys(
-            ("adopted", "moved", "fenced", "stepped", "drained", "lost answers"), 0
+            ("adopted", "moved", "fenced", "stepped", "drained", "lost answers", "handed on"), 0
         )
         self.restart()
         self.directory._settled_at = self.now

@@ -51,7 +51,7 @@ class Tenancy:
         self._used: set[str] = set()  # reported as used until it is known to have arrived
         self._freed: set[str] = set()
         self._adopted: set[str] = set()
-        self._failed: set[str] = set()
+        self._failed: dict[str, str] = {}  # to which node each was handed on, if it was
 
     # ---- Ownership
 
@@ -161,7 +161,7 @@ class Tenancy:
             held={group: self._held[group] for group in sorted(named - self._moving)},
             freed=tuple(sorted(self._freed)),
             adopted=tuple(sorted(self._adopted)),
-            failed=tuple(sorted(self._failed)),
+            failed=dict(self._failed),
             seen=self.view.seen,
         )
 
@@ -187,7 +187,8 @@ class Tenancy:
         self._used -= told.held.keys()
         self._freed -= set(told.freed)
         self._adopted -= set(told.adopted)
-        self._failed -= set(told.failed)
+        for group in told.failed:
+            self._failed.pop(group, None)
         self._take(answer, told.held, sent_at)
         return True
 
@@ -257,7 +258,7 @@ class Tenancy:
         """It could not be put in, or has another owner."""
         self._coming.pop(group, None)
 
-    def failed(self, group: str) -> None:
-        """No replica of it was here."""
+    def failed(self, group: str, to: str = "") -> None:
+        """No replica of it was here, or no room; `to` has the replicas now."""
         self._coming.pop(group, None)
-        self._failed.add(group)
+        self._failed[group] = to
