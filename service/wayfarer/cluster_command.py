@@ -71,14 +71,6 @@ def start_command(
             min=1, max=60, help="Seconds after which a silent node has lost what it owns."
         ),
     ] = 3.0,
-    go_on: Annotated[
-        bool,
-        typer.Option(
-            "--go-on",
-            help="Nodes that cannot reach the directory go on; then what a silent machine owns is "
-            "taken over only once its end is known.",
-        ),
-    ] = False,
     config: Config = None,
     **options: Any,
 ) -> None:
@@ -93,16 +85,15 @@ def start_command(
     settings = with_engine(settings)
     from wayfarer.cluster.ray_actors import RayCluster
 
-    rules = LeaseRules(lease, go_on)
     ray = RayCluster(secret, address)
     try:
-        link = ray.directory(rules)
+        link = ray.directory(LeaseRules(lease))
         if address:
-            run(_enter(settings, link, secret, ray, _covered(ray, settings, secret, go_on)))
+            run(_enter(settings, link, secret, ray, _covered(ray, settings, secret)))
         else:
             each = {"threads": settings.threads or max(1, cores() // nodes)}
             for number in range(nodes):
-                ray.keep(_plan(f"node{number}", number, settings, each, secret, go_on))
+                ray.keep(_plan(f"node{number}", number, settings, each, secret))
             run(_enter(settings, link, secret, ray))
     finally:
         ray.close()
@@ -169,9 +160,7 @@ async def _watch_head(ray: "RayCluster", entry: Entry) -> None:
 
 
 @contextlib.asynccontextmanager
-async def _covered(
-    ray: "RayCluster", settings: Settings, secret: str, go_on: bool
-) -> AsyncIterator[None]:
+async def _covered(ray: "RayCluster", settings: Settings, secret: str) -> AsyncIterator[None]:
     """Keep a node on each of Ray's machines, also on new ones."""
     told = ""  # the last round's error
 
@@ -185,7 +174,7 @@ async def _covered(
                     f"nodes on {host} cannot be reached at {settings.host}; give --host 0.0.0.0"
                 )
             _check_links(settings, host)
-            plan = _plan(f"node-{machine[:12]}", number, settings, {}, secret, go_on)
+            plan = _plan(f"node-{machine[:12]}", number, settings, {}, secret)
             if not settings.is_loopback:
                 plan = plan.model_copy(update={"host": host})
             ray.keep(plan, machine)
@@ -232,10 +221,10 @@ async def _on_daemon(work: Callable[[], T]) -> T:
 
 
 def _plan(
-    name: str, number: int, settings: Settings, more: dict[str, Any], secret: str, go_on: bool
+    name: str, number: int, settings: Settings, more: dict[str, Any], secret: str
 ) -> NodePlan:
     own = settings.model_copy(update={"http_port": 0, "grpc_port": 0, **more})
-    return NodePlan(name=name, number=number, host="", secret=secret, go_on=go_on, settings=own)
+    return NodePlan(name=name, number=number, host="", secret=secret, settings=own)
 
 
 def _check_links(settings: Settings, host: str) -> None:

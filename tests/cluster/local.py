@@ -34,16 +34,16 @@ class Link(LocalLink):
 class LocalCluster:
     """As an asynchronous context manager; its nodes are ready inside."""
 
-    def __init__(self, nodes=3, go_on=False, log="/dev/null", **settings):
+    def __init__(self, nodes=3, log="/dev/null", **settings):
         """`log`: file of what the nodes say."""
-        self.link = Link(LeaseRules(LEASE_S, go_on))
+        self.link = Link()
         self.directory = DirectoryClient(self.link)
         common = Settings(
             http_port=0, grpc_port=0, engine="onnxruntime", threads=1, candidates=2,
             admission=False, drain_s=0.5,
             limits={"agents": 32, "agents_per_session": 32}, log_format="json", **settings,
         )  # fmt: skip
-        self.settings, self._go_on, self._log = common, go_on, log
+        self.settings, self._log = common, log
         self.keepers = [self._keeper(i) for i in range(nodes)]
 
     def _keeper(self, number):
@@ -54,7 +54,6 @@ class LocalCluster:
                 host="127.0.0.1",
                 secret=SECRET,
                 settings=self.settings,
-                go_on=self._go_on,
             ),
             self.link,
             ["sh", "-c", f"exec {sys.executable} -m wayfarer node 2>>{self._log}"],

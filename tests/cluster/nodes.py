@@ -38,7 +38,7 @@ class Bench:
 
     def add(self, name, **fields):
         """`fields`: of its NodeInfo; `number` where the name does not say it."""
-        node = Tenancy(info(name, **fields), self.directory.rules.go_on, lambda: self.now)
+        node = Tenancy(info(name, **fields), lambda: self.now)
         self.nodes[name] = node
         self.present.setdefault(name, set())
         self.loads[name] = NodeLoad()

@@ -216,20 +216,6 @@ def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     assert bench.nodes["n0"].may_step()
 
 
-def test_with_go_on_a_silent_node_keeps_its_groups_and_steps_until_its_end_is_known():
-    bench = Bench(["n0", "n1"], go_on=True)
-    group = bench.new_session("n0")
-    bench.beat()
-    bench.later(100, "n1")
-    assert bench.nodes["n0"].may_step()
-    assert bench.directory.node_for(group).name == "n0"
-    with pytest.raises(Unavailable):
-        bench.nodes["n0"].new_group()
-    assert bench.directory.place(bench.now).name == "n1"
-    bench.directory.ended("n0")
-    assert bench.directory.node_for(group).name == "n1"
-
-
 def test_a_drained_node_moves_what_it_has_and_is_done():
     bench = Bench(["n0", "n1", "n2"])
     groups = {bench.new_session("n0") for _ in range(6)}

@@ -211,6 +211,7 @@ async def test_without_the_directory_what_lives_is_found_and_nothing_is_made():
     async with Rig() as rig:
         name = await rig.owned(rig.nodes[0])
         assert (await rig.http.get("/v1/health/ready")).status_code == 200
+        assert (await rig.http.get(f"/v1/sessions/{name}")).status_code == 421
         rig.link.away = True
         async with asyncio.timeout(20):
             while (health := await rig.http.get("/v1/health/ready")).status_code == 200:
@@ -219,6 +220,8 @@ async def test_without_the_directory_what_lives_is_found_and_nothing_is_made():
         assert (await rig.http.get("/v1/health/live")).status_code == 200
         assert (await rig.http.post("/v1/sessions", json={})).status_code == 503
         assert (await rig.http.get(f"/v1/sessions/{name}")).status_code == 421
+        new = await rig.http.get("/v1/sessions/session-ffffffffffff000000000000")
+        assert new.status_code == 503, "it may live all the same"
         assert "wayfarer_cluster_directory_up 0.0" in (await rig.http.get("/metrics")).text
 
 

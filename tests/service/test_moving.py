@@ -366,6 +366,32 @@ async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     assert len((await there.adopt(replica.state)).agent_ids) == 1
 
 
+async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scenes(servers):
+    here = await servers.start()
+    there = await servers.start(limits=Limits(sessions=1, scenes=1))
+    field = SceneSource(SceneSpec((FIELD,)), "field")
+    scene = (await here.scenes.create_scene(field)).scene_id
+    await there.scenes.create_scene(field)
+    copies = []
+    for spec in (SessionSpec(), SessionSpec(scene=scene), SessionSpec(lock_step=True)):
+        session = (await here.create_session(spec)).session_id
+        await here.create_agents(session, [AgentSpec()])
+        copies.append((await here.replica(session)).state)
+    await there.create_session(SessionSpec())
+    await there.create_session(SessionSpec(lock_step=True))
+    content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
+    await servers.stop(here)
+
+    await there.scenes.adopt(scene, content, obstacles)
+    for copy in copies:
+        made = await there.adopt(copy)
+        assert await there.list_agents(made.session_id)
+    await there.create_agents(made.session_id, [AgentSpec()])
+    for spec in (SessionSpec(), SessionSpec(lock_step=True)):
+        with pytest.raises(ResourceExhausted, match="all 1 sessions"):
+            await there.create_session(spec)
+
+
 async def test_from_replicas_a_recorded_session_lives_on_with_its_log(servers):
     here, there = await servers.start(), await servers.start()
     session = (await here.create_session(SessionSpec(record=True))).session_id

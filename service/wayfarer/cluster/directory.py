@@ -65,9 +65,6 @@ class LeaseRules:
     """Of one cluster."""
 
     lease_s: float = 2.0
-    go_on: bool = False
-    """Nodes that cannot renew go on stepping; then their groups move only once their end is known
-    (`ended`), never because they are silent."""
     nodes: int = 0
     """How many there will be, if that is known, and if no directory was before this one: it gives
     nothing away until all have told what they have kept."""
@@ -196,9 +193,9 @@ class Directory:
             if group in node.used and self._is_adopted(group):
                 self._groups[group].keepers = None
                 self.counters["adopted"] += 1
-        for group in told.failed:
+        for group, to in told.failed.items():
             if group in node.used and self._is_adopted(group):
-                self._pass_on(group)
+                self._pass_on(group, to)
         compared = {*told.held, *share_of(node.used, told.count)} & node.used
         epochs = {s: self._groups[s].epoch for s in compared if not self._is_adopted(s)}
         return self._answer(node, now, told.seen, tuple(lost), epochs)
@@ -226,9 +223,7 @@ class Directory:
             self._pass_on(group)
 
     def expire(self, now: float) -> None:
-        """Fence the nodes whose lease has ended, unless they go on without."""
-        if self.rules.go_on:
-            return
+        """Fence the nodes whose lease has ended."""
         for node in [n for n in self._nodes.values() if n.lease_until <= now]:
             self.counters["expired"] += 1
             self.ended(node.info.name)
@@ -429,12 +424,14 @@ class Directory:
             return len(self._came) >= self.rules.nodes
         return now >= self._settled_at
 
-    def _pass_on(self, group: str) -> None:
-        """To the next node that may have a replica; without any, what lived there is lost."""
+    def _pass_on(self, group: str, first: str = "") -> None:
+        """To `first`, or the next node that may have a replica; without any, what lived there is
+        lost.
+        """
         entry = self._groups[group]
         if entry.owner in self._nodes:
             self._nodes[entry.owner].used.discard(group)
-        left = [name for name in entry.keepers or () if name in self._nodes]
+        left = [name for name in (first, *(entry.keepers or ())) if name in self._nodes]
         if not left:
             self.counters["lost"] += 1
             self._disown(group)

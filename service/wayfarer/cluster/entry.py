@@ -150,7 +150,9 @@ class NodeFinder:
                 raise Unavailable("the cluster's directory is away: nothing new is made until then")
             digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
             return await self._directory.place(digest)
-        if kind == "named" and self._view.owner(text) is None and not self.away:
+        if kind == "named" and self._view.owner(text) is None:
+            if self.away:  # it may live all the same
+                raise Unavailable("the cluster's directory is away: what is new is not found yet")
             await self._look()  # it may have been made a moment ago
         if not self.nodes:
             raise Unavailable("no node of the cluster runs; they are starting or stopping")

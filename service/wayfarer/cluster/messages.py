@@ -58,7 +58,6 @@ class NodePlan(ClusterMessage):
     number: int
     host: str  # at which others reach it; empty: all nodes are on one machine (LOOPBACK)
     secret: str  # that nodes show each other
-    go_on: bool = False  # as `LeaseRules`
     cores: tuple[int, ...] = ()  # those it may run on; none: all
     settings: Settings
 
@@ -129,7 +128,7 @@ class LeaseRenewal(ClusterMessage):
     held: dict[str, int] = {}  # groups and their epochs: new ones, and a share of the others
     freed: tuple[str, ...] = ()  # groups that hold none any more
     adopted: tuple[str, ...] = ()  # adoptions that succeeded, and
-    failed: tuple[str, ...] = ()  # those of which no replica was there
+    failed: dict[str, str] = {}  # those without a replica or room; the node with replicas, or ""
     seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
 
 

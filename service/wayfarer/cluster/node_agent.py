@@ -36,6 +36,7 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
+from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
 from wayfarer.transport.tls import peer_tls
@@ -48,8 +49,11 @@ RENEW_S: Final = 0.25
 ANSWER_S: Final = 2.0
 """How long an answer is waited for before the directory is asked again."""
 
-ADOPT_S: Final = 30.0
-"""How long an adoption waits for room."""
+ADOPT_S: Final = 600.0
+"""How long an adoption waits for room, if no other node has any."""
+
+HAND_ON_S: Final = 3.0
+"""Between offers of what waits to another node."""
 
 STATS_S: Final = 1.0
 LINE_BYTES: Final = 16 * 1024 * 1024
@@ -281,28 +285,40 @@ class NodeAgent:
         self._tenancy.released(group)
 
     async def _adopt(self, order: NodeOrder) -> None:
-        """Let all live on whose replicas are here; wait for room, where there is none just now."""
-        group, adopted = order.group, 0
+        """Let all live on whose replicas are here. Without room all of it waits, or lives on at
+        another node.
+        """
+        group, adopted = order.group, list[str]()
         self._tenancy.coming(group, order.epoch)
         kept = self._replicas.of(group)
         names = [name for name in kept if not name.endswith(CONTENT)]
         names.sort(key=is_scene, reverse=True)  # first what sessions need
-        ends = asyncio.get_running_loop().time() + ADOPT_S
+        now = asyncio.get_running_loop().time
+        ends, offer_at = now() + ADOPT_S, now() + HAND_ON_S
         while names and group not in self._tenancy.lost:
             name = names[0]
             try:
                 found, content = kept[name], _content(kept, name)
                 await self._moves.adopt(name, found.state, content, found.log_parts)
             except WayfarerError as error:
-                passing = isinstance(error, Unavailable | ResourceExhausted)
-                if passing and asyncio.get_running_loop().time() < ends:
+                if isinstance(error, Unavailable | ResourceExhausted) and now() < ends:
+                    if now() > offer_at:
+                        to = await self._hand_on(kept)
+                        if to and group not in self._tenancy.lost:
+                            for one in reversed(adopted):  # nobody was let in here yet
+                                await self._moves.release(one, None)
+                            self._replicas.drop(group)
+                            self._tenancy.failed(group, to)
+                            log.warning("no room for a group", group=group, to=to, why=str(error))
+                            return
+                        offer_at = now() + HAND_ON_S
                     await asyncio.sleep(RENEW_S)
                     continue
                 log.error("session not adopted", session_id=name, reason=str(error))
             except Exception:  # the others are adopted all the same
                 log.exception("session not adopted", session_id=name)
             else:
-                adopted += 1
+                adopted.append(name)
                 log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())
             names.pop(0)
         if group in self._tenancy.lost:
@@ -313,6 +329,24 @@ class NodeAgent:
             self._tenancy.adopted(group, order.epoch)
         else:
             self._tenancy.failed(group)
+
+    async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
+        """Leave these replicas with the node that has the most room; its name, or "" for none."""
+        own = self._tenancy.node
+        try:
+            node = await self._directory.place("")
+            if node.name == own.name or node.fingerprint != own.fingerprint:
+                return ""
+            for name, one in kept.items():
+                if name.endswith(CONTENT):
+                    scene_id = name.removesuffix(CONTENT)
+                    await self._peers.prepare(node, one.owner, scene_id, one.state)
+                    continue
+                for after, part in enumerate(one.log_parts or [b""]):
+                    await self._peers.keep(node, one.owner, name, Replica(one.state, part), after)
+        except WayfarerError:
+            return ""
+        return node.name
 
     async def _move(self, order: NodeOrder) -> None:
         """Give all that is in a group to another node, or keep it all: the directory decides."""
@@ -389,7 +423,7 @@ async def joined(
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(replication.running(), name="replicas"),
-        asyncio.create_task(_until_orphaned(link, plan, gateway, stop), name="keeper"),
+        asyncio.create_task(_until_orphaned(link, stop), name="keeper"),
     ]
     try:
         yield
@@ -406,16 +440,9 @@ def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
     return found.state if found else b""
 
 
-async def _until_orphaned(
-    link: KeeperLink, plan: NodePlan, gateway: Gateway, stop: Callable[[], None]
-) -> None:
-    """Without a keeper nobody renews the lease: end; where the rule is to go on, once it is empty.
-
-    Its successor runs beside it then, and takes what is new.
-    """
+async def _until_orphaned(link: KeeperLink, stop: Callable[[], None]) -> None:
+    """Without a keeper nobody renews the lease: end."""
     await link.lost.wait()
-    while plan.go_on and (gateway.moves.sessions or gateway.streams):
-        await asyncio.sleep(RENEW_S)
     stop()
 
 
@@ -445,4 +472,4 @@ def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
         fingerprint=fingerprint,
         capacity=plan.settings.limits.agents,
     )
-    return Tenancy(node, plan.go_on)
+    return Tenancy(node)

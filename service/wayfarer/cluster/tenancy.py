@@ -31,17 +31,13 @@ def boot_clock() -> float:
 class Tenancy:
     """Of one node."""
 
-    def __init__(
-        self, node: NodeInfo, go_on: bool = False, clock: Callable[[], float] = boot_clock
-    ) -> None:
-        """`go_on`: step without a lease, too (`LeaseRules.go_on`)."""
+    def __init__(self, node: NodeInfo, clock: Callable[[], float] = boot_clock) -> None:
         self.node = node
         self.view = GroupMap()
         self.registered = False
         self.unclaimed = asyncio.Event()
         """Something was made here that the directory shall hear of now."""
         self._answered = asyncio.Event()  # the next time
-        self._go_on = go_on
         self._clock = clock
         self._until = float("-inf")  # of the lease
         self._draining = False
@@ -55,7 +51,7 @@ class Tenancy:
         self._used: set[str] = set()  # reported as used until it is known to have arrived
         self._freed: set[str] = set()
         self._adopted: set[str] = set()
-        self._failed: set[str] = set()
+        self._failed: dict[str, str] = {}  # to which node each was handed on, if it was
 
     # ---- Ownership
 
@@ -105,7 +101,7 @@ class Tenancy:
 
     def may_step(self) -> bool:
         """The lease holds, and nothing is here that has another owner."""
-        return not self._lost and (self._go_on or self.leased)
+        return self.leased and not self._lost
 
     def epoch(self, session_id: str) -> int:
         """The epoch of the group of a session; 0 if this node does not own it."""
@@ -165,7 +161,7 @@ class Tenancy:
             held={group: self._held[group] for group in sorted(named - self._moving)},
             freed=tuple(sorted(self._freed)),
             adopted=tuple(sorted(self._adopted)),
-            failed=tuple(sorted(self._failed)),
+            failed=dict(self._failed),
             seen=self.view.seen,
         )
 
@@ -191,7 +187,8 @@ class Tenancy:
         self._used -= told.held.keys()
         self._freed -= set(told.freed)
         self._adopted -= set(told.adopted)
-        self._failed -= set(told.failed)
+        for group in told.failed:
+            self._failed.pop(group, None)
         self._take(answer, told.held, sent_at)
         return True
 
@@ -261,7 +258,7 @@ class Tenancy:
         """It could not be put in, or has another owner."""
         self._coming.pop(group, None)
 
-    def failed(self, group: str) -> None:
-        """No replica of it was here."""
+    def failed(self, group: str, to: str = "") -> None:
+        """No replica of it was here, or no room; `to` has the replicas now."""
         self._coming.pop(group, None)
-        self._failed.add(group)
+        self._failed[group] = to

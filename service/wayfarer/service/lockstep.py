@@ -208,11 +208,12 @@ class LockSteps:
         record: SessionRecord,
         log: SessionLog | None = None,
         entered: Callable[[], None] = lambda: None,
+        admit: bool = True,
     ) -> SessionInfo:
         """Go on with one; `log` says how far it has come, if that is known.
 
-        `entered` is called before it takes calls. Raises InvalidArgument, AlreadyExists,
-        ResourceExhausted.
+        `entered` is called before it takes calls. Not `admit`: beyond `limits.sessions`, too.
+        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
         """
         if record.session_id in self._sessions:
             raise AlreadyExists(f"session {record.session_id!r} exists already")
@@ -224,7 +225,7 @@ class LockSteps:
             entered()
             return session.info()
 
-        return self._open(enter, len(record.agents))
+        return self._open(enter, len(record.agents), admit)
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
@@ -278,8 +279,10 @@ class LockSteps:
         for home in homes:
             home.join()
 
-    def _open(self, enter: Callable[[LockStep], SessionInfo], agents: int) -> SessionInfo:
-        with self._room(1, agents):
+    def _open(
+        self, enter: Callable[[LockStep], SessionInfo], agents: int, admit: bool = True
+    ) -> SessionInfo:
+        with self._room(int(admit), agents):
             home = LockStep(self._worlds.lock_step(), self._offline, self._clock())
             session = enter(home)
             home.start()
@@ -293,7 +296,7 @@ class LockSteps:
         """Hold room for so many while they are made. Raises ResourceExhausted."""
         limits = self._limits
         with self._lock:
-            if len(self._sessions) + self._new_sessions + sessions > limits.sessions:
+            if sessions and len(self._sessions) + self._new_sessions >= limits.sessions:
                 raise ResourceExhausted(
                     f"all {limits.sessions} sessions in lock-step are open; delete one first"
                 )

@@ -288,8 +288,8 @@ class MotionService:
     async def adopt(self, replica: bytes, log_parts: Sequence[bytes] = ()) -> SessionInfo:
         """Let a session live on from a replica's state, and its log from the parts of all.
 
-        Also where there is no time for its agents: elsewhere there is nobody to step them. All are
-        then late, and degraded. Raises as `import_session`.
+        Also beyond `limits.sessions`, and where there is no time for its agents: elsewhere there is
+        nobody to step them. All are then late, and degraded. Raises as `import_session`.
         """
         if is_live(replica):
             return await self.moves.adopt(replica, log_parts)
@@ -324,7 +324,7 @@ class MotionService:
         async with self._gates.through(scene) if scene else nullcontext(), self._door:
             await self._refuse_taken(record.session_id)
             if record.spec.lock_step:
-                made = await asyncio.to_thread(self._lock_steps.put, record)
+                made = await asyncio.to_thread(self._lock_steps.put, record, admit=admit)
             else:
                 made = await self._live.put_session(record, admit)
             return await self._persistence.durable(made)

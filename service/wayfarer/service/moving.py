@@ -141,7 +141,7 @@ class LiveMoves:
 
     async def adopt(self, replica: bytes, log_parts: Sequence[bytes]) -> SessionInfo:
         """See `MotionService`, for a session in lock-step. Raises as `import_`."""
-        made = await self._put(await self.read(replica), lambda: None)
+        made = await self._put(await self.read(replica), lambda: None, admit=False)
         try:
             if log_parts:
                 await self.go_on_with_log(made.session_id, log_parts)
@@ -162,13 +162,15 @@ class LiveMoves:
         go_on, home = self._worlds.recordings.go_on, self._lock_steps.session(session_id)
         await (home or self._live).ask(lambda *_: go_on(kept, session_id, restarted=True))
 
-    async def _put(self, session: LiveSession, entered: Callable[[], None]) -> SessionInfo:
+    async def _put(
+        self, session: LiveSession, entered: Callable[[], None], admit: bool = True
+    ) -> SessionInfo:
         session_id = session.record.session_id
         await self._gates.close(session_id)
         try:
             if session.record.spec.lock_step:
                 put = self._lock_steps.put
-                made = await asyncio.to_thread(put, session.record, session.log, entered)
+                made = await asyncio.to_thread(put, session.record, session.log, entered, admit)
             else:
                 made = await self._live.put_live(session)
                 await self._live.ask(lambda *_: entered())

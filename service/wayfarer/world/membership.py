@@ -108,7 +108,8 @@ class Membership:
     ) -> Session:
         """Let a recorded session go on: the next chunk of each agent follows its last one.
 
-        All or nothing. Not `admit`: agents are let in even if there is no time for them.
+        All or nothing. Not `admit`: it is let in beyond `limits.sessions`, and its agents even if
+        there is no time for them.
         `examined`: `examine(record)` has been called. `live`: rows of its agents, who then wait
         until `freeze` ends and go on as if nothing had happened. Raises InvalidArgument,
         AlreadyExists, ResourceExhausted, and FailedPrecondition when its scene is not here.
@@ -116,7 +117,7 @@ class Membership:
         if not examined:
             self.examine(record)
         spec = replace(record.spec, session_id=record.session_id)
-        session = self._add(spec, record.created_at)
+        session = self._add(spec, record.created_at, admit)
         try:
             for number, agent in enumerate(record.agents):
                 self._check_new(agent, f"agents[{number}]")
@@ -197,8 +198,8 @@ class Membership:
 
     # Within
 
-    def _add(self, spec: SessionSpec, created_at: float) -> Session:
-        session = self._registry.add_session(spec, created_at)
+    def _add(self, spec: SessionSpec, created_at: float, admit: bool = True) -> Session:
+        session = self._registry.add_session(spec, created_at, admit)
         try:
             self._scenery.enter(spec, session.session_id)
         except WayfarerError:

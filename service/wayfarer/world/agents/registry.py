@@ -77,15 +77,15 @@ class Registry:
         except KeyError:
             raise NotFound(f"no agent {agent_id!r}") from None
 
-    def add_session(self, spec: SessionSpec, now: float) -> Session:
-        """Raises AlreadyExists, ResourceExhausted."""
+    def add_session(self, spec: SessionSpec, now: float, admit: bool = True) -> Session:
+        """Not `admit`: beyond the limit, too. Raises AlreadyExists, ResourceExhausted."""
         # in the scene's group, since a scene and all of its sessions live on one node
         session_id = spec.session_id or new_session_id(
             group_of(spec.scene) if spec.scene else self._new_group()
         )
         if session_id in self.sessions:
             raise AlreadyExists(f"session {session_id!r} exists already")
-        if len(self.sessions) >= self._limits.sessions:
+        if admit and len(self.sessions) >= self._limits.sessions:
             raise ResourceExhausted(
                 f"all {self._limits.sessions} sessions are open; delete one first"
             )

@@ -136,7 +136,8 @@ class SceneRegistry:
         *,
         told: bool = True,
     ) -> None:
-        """Let a scene that was kept be here again. Takes time. Raises as `create` and `put` do.
+        """Let a scene that was kept be here again, also beyond `limits.scenes`: people are in it.
+        Takes time. Raises as `create` and `put` do.
 
         Not `told`: the listener has not heard of it.
         """
@@ -269,13 +270,13 @@ class SceneRegistry:
     def _add(self, source: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
         kept = SceneEntry(new_scene_id(self._new_group()), source, scene, scene, now, bake_s)
         with self._lock:
+            self._check_room()
             self._enter(kept)
             if self._diary is not None:
                 self._diary.put_scene(kept)
         return kept.info()
 
     def _enter(self, kept: SceneEntry) -> None:
-        self._check_room()
         if kept.scene_id in self._kept:
             raise AlreadyExists(f"scene {kept.scene_id!r} exists already")
         self._kept[kept.scene_id] = kept
