@@ -25,6 +25,7 @@ from wayfarer.limits import Limits
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.prepare import prepare
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.rules import ActingRules
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
@@ -105,6 +106,7 @@ class ModelBundle:
             batch_sizes=ANY_SIZE,
             rules=rules or ActingRules(),
         )
+        prepare()
         start_poses = load_start_poses(START_POSES)
         return World(self.engine, self.bodies, start_poses, settings, scenes=scenes)
 

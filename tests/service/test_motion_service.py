@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.service.kept_worlds import assert_same_poses, fake_worlds, open_journal
+from tests.service.test_lockstep import until_ready
 from tests.world.fakes import people
 from wayfarer.errors import (
     AlreadyExists,
@@ -16,6 +17,7 @@ from wayfarer.errors import (
     NotFound,
 )
 from wayfarer.limits import Limits
+from wayfarer.service import motion_service
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import SessionSpec
@@ -200,3 +202,14 @@ async def test_a_session_that_does_not_fit_stays_in_the_journal(servers, tmp_pat
     await servers.stop(fourth)
     fifth = await servers.start(open_journal(tmp_path))
     assert [a.agent_id for a in await fifth.list_agents("s")] == [agent.agent_id]
+
+
+async def test_rules_are_compiled_once_it_has_been_started_not_before(monkeypatch):
+    called = []
+    monkeypatch.setattr(motion_service, "prepare", lambda: called.append(runtime.ready))
+    runtime = MotionService(fake_worlds())
+    assert not called  # calls are to be answered first
+    runtime.start()
+    await until_ready(runtime)
+    assert called == [False]
+    await runtime.stop()

@@ -36,6 +36,7 @@ from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, Sessi
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.scenes.prepare import prepare
 from wayfarer.world.world import World
 
 TRIAL_SECONDS: Final = 1.0
@@ -346,7 +347,10 @@ class MotionService:
             raise AlreadyExists(f"session {session_id!r} exists already")
 
     def _wake(self, warm_up: Callable[[World], None]) -> None:
-        """Warm up, then restore the journal. Runs on the motion thread, before its first turn."""
+        """Warm up, then restore the journal. Runs on the motion thread, before its first turn; the
+        page can be opened meanwhile.
+        """
+        prepare()
         warm_up(self._world)
         self._persistence.restore_scenes(self._worlds.scenes)
         self._persistence.restore(self._adopt, self._try_out)

@@ -17,7 +17,6 @@ from wayfarer.world.goals.commands import Append, GoalCommand, Path
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.planner import MOVED, Planner, moved_text
-from wayfarer.world.scenes.prepare import prepare
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.scenes.world_scenes import WorldScenes
@@ -63,7 +62,6 @@ class SceneContext:
             settings.path_queries_per_step,
             faults,
         )
-        prepare()
         self.guide = SceneGuide(slots, routes, self.scenery, planner, self.tell)
 
     def refresh(self) -> None:
