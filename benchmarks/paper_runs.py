@@ -1,4 +1,4 @@
-"""Train what rows of docs/paper.md stand for, and measure it.
+"""Train what rows of benchmarks/results/paper.md stand for, and measure it.
 
     python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED]
         [--runs runs/paper] [--steps 5000] [--rollout-steps 1000] [--batch 256] [--minutes 50]
@@ -17,7 +17,7 @@ kl_0.05 kl_0.2 kl_1
 One process loads the data once and trains, on one thread, what is not finished; the same line
 resumes. Steps and batch are those of `--config paper/NAME` unless given or named above. Then
 `wayfarer eval` writes its tables into benchmarks/results, of what is finished. --train and
---measure do one of both. docs/paper.md is measured on data whose held-out people are those of CMU
+--measure do one of both. The page is measured on data whose held-out people are those of CMU
 alone, and into a folder outside of the checkout: a second table would find the commit changed by
 the first. Runs lie in RUNS/GROUP/NAME. With another seed than 0, runs and tables have names of
 their own (GROUP_seed_1), and the page tells the spread of all that there are.

@@ -24,6 +24,7 @@ PAGES = [
     for pattern in (
         "*.md",
         "docs/*.md",
+        "benchmarks/results/*.md",
         "clients/*.md",
         "clients/*/*.md",
         "lab/**/*.md",

@@ -1,4 +1,4 @@
-"""Trainings behind docs/paper.md: what they are trained with, which rows they stand for."""
+"""Trainings behind results/paper.md: what they are trained with, which rows they stand for."""
 
 import json
 from argparse import Namespace

@@ -17,6 +17,8 @@ from wayfarer_lab.evaluation.report import console
 
 app = typer.Typer()
 
+RESULTS: Final = Path("benchmarks/results")
+
 BENCHMARK: Final = "performance_*.json"
 """Of `python -m benchmarks.record`; its part `paper_s3_onnxruntime` is Table S3."""
 
@@ -38,8 +40,7 @@ def figures(
     g_cvae: options.GoalCvae = None,
     threads: options.Threads = 0,
     seed: options.Seed = 0,
-    json: Annotated[Path, typer.Option(help="File to write.")] = Path("benchmarks/results")
-    / FIGURES,
+    json: Annotated[Path, typer.Option(help="File to write.")] = RESULTS / FIGURES,
 ) -> None:
     """Make the motions that the paper's pictures show, and keep their joints as JSON.
 
@@ -83,8 +84,8 @@ def paper(
     results: Annotated[
         Path,
         typer.Option(help="Folder of results: `wayfarer eval TABLE --json FOLDER/TABLE.json`."),
-    ] = Path("benchmarks/results"),
-    out: Annotated[Path, typer.Option(help="Markdown file to write.")] = Path("docs/paper.md"),
+    ] = RESULTS,
+    out: Annotated[Path, typer.Option(help="Markdown file to write.")] = RESULTS / "paper.md",
 ) -> None:
     """Write the paper's tables and figures beside ours, from JSON results alone.
 

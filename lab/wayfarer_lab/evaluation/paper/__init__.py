@@ -1,1 +1,1 @@
-"""docs/paper.md: the paper's tables and figures beside ours, from JSON results alone."""
+"""The page paper.md: the paper's tables and figures beside ours, from JSON results alone."""

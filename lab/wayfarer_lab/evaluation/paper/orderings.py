@@ -222,7 +222,7 @@ ORDERINGS: Final = (
         for part in ("upper", "lower")
     ),
 )  # fmt: skip
-"""In the order of docs/paper.md."""
+"""In the order of benchmarks/results/paper.md."""
 
 MOJO_SKATING: Final = 0.278
 """The better of MOJO's two figures (its Table 4), as the paper quotes it."""

@@ -1,4 +1,4 @@
-"""docs/paper.md from results: nothing but the paper's own figures is typed in."""
+"""The page paper.md from results: nothing but the paper's own figures is typed in."""
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,8 +25,9 @@ not measured; a row that is missing says why. *Recordings* are measured by the s
 **Data.** The paper trains and tests on AMASS, on SMPL-X bodies; its recordings may not be used
 here. Ours are trained on CMU's recordings on the anny52 body (those *trained alike* also on
 100STYLE's) and tested on three other people of CMU (08, 09, 32; not untouched:
-[results.md](results.md)), without the held-out takes of 100STYLE. So compare orders, not values.
-[models.md](models.md#where-we-deviate-from-the-paper-and-why) lists all deviations.
+[what that means](../../docs/results.md)), without the held-out takes of 100STYLE. So compare
+orders, not values.
+[models.md](../../docs/models.md#where-we-deviate-from-the-paper-and-why) lists all deviations.
 
 **Trainings.** "Made by" has steps × batch and minutes of processor time. No row of the shipped
 model stands for more than one training, nor does one of predictors that are *trained alike*: by the
@@ -34,12 +35,12 @@ paper's equations, with the same data, steps and batch, from nothing, with one s
 *short* had a tenth of that or less, with seeds 0, 1 and 2: the mean, and the least and the largest
 figure. All are far shorter than the paper's. *policy(10)* and *policy(1)* are three trainings each,
 of 40 epochs in 10 minutes of one core, by the paper's rewards with another estimator of the same
-gradient ([what was tried](models.md#ppo-from-scratch)); the g-CVAE is one of 783 of 4,000 steps ×
-256. All seven act on the shipped predictor, are told 1.2 m/s and the goal alone, and begin, as the
-paper's, with a primitive of the 1-frame model. Other rows of Table 1 are told 1.5 m/s, by the
-service's steering, and begin at rest. The shipped predictors'
-rollout stages were short (300 and 80 steps): rows of the shipped *1-frame* model say little about
-it. Minutes were not counted before 2026-11-23.
+gradient ([what was tried](../../docs/models.md#ppo-from-scratch)); the g-CVAE is one of 783 of
+4,000 steps × 256. All seven act on the shipped predictor, are told 1.2 m/s and the goal alone, and
+begin, as the paper's, with a primitive of the 1-frame model. Other rows of Table 1 are told
+1.5 m/s, by the service's steering, and begin at rest. The shipped predictors' rollout stages were
+short (300 and 80 steps): rows of the shipped *1-frame* model say little about it. Minutes were
+not counted before 2026-11-23.
 """
 
 
@@ -122,7 +123,7 @@ def _origins(row: Measured) -> Iterable[str]:
         yield (
             f"`{_shown(command)}`, seed {meta.get('seed')}, split "
             f"{meta.get('split')}, commit {meta['commit'][:7]}, {meta['date'][:10]}, "
-            f"{machine['cpu']}, {machine['cores']} cores; {_trained(meta)} (`{result.path.name}`)"
+            f"{machine['cpu']}, {machine['cores']} cores. {_trained(meta)} (`{result.path.name}`)"
         )
 
 
@@ -150,7 +151,7 @@ def _shown(command: str) -> str:
 def _trained(meta: Mapping[str, Any]) -> str:
     minutes = meta.get("cpu_minutes") or {}
     if not minutes:
-        return "minutes of training: not counted"
+        return "Minutes of training: not counted"
     steps = meta.get("steps") or {}
     told = [
         f"{name} {'not counted' if m is None else f'{m:.0f}'}"
@@ -158,7 +159,7 @@ def _trained(meta: Mapping[str, Any]) -> str:
         for name, m in sorted(minutes.items())
     ]
     counted = " (steps × batch)" if steps else ""
-    return f"minutes of training{counted}: " + ", ".join(told)
+    return f"Minutes of training{counted}: " + ", ".join(told)
 
 
 def _runtime(s3: Mapping[int, float] | None) -> str:
@@ -170,7 +171,7 @@ def _runtime(s3: Mapping[int, float] | None) -> str:
         for bodies, seconds in sorted(S3.items())
     ]
     table = _table(["bodies", "paper, Quadro 6000", "ours, two cores, onnxruntime"], rows)
-    made = "`python -m benchmarks.paper_s3`; more in [performance.md](performance.md)."
+    made = "`python -m benchmarks.paper_s3`; more in [performance.md](../../docs/performance.md)."
     return f"{title}{table}\n\n{made}\n"
 
 

@@ -1,4 +1,4 @@
-"""docs/paper.md and its statements, from results written here and from those that ship."""
+"""The page paper.md and its statements, from results written here and from those that ship."""
 
 import json
 from pathlib import Path
@@ -76,7 +76,7 @@ def test_rows_tell_what_made_them_and_trainings_their_range(tmp_path):
     (line,) = (line for line in made.splitlines() if line.startswith("| policy(10) |"))
     assert "| 33.9 |" in line and "| 0.95 | 0.9 (0.8…1) |" in line, "the paper's runs come first"
     assert "`wayfarer eval control --pairs 3`, seed 2, split heldout, commit 0123456" in made
-    told = "minutes of training (steps × batch): policy 42 (500 × 64), predictor_2f not counted"
+    told = "Minutes of training (steps × batch): policy 42 (500 × 64), predictor_2f not counted"
     assert told in made
     assert "**policy(10)** is missing" not in made and "**policy(1)** is missing" in made
     assert "| 64 | 0.1 | 0.01 |" in made and "| 128 | 0.15 | – |" in made
@@ -105,7 +105,7 @@ def test_a_folder_without_results_is_refused(tmp_path):
         runtime(tmp_path)
 
 
-def test_the_page_in_docs_is_made_from_the_results_beside_it(tmp_path, monkeypatch):
+def test_the_page_that_ships_is_made_from_the_results_beside_it(tmp_path, monkeypatch):
     results = ROOT / "benchmarks" / "results"
     if not results.exists():
         pytest.skip("an installed package has no results")
@@ -113,7 +113,7 @@ def test_the_page_in_docs_is_made_from_the_results_beside_it(tmp_path, monkeypat
     out = tmp_path / "paper.md"
     answer = CliRunner().invoke(app, ["paper", "--out", str(out)])
     assert answer.exit_code == 0, answer.output
-    shown = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    shown = (ROOT / "benchmarks" / "results" / "paper.md").read_text(encoding="utf-8")
     assert shown == out.read_text(encoding="utf-8"), "run: wayfarer eval paper"
 
 
