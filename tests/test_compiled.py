@@ -89,7 +89,8 @@ from wayfarer.world.agents.agent import MotionChunks
 from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs
 from wayfarer.world.scenes.near import nearest_people
-from wayfarer.world.scenes.around import way_around
+from wayfarer.world.scenes.around import stand_before, way_around
+from wayfarer.world.scenes.spots import Claims, Everyone, next_taken
 
 random = np.random.default_rng(0)
 people = People.empty(20)
@@ -133,6 +134,15 @@ noise = latents(np.arange(3, dtype=np.uint64), np.arange(3), 1)
 room, corners = random.uniform(-0.2, 1, (30, 40)), np.zeros((64, 2), np.int64)
 room[0, 0] = room[-1, -1] = 1
 count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
+own, stand = (np.repeat([0, 12], [12, 8]), np.repeat([12, 20], [12, 8])), ~people.walks
+near, by, who = np.full(20, 9.0), np.zeros((20, 12), np.bool_), np.arange(20)
+ways = people.position[:, None] + np.arange(0, 2, 0.2)[:, None] * people.velocity[:, None]
+standing = people.position, people.height, stand
+stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
+columns = people.number, people.position, people.height, people.walks, stand
+everyone = Everyone(*own, *columns, people.walks, people.position, people.position)
+claims, spot = Claims(np.zeros((20, 2), np.float32), np.zeros(20)), people.position + 0.3
+taken = next_taken(everyone, who, people.walks, people.position, spot, 1, claims)
 """
 
 
@@ -151,6 +161,11 @@ KEPT = {
     "went.trim": 1e-6,
     "noise": 0,
     "np.concatenate(packed)": 0,
+    "near": 1e-6,
+    "by": 0,
+    "taken": 0,
+    "claims.places": 1e-6,
+    "claims.apart": 1e-6,
     "corners": 0,
     "count": 0,
 }
@@ -171,6 +186,8 @@ def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_pat
     assert names["count"] > 1
     assert (names["beside"][:, :2] == -1).all() and (names["beside"][:, 3, 6] > 0).any(), "near"
     assert (names["bent"] != names["turns"]).any(), "a knee is bent too far"
+    assert names["by"].any() and not names["by"].all(), "some are in others' ways"
+    assert names["taken"][1] > 1, "a spot is taken"
     assert names["upright"].rotations is not names["eight"][0], "somebody leans"
 
 

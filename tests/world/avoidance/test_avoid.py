@@ -155,6 +155,20 @@ def test_a_row_depends_on_the_people_and_not_on_who_else_is_asked():
         assert (some.memory.yields == together.memory.yields[rows]).all()
 
 
+def test_those_of_another_session_are_not_seen():
+    generator = np.random.default_rng(2)
+    people = standing_at(*generator.uniform(-2, 2, (20, 2)))
+    people.velocity[:] = people.memory.preferred[:] = generator.normal(0, 1, (20, 2))
+    people.walks[:], people.group[::2] = True, 1
+    preferred = people.memory.preferred + np.float32(0.1)
+    first, last = np.repeat([0, 8], [8, 12]), np.repeat([8, 20], [8, 12])
+    both = avoid(people, np.arange(20), preferred, None, 0.2, own=(first, last))
+    for rows in (np.arange(8), np.arange(8, 20)):
+        alone = avoid(people.take(rows), np.arange(len(rows)), preferred[rows], None, 0.2)
+        np.testing.assert_array_equal(both.velocity[rows], alone.velocity)
+    assert (both.velocity != avoid(people, np.arange(20), preferred, None, 0.2).velocity).any()
+
+
 def test_two_head_on_pass():
     walkers = until_there(Walkers(np.array([[0, 0], [0, 10.0]]), to([(0, 10), (0, 0)])), 20)
     assert walkers.there.all() and least(walkers) > 0.55

@@ -54,16 +54,18 @@ def avoid(
     seconds: float,
     left: Float | None = None,
     half: Float | None = None,
+    own: tuple[Index, Index] | None = None,
 ) -> NextVelocity:
     """The velocities that some people shall take.
 
     rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
     nearest wall at points [A, N, 2] of these rows, [A, N]; None: there are no walls. `seconds`:
     since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops.
-    `half` [A]: metres, half the width of their ways; None: there are no narrow ones.
-    A row's result depends on `people`, not on who else is asked.
+    `half` [A]: metres, half the width of their ways; None: there are no narrow ones. `own` [N]:
+    where everybody's session begins and ends in `people`; None: all are of one.
+    A row's result depends on the `people` of its session, not on who else is asked.
     """
-    everybody, count = _everybody(people), len(rows)
+    everybody, count = _everybody(people, own), len(rows)
     made = _room_for(count)
     stops = np.full(count, np.inf, np.float32) if left is None else left
     wide = np.full(count, np.inf, np.float32) if half is None else half
@@ -86,15 +88,18 @@ def prepare() -> None:
     """Compile the rule, or load it, before anybody walks."""
     people, row = People.empty(1), np.zeros(1, np.int64)
     made, one = _room_for(1), np.ones(1, np.float32)
-    warm(weigh, _everybody(people), row, np.ones((1, 2), np.float32), one, one, made)
+    warm(weigh, _everybody(people, None), row, np.ones((1, 2), np.float32), one, one, made)
     still = np.zeros(1, np.float32), np.zeros(1, np.float32)
     found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
-    warm(decide, _everybody(people), row, made, 0.2, found)
+    warm(decide, _everybody(people, None), row, made, 0.2, found)
 
 
-def _everybody(people: People) -> Everybody:
-    memory = people.memory
+def _everybody(people: People, own: tuple[Index, Index] | None) -> Everybody:
+    memory, count = people.memory, len(people.number)
+    first, last = own or (np.zeros(count, np.int64), np.full(count, count))
     return Everybody(
+        first,
+        last,
         people.number,
         people.group,
         people.position,

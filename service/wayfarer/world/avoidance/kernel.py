@@ -77,8 +77,13 @@ TINY: Final = 1e-6
 
 
 class Everybody(NamedTuple):
-    """Everybody of a session [N]: the columns of `People` and of its `Memory` (see people.py)."""
+    """Everybody of some sessions [N]: the columns of `People` and of its `Memory` (see people.py).
 
+    `first` and `last`: the rows of everybody's own session, which lie together.
+    """
+
+    first: Index
+    last: Index
     number: Int
     group: Int
     position: Float
@@ -134,7 +139,7 @@ def _keep_together(everybody: Everybody, me: int, x: float, y: float) -> float:
         return 1.0
     speed = max(_length(x, y), TINY)
     ahead, count = 0.0, 0
-    for other in range(len(everybody.group)):
+    for other in range(everybody.first[me], everybody.last[me]):
         if everybody.group[other] != everybody.group[me]:
             continue
         dx = float(everybody.position[me, 0] - everybody.position[other, 0])
@@ -149,7 +154,7 @@ def _keep_together(everybody: Everybody, me: int, x: float, y: float) -> float:
 def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -> int:
     """Those in sight who are near now, or will be in a second; the nearest first. How many."""
     count = 0
-    for other in range(len(everybody.number)):
+    for other in range(everybody.first[me], everybody.last[me]):
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         square = dx * dx + dy * dy
@@ -189,7 +194,7 @@ def _keep_right(
     speed = max(_length(px, py), TINY)
     ux, uy = px / speed, py / speed
     pair, total, count = 0.0, 0.0, 0
-    for other in range(len(everybody.number)):
+    for other in range(everybody.first[me], everybody.last[me]):
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         ahead, left = dx * ux + dy * uy, dy * ux - dx * uy

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.compiled import compiled, inner, warm
-from wayfarer.world.rows import Double, Index
+from wayfarer.world.rows import Double, Flags, Float, Index
 
 ROUNDS: Final = 16
 """Sweeps over the grid at most: each one carries costs around another bend."""
@@ -101,8 +101,48 @@ def way_around(room: Double, start: Index, end: Index, corners: Index) -> int:
     return count + 1
 
 
+@compiled
+def stand_before(
+    me: Index,
+    hips: Double,
+    points: Double,
+    own: tuple[Index, Index],
+    standing: tuple[Float, Float, Flags],
+    beside: float,
+    near: Double,
+    by: Flags,
+) -> None:
+    """Who of their sessions stands in the ways of people `me` [A], into `by` [A, S], and metres to
+    the nearest into `near` [A].
+
+    hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: first rows and last of their sessions;
+    `standing` [N]: places, heights, and who stands; `beside`: metres from a way that are in it.
+    """
+    place, height, stand = standing
+    for row in range(len(me)):
+        first = own[0][row]
+        for other in range(first, own[1][row]):
+            if not stand[other] or other == me[row]:
+                continue
+            if abs(height[other] - height[me[row]]) >= 1.0:
+                continue
+            x, y = float(place[other, 0]), float(place[other, 1])
+            least = inf
+            for point in range(points.shape[1]):
+                dx, dy = points[row, point, 0] - x, points[row, point, 1] - y
+                least = min(least, dx * dx + dy * dy)
+            if sqrt(least) < beside:
+                by[row, other - first] = True
+                dx, dy = hips[row, 0] - x, hips[row, 1] - y
+                near[row] = min(near[row], sqrt(dx * dx + dy * dy))
+
+
 @cache
 def prepare() -> None:
     """Compile the search, or load it, before anybody walks."""
+    one, places = np.zeros(1, np.int64), np.zeros((1, 2))
+    standing = np.zeros((1, 2), np.float32), np.zeros(1, np.float32), np.zeros(1, np.bool_)
+    by = np.zeros((1, 1), np.bool_)
+    warm(stand_before, one, places, np.zeros((1, 1, 2)), (one, one), standing, 0.3, np.ones(1), by)
     room, corner = np.ones((2, 2)), np.zeros(2, np.int64)
     warm(way_around, room, corner, corner + 1, np.empty((4, 2), np.int64))

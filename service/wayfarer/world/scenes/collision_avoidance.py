@@ -11,10 +11,9 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.avoidance.avoid import NextVelocity, avoid
-from wayfarer.world.avoidance.people import Memory
-from wayfarer.world.rows import Index
-from wayfarer.world.scenes.people import SessionPeople, people_of
+from wayfarer.world.avoidance.avoid import avoid
+from wayfarer.world.rows import Flags, Index
+from wayfarer.world.scenes.people import SessionPeople, crowd_of
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
 Array = NDArray[np.floating[Any]]
@@ -35,12 +34,16 @@ class CollisionAvoidance:
     def __init__(self, slots: Slots, scenery: WorldScenes) -> None:
         self._slots = slots
         self._scenery = scenery
+        self.crowd = crowd_of(slots, np.empty(0, np.int64))
+        """Those among whom the rows of the present step that avoid others walk."""
         self._seen: dict[int, SessionPeople] = {}
 
     def look(self, rows: Index) -> None:
         """A new step of `rows` begins: everybody may have moved."""
         avoiding = rows[self._slots.avoids[rows]]
-        self._seen = people_of(self._slots, avoiding) if len(avoiding) else {}
+        if len(avoiding):
+            self.crowd = crowd_of(self._slots, avoiding)
+            self._seen.clear()
 
     def bend(
         self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array, half: Array
@@ -50,32 +53,36 @@ class CollisionAvoidance:
         `rows` are their slots, `hips` [A, 2] where they are, `left` [A] metres to where each stops,
         `half` [A] half the width of their ways.
         """
-        way = ahead.position[led, :2] - hips
+        mine = np.flatnonzero(self._slots.avoids[rows])
+        if not len(mine):
+            return
+        crowd = self.crowd
+        mine = mine[crowd.in_company(rows[mine])]
+        some = rows[mine]
+        way = ahead.position[led[mine], :2] - hips[mine]
         distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-        preferred = (way / distance * ahead.speed[led, None]).astype(np.float32)
-        left, half = left.astype(np.float32), half.astype(np.float32)
-        which, courses = list[Index](), list[NextVelocity]()
-        for mine, others in self.sessions(rows, np.flatnonzero(self._slots.avoids[rows])):
-            if len(others.slots) > 1:
-                some, clear = others.rows(rows[mine]), self.clearance(rows[mine])
-                wanted, stops, wide = preferred[mine], left[mine], half[mine]
-                which.append(mine)
-                courses.append(avoid(others.people, some, wanted, clear, STEP_SECONDS, stops, wide))
-        if which:
-            mine = np.concatenate(which)
-            self._slots.memory.put(rows[mine], Memory.join([course.memory for course in courses]))
-            chosen = np.concatenate([course.velocity for course in courses])
-            self._turn(ahead, led[mine], hips[mine], preferred[mine], chosen)
+        preferred = (way / distance * ahead.speed[led[mine], None]).astype(np.float32)
+        course = avoid(
+            crowd.people,
+            crowd.places[some],
+            preferred,
+            self.clearance(some),
+            STEP_SECONDS,
+            left[mine].astype(np.float32),
+            half[mine].astype(np.float32),
+            crowd.own,
+        )
+        self._slots.memory.put(some, course.memory)
+        self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
 
     def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
         """Of some of the rows, those of each session, and everybody of it."""
         numbers = self._slots.session[rows[which]]
         for number in np.unique(numbers).tolist():
-            yield which[numbers == number], self._seen[number]
-
-    def everybody(self, slot: int) -> SessionPeople:
-        """The people of a slot's session."""
-        return self._seen[int(self._slots.session[slot])]
+            mine = which[numbers == number]
+            if number not in self._seen:
+                self._seen[number] = self.crowd.session(int(rows[mine[0]]))
+            yield mine, self._seen[number]
 
     def _turn(
         self,
@@ -84,8 +91,9 @@ class CollisionAvoidance:
         hips: Array,
         preferred: Array,
         chosen: Array,
+        waits: Flags,
     ) -> None:
-        speed, waits = np.linalg.norm(chosen, axis=-1), (chosen == 0).all(-1)
+        speed = np.linalg.norm(chosen, axis=-1)
         ahead.given[led[waits]] = False
         other = ~waits & (chosen != preferred).any(-1)  # else not even by rounding
         ahead.speed[led[other]] = speed[other]
@@ -95,20 +103,18 @@ class CollisionAvoidance:
         pass_through(ahead, led[turned], way)
 
     def clearance(self, rows: Index) -> Any:
-        """Metres to the nearest wall at points [A, N, 2] of these rows, of one session.
-
-        None: there are no walls.
-        """
-        slots = self._slots
-        number = int(slots.scene[rows[0]])
-        if number == NOWHERE:
+        """Metres to the nearest wall at points [A, N, 2] of these rows; None: without walls."""
+        numbers, floors = self._slots.scene[rows], self._slots.footing.hips[rows]
+        if not numbers.any():
             return None
-        scene = self._scenery.scene(number)
-        floors = slots.footing.hips[rows]
 
         def clear(points: Float) -> Float:
-            heights = np.broadcast_to(floors[:, None, None], (*points.shape[:2], 1))
-            found: Float = scene.distance(np.concatenate([points, heights], -1))
+            found = np.full(points.shape[:2], np.inf, np.float32)
+            for number in np.unique(numbers[numbers != NOWHERE]).tolist():
+                mine = np.flatnonzero(numbers == number)
+                heights = np.broadcast_to(floors[mine, None, None], (len(mine), points.shape[1], 1))
+                places = np.concatenate([points[mine], heights], -1)
+                found[mine] = self._scenery.scene(number).distance(places)
             return found
 
         return clear

@@ -1,6 +1,5 @@
 """What others mean for an agent's goal and way: where it stops, and who stands in its way."""
 
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +20,7 @@ from wayfarer.world.scenes.passages import turns
 from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.planner import Tell
 from wayfarer.world.scenes.routes import Routes
-from wayfarer.world.scenes.spots import FARTHEST, Clear, Seekers, set_spots, take_spots
+from wayfarer.world.scenes.spots import FARTHEST, Clear, take_spots
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
 Array = NDArray[np.floating[Any]]
@@ -86,29 +85,22 @@ class Company:
         if not len(mine):
             return goals
         slots.aims.barred[rows] *= goals.given & ~arrived
-        sessions = [one for one in self._sessions(rows, mine) if len(one[1].slots) > 1]
-        if not sessions:
-            return goals
-        which = np.concatenate([mine for mine, _ in sessions])
-        some, columns = rows[which], goals.take(which)
-        aims, asked = slots.aims.take(some), columns.position[:, :2]
-        aims.spot[(aims.asked != asked).any(-1)] = asked[(aims.asked != asked).any(-1)]
-        aims.asked[:] = asked
-        concerned, first = columns.given & ~columns.through & ~arrived[which], 0
-        for of_session, everybody in sessions:
-            mine, part = rows[of_session], slice(first, first := first + len(of_session))
-            people = everybody.rows(mine)
-            seekers = Seekers(people, aims.asked[part], aims.spot[part], concerned[part])
-            take_spots(everybody, seekers, partial(self._clear_of, mine), self._room(mine))
-        far = set_spots(columns, aims)
+        crowd = self._avoidance.crowd
+        mine = mine[crowd.in_company(rows[mine])]
+        placed = goals.take(np.arange(len(rows)))
+        some, columns = rows[mine], placed.take(mine)
+        aims = slots.aims.take(some)
+        concerned = columns.given & ~columns.through & ~arrived[mine]
+        far = take_spots(
+            crowd, crowd.places[some], columns, aims, concerned, lambda k: self._walls(int(some[k]))
+        )
         slots.aims.put(some, aims)
-        off = np.linalg.norm(aims.spot - hips[which], axis=-1)
+        off = np.linalg.norm(aims.spot - hips[mine], axis=-1)
         for row in np.flatnonzero(far & (off < WAITS)).tolist():
-            self._wait(int(some[row]), self._avoidance.everybody(int(some[row])))
+            self._wait(int(some[row]), crowd.session(int(some[row])))
             columns.given[row] = False
         columns.radius[far] = -1.0
-        placed = goals.take(np.arange(len(rows)))
-        placed.put(which, columns)
+        placed.put(mine, columns)
         return placed
 
     def bar(
@@ -118,24 +110,21 @@ class Company:
 
         `rows` are their slots, `hips` [A, 2] where they are. Call it before `ahead` is bent.
         """
-        avoids = np.flatnonzero(self._slots.avoids[rows])
-        self._detours.count_down(rows[avoids])
-        waits = np.zeros(len(rows), np.bool_)
-        for which, everybody in self._sessions(rows, avoids):
-            if not everybody.stand.any():
-                self._slots.aims.barred[rows[which]] = 0
-                continue
-            some, places = rows[which], goals.position[led[which]]
-            barred = self._detours.update(some, hips[which], places, everybody)
-            rests = self._slots.planned.gait.speed[some] < SLOW
-            waits[which] = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
-            seconds = self._slots.aims.barred[some]
-            told = barred.is_barred & (seconds >= TOLD) & (seconds < TOLD + 0.19)
-            for row in np.flatnonzero(told).tolist():
-                others = everybody.slots[barred.by[row]]
-                self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
-        self._settle(rows[avoids], hips[avoids], waits[avoids], goals.through[led[avoids]])
-        ahead.given[led[waits]] = False
+        which = np.flatnonzero(self._slots.avoids[rows])
+        if not len(which):
+            return
+        some, crowd = rows[which], self._avoidance.crowd
+        barred = self._detours.update(some, hips[which], goals.position[led[which]], crowd)
+        rests = self._slots.planned.gait.speed[some] < SLOW
+        waits = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
+        self._settle(some, hips[which], waits, goals.through[led[which]])
+        ahead.given[led[which[waits]]] = False
+        seconds = self._slots.aims.barred[some]
+        told = barred.is_barred & (seconds >= TOLD) & (seconds < TOLD + 0.19)
+        for row in np.flatnonzero(told).tolist():
+            first = crowd.own[0][crowd.places[some[row]]]
+            others = crowd.slots[first + np.flatnonzero(barred.by[row])]
+            self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
 
     def take_turns(
         self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
@@ -232,20 +221,16 @@ class Company:
             self._blocked(slot, others, "stand at the goal and leave no room")
         aims.barred[slot] += STEP_SECONDS
 
-    def _clear_of(self, slots: Index, row: int) -> Clear:
-        return partial(self._clear, int(slots[row]))
-
-    def _clear(self, slot: int, points: Array) -> Array:
-        """Metres to the nearest wall [P] at points [P, 2] on a slot's storey."""
-        number = int(self._slots.scene[slot])
+    def _walls(self, slot: int) -> tuple[Clear, float]:
+        """What tells metres to the nearest wall on a slot's storey, and how many it keeps."""
+        number, floor = int(self._slots.scene[slot]), self._slots.footing.hips[slot]
         if number == NOWHERE:
-            return np.full(len(points), np.inf)
-        floors = np.full(len(points), self._slots.footing.hips[slot])
-        return self._scenery.scene(number).distance(np.column_stack([points, floors]))
-
-    def _room(self, rows: Index) -> float:
-        number = int(self._slots.scene[rows[0]])
-        return self._scenery.scene(number).spec.walkable.radius if number else 0.0
+            return (lambda points: np.full(len(points), np.inf)), 0.0
+        scene = self._scenery.scene(number)
+        return (
+            lambda points: scene.distance(np.column_stack([points, np.full(len(points), floor)])),
+            scene.spec.walkable.radius,
+        )
 
     def _blocked(self, slot: int, others: Index, why: str) -> None:
         slots = self._slots

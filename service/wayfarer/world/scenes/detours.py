@@ -9,8 +9,8 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Flags, Index
-from wayfarer.world.scenes.around import way_around
-from wayfarer.world.scenes.people import SessionPeople
+from wayfarer.world.scenes.around import stand_before, way_around
+from wayfarer.world.scenes.people import Gathering, SessionPeople
 from wayfarer.world.scenes.planner import RETRY
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
@@ -56,7 +56,7 @@ class Barred(NamedTuple):
 
     is_barred: Flags
     near: Array  # metres to the nearest of them; inf: nobody
-    by: NDArray[np.bool_]  # [A, N] rows of the session's people
+    by: NDArray[np.bool_]  # [A, S] who of their session: rows from its first on
 
 
 class Detours:
@@ -67,25 +67,26 @@ class Detours:
         self._routes = routes
         self._scenery = scenery
 
-    def count_down(self, rows: Index) -> None:
-        """A step begins of rows, which look for ways around now and then."""
-        route, flat = self._slots.route, rows[self._slots.scene[rows] == NOWHERE]
-        route.wait[flat] = np.maximum(route.wait[flat] - 1, 0)
+    def update(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
+        """Let rows that want to go to `goals` [A, 3] walk around people who stand.
 
-    def update(self, rows: Index, hips: Array, goals: Array, everybody: SessionPeople) -> Barred:
-        """Let rows of one session that want to go to `goals` [A, 3] walk around people who stand.
-
-        A way around is laid as the route. One is looked for in a call, by whoever waits longest.
+        A way around is laid as the route. One is looked for in a call, in each session by whoever
+        waits longest.
         """
-        route, aims = self._slots.route, self._slots.aims
-        barred = self._barred(rows, hips, goals, everybody)
+        slots, route, aims = self._slots, self._slots.route, self._slots.aims
+        barred = self._barred(rows, hips, goals, crowd)
         seconds = np.where(barred.is_barred, aims.barred[rows] + STEP_SECONDS, 0)
         aims.barred[rows] = seconds
+        flat = slots.scene[rows] == NOWHERE
+        route.wait[rows[flat]] = np.maximum(route.wait[rows[flat]] - 1, 0)
         due = np.flatnonzero(barred.is_barred & (route.wait[rows] == 0))
-        if len(due):
-            row = int(due[seconds[due].argmax()])
-            route.wait[rows[row]] = RETRY
-            if self._look(int(rows[row]), hips[row], goals[row], everybody):
+        sessions = slots.session[rows[due]]
+        for number in np.unique(sessions).tolist():
+            some = due[sessions == number]
+            row = int(some[seconds[some].argmax()])
+            slot = int(rows[row])
+            route.wait[slot] = RETRY
+            if self._look(slot, hips[row], goals[row], crowd.session(slot)):
                 barred.is_barred[row] = False
         return barred
 
@@ -113,22 +114,15 @@ class Detours:
 
     # Within
 
-    def _barred(self, rows: Index, hips: Array, goals: Array, everybody: SessionPeople) -> Barred:
-        people, me = everybody.people, everybody.rows(rows)
-        by = np.zeros((len(rows), len(people.number)), np.bool_)
+    def _barred(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
+        me, (first, last) = crowd.places[rows], crowd.own
         near = np.full(len(rows), np.inf)
-        stand = np.flatnonzero(everybody.stand)
-        if not len(stand):
-            return Barred(np.zeros(len(rows), np.bool_), near, by)
-        points = self.ahead(rows, hips, goals, AHEAD)
-        places = people.position[stand]
-        gaps = np.linalg.norm(points[:, :, None] - places, axis=-1).min(1)  # [A, S]
-        level = np.abs(people.height[stand] - people.height[me][:, None]) < 1.0
-        hit = (gaps < IN_WAY) & level & (stand != me[:, None])
-        by[:, stand] = hit
-        apart = np.linalg.norm(places - hips[:, None], axis=-1)
-        near = np.where(hit, apart, np.inf).min(1)
-        return Barred(hit.any(1), near, by)
+        by = np.zeros((len(rows), int((last - first).max())), np.bool_)
+        if crowd.stand.any():
+            points, people = self.ahead(rows, hips, goals, AHEAD), crowd.people
+            own, standing = (first[me], last[me]), (people.position, people.height, crowd.stand)
+            stand_before(me, np.float64(hips), np.float64(points), own, standing, IN_WAY, near, by)
+        return Barred(np.isfinite(near), near, by)
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
         """Look for a way around, and lay it; returns whether there is one."""

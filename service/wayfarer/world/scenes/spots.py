@@ -16,7 +16,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.avoidance.people import Aims
 from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Double, Flags, Float, Index, Int
-from wayfarer.world.scenes.people import SessionPeople
+from wayfarer.world.scenes.people import Gathering
 
 Array = NDArray[np.floating[Any]]
 
@@ -53,9 +53,6 @@ TOO_FAR: Final = 10.0
 RINGS: Final = ((0.4, 8), (0.7, 12), (1.4, 18), (2.1, 24), (2.8, 30), (3.5, 36))
 """Metres from the goal, and spots that are tried there."""
 
-FAR: Final = RINGS[-1][0] + APART
-"""Metres from the goal beyond which others do not count."""
-
 SPOTS: Final = np.concatenate(
     [np.zeros((1, 2))]
     + [
@@ -66,88 +63,64 @@ SPOTS: Final = np.concatenate(
 )
 """They [S, 2], in a frame in which the agent lies on the +x side of its goal."""
 
+AROUND: Final = RINGS[-1][0] + APART
+"""Metres from a goal beyond which nobody takes one of its spots."""
+
 _LINE: Final = np.linspace(0.0, 1.0, 8)[:, None]
 
 Clear = Callable[[Array], Array]
 """Metres to the nearest wall [P] at points [P, 2] on the agent's storey."""
 
 
-class Seekers(NamedTuple):
-    """Some agents [A] of a session, and where each is to stop."""
+class Claims(NamedTuple):
+    """Those around one goal [N]: where each stands, or goes, and how far one keeps from there."""
 
-    rows: Index  # of the session's people
-    asked: Float  # [A, 2] their goals …
-    spot: Float  # [A, 2] … and spots: new ones are written there
-    concerned: Flags  # it walks to its goal; who is at its spot keeps it
+    places: Float  # [N, 2]
+    apart: Double
 
 
-def take_spots(
-    everybody: SessionPeople, seekers: Seekers, clear: Callable[[int], Clear], room: float
-) -> None:
-    """Choose where agents stop. `clear(row)`: of a seeker's scene; `room`: metres that it keeps
-    from walls there.
-    """
-    people, shape = everybody.people, (len(seekers.rows), len(everybody.slots))
-    claims = np.where(everybody.stand[:, None], people.position, people.aims.spot)
-    session = Claimants(
-        people.number, people.position, people.height, people.aims.asked, claims,
-        everybody.stand, everybody.stand | (people.walks & people.aims.wants),
-    )  # fmt: skip
-    by = np.full(shape, -1, np.float64)
-    lost = np.zeros(len(seekers.rows), np.bool_)
-    _look_at_spots(session, seekers, by, lost)
-    for row in np.flatnonzero(lost).tolist():
-        others = by[row] >= 0
-        taken = claims[others], by[row][others]
-        place, goal = people.position[seekers.rows[row]], seekers.asked[row]
-        seekers.spot[row] = _free_spot(place, goal, *taken, clear(row), room, seekers.spot[row])
+class Everyone(NamedTuple):
+    """Everybody [N]: columns of `People` and `Aims`, and where everybody's session is in them."""
 
-
-class Claimants(NamedTuple):
-    """Everybody [N] of a session, for compiled rules."""
-
+    first: Index
+    last: Index
     number: Int
     position: Float
     height: Float
-    asked: Float
-    claims: Float  # [N, 2] where it stands, or where it goes
+    walks: Flags
     stand: Flags
-    counts: Flags  # it stands or goes
+    wants: Flags
+    asked: Float
+    spot: Float
 
 
-@compiled
-def _look_at_spots(session: Claimants, seekers: Seekers, by: Double, lost: Flags) -> None:
-    """Whose spot is taken is `lost` [A]: then metres that it keeps from others are `by` [A, N].
+def take_spots(
+    crowd: Gathering,
+    people: Index,
+    goals: GoalColumns,
+    aims: Aims,
+    concerned: Flags,
+    walls: Callable[[int], tuple[Clear, float]],
+) -> Flags:
+    """Choose where the agents stop that are the rows `people` [A] of a crowd.
 
-    Who is far from its goal takes that for its spot.
+    `goals` and `aims` are theirs: spots are chosen for those `concerned` [A], which walk to a
+    goal, and written into both; those at their spots keep them. `walls`: of the scene of one of
+    them, and the metres that it keeps from them there.
+    Returns rows whose spot is farther from the goal than counts as arrived.
     """
-    claims, spot = session.claims, seekers.spot
-    for row in range(len(lost)):
-        me = seekers.rows[row]
-        if not seekers.concerned[row]:
-            continue
-        if apart(seekers.asked, row, session.position, me) > NEAR:
-            spot[row, 0], spot[row, 1] = seekers.asked[row, 0], seekers.asked[row, 1]
-            continue
-        mine = apart(spot, row, session.position, me)
-        for other in range(len(claims)):
-            level = abs(session.height[other] - session.height[me]) < 1.0
-            if other == me or not session.counts[other] or not level:
-                continue
-            if apart(claims, other, seekers.asked, row) >= FAR:
-                continue
-            shares = apart(session.asked, other, seekers.asked, row) < SHARED
-            by[row, other] = APART if shares else STRANGERS
-            way, lower = apart(claims, other, session.position, other), session.number[me]
-            first = way < mine - KEEPS
-            first = first or (way <= mine + KEEPS and session.number[other] < lower)
-            if session.stand[other] or first:
-                gap = apart(claims, other, spot, row) - by[row, other]
-                lost[row] = lost[row] or gap < -SLACK
-
-
-def set_spots(goals: GoalColumns, aims: Aims) -> Flags:
-    """Let goals [A] be at spots; those whose spots are farther away than counts as arrived."""
+    kept = (aims.asked == goals.position[:, :2]).all(-1)
+    aims.asked[:] = goals.position[:, :2]
+    aims.spot[~kept] = aims.asked[~kept]
+    others, count = _everyone(crowd), len(crowd.stand)
+    claims = Claims(np.empty((count, 2), np.float32), np.empty(count))
+    row, known = next_taken(others, people, concerned, aims.asked, aims.spot, 0, claims)
+    while row < len(people):
+        place, goal, spot = others.position[people[row]], aims.asked[row], aims.spot[row]
+        clear, room = walls(row)
+        some = claims.places[:known], claims.apart[:known]
+        aims.spot[row] = _free_spot(place, goal, *some, clear, room, spot)
+        row, known = next_taken(others, people, concerned, aims.asked, aims.spot, row + 1, claims)
     moved = (aims.spot != aims.asked).any(-1) & goals.given & ~goals.through
     goals.position[moved, :2] = aims.spot[moved]
     goals.radius[moved] = np.minimum(goals.radius[moved], RADIUS)
@@ -157,11 +130,70 @@ def set_spots(goals: GoalColumns, aims: Aims) -> Flags:
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
-    place, number, flag = np.zeros((1, 2), np.float32), np.zeros(1, np.int64), np.ones(1, np.bool_)
-    session = Claimants(number, place, np.zeros(1, np.float32), place, place, flag, flag)
-    seekers = Seekers(number, place, place, flag)
-    warm(_look_at_spots, session, seekers, np.zeros((1, 1)), np.zeros(1, np.bool_))
+    """Compile what is compiled of it, or load it, before anybody walks."""
+    one, flags, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.zeros((1, 2), np.float32)
+    others = Everyone(one, one, one, place, place[0, :1], flags, flags, flags, place, place)
+    warm(next_taken, others, one, flags, place, place, 0, Claims(place, np.zeros(1)))
+
+
+def _everyone(crowd: Gathering) -> Everyone:
+    them, aims = crowd.people, crowd.people.aims
+    return Everyone(
+        *crowd.own,
+        them.number,
+        them.position,
+        them.height,
+        them.walks,
+        crowd.stand,
+        aims.wants,
+        aims.asked,
+        aims.spot,
+    )
+
+
+@compiled
+def next_taken(
+    them: Everyone,
+    people: Index,
+    concerned: Flags,
+    asked: Float,
+    spot: Float,
+    begin: int,
+    claims: Claims,
+) -> tuple[int, int]:
+    """The first of rows `begin` to A whose spot is taken, or A; and how many claims it has met,
+    which are then in `claims`. Who is far from its goal gets that as its spot.
+    """
+    for row in range(begin, len(people)):
+        me, taken, count = people[row], False, 0
+        if not concerned[row]:
+            continue
+        if apart(them.position, me, asked, row) > NEAR:
+            spot[row] = asked[row]
+            continue
+        mine = apart(them.position, me, spot, row)
+        for other in range(them.first[me], them.last[me]):
+            stands = them.stand[other]
+            if other == me or not (stands or (them.walks[other] and them.wants[other])):
+                continue
+            if abs(them.height[other] - them.height[me]) >= 1.0:
+                continue
+            claim = them.position if stands else them.spot
+            if apart(claim, other, asked, row) >= AROUND:
+                continue
+            share = apart(them.asked, other, asked, row) < SHARED
+            claims.places[count] = claim[other]
+            claims.apart[count] = APART if share else STRANGERS
+            theirs = apart(claim, other, them.position, other)
+            before = theirs < mine - KEEPS or (
+                theirs <= mine + KEEPS and them.number[other] < them.number[me]
+            )
+            gap = apart(claim, other, spot, row) - claims.apart[count]
+            taken = taken or ((stands or before) and gap < -SLACK)
+            count += 1
+        if taken:
+            return row, count
+    return len(people), 0
 
 
 def _free_spot(

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.engines.dummy import dummy_inputs
-from wayfarer.engines.engine import StepOutputs
+from wayfarer.engines.engine import StepOutputs, no_obstacles
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES
@@ -198,7 +198,8 @@ class Scheduler:
             seed, gait = seed.take(together), gait.take(together)
             course = NextTarget(course.ahead.take(together), course.judged.take(together))
         self._faults.stage = Stage.INPUTS
-        obstacles = self._guide.obstacles(rows, seed)
+        # of one candidate nothing is weighed
+        obstacles = self._guide.obstacles(rows, seed) if count > 1 else no_obstacles(len(rows))
         return Batch(
             rows=rows,
             model=int(slots.model[rows[0]]),
