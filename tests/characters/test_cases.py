@@ -14,6 +14,7 @@ from tests.characters.measure import (
     Figures,
     Played,
     figures,
+    recorded,
     retargeted,
     straight,
     walked,
@@ -36,8 +37,8 @@ from wayfarer.characters.skins import Skins
 from wayfarer.errors import InvalidArgument
 from wayfarer_client.quaternions import multiply
 
-TURN = 15.0
-"""Degrees that a joint may turn within a frame."""
+MORE = 1.5
+"""Times the most that a joint of the person itself turns within a frame, which one of a rig may."""
 UNDER = -1.0
 """Centimetres that a sole may be below the floor."""
 STRANGE = {
@@ -131,9 +132,17 @@ REFUSED = {
 }
 
 
+@cache
+def own_turn() -> float:
+    """Degrees that a joint of the person turns from a frame of the stride to the next, at most."""
+    turns = np.asarray(recorded().rotations, np.float64)
+    alike = np.abs((turns[1:] * turns[:-1]).sum(-1)).clip(0, 1)
+    return float(np.degrees(2 * np.arccos(alike)).max())
+
+
 def check(found: Figures, carried: bool = False, pace: float = 1.0) -> None:
     """`pace`: how much faster than a person it steps, as its legs swing faster."""
-    assert found.turn < TURN * pace, found
+    assert found.turn < MORE * own_turn() * pace, found
     assert found.lowest > UNDER, found
     assert found.slide < 8, found
     assert found.backward == 0, found

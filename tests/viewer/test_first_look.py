@@ -246,6 +246,8 @@ def test_it_can_be_a_part_of_another_page(page: Page, host_url: str):
     assert not page.evaluate(f"{view}.shadowRoot.textContent")
     page.evaluate(f"{view}.setAttribute('server', '{host_url}{HostPage.REFUSED}')")
     page.wait_for(f"{view}.shadowRoot.textContent.includes('cors_origins')", 20)
+    assert page.problems and all("Framing" in problem for problem in page.problems)
+    page.problems.clear()
     page.evaluate(f"{view}.setAttribute('server', '{page.url}')")
     page.wait_for(f"!{view}.shadowRoot.textContent", 20)
 
