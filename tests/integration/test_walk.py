@@ -105,7 +105,9 @@ async def test_a_stream_survives_what_others_do(server, client):
                 frames = (await anext(stream)).frames[0]
                 assert frames.seq == last.seq + 1 and frames.flags == wf.Flag.NONE
                 assert frames.first_frame == 8 * frames.seq
-                np.testing.assert_allclose(frames.times[0] - last.times[-1], 1 / 40, atol=1e-5)
+                late = frames.times[0] - last.times[-1] - 1 / 40
+                # whole primitives are left out where the machine is too slow: later, and no gap
+                np.testing.assert_allclose(late, 0.2 * round(late / 0.2), atol=1e-5)
                 last = frames
             assert (await session.agent(ada)).goal is None
             async with httpx.AsyncClient(base_url=server.http_url) as http:
