@@ -20,7 +20,7 @@ class TrainingFootLock:
         self._known: dict[bytes, Legs] = {}
 
     def apply(self, before: TrainingCrowd, made: Settled) -> Settled:
-        """The step of a crowd, as the service would go on from it; it has no slope."""
+        """The crowd's step after the service's foot lock. It has no gradient."""
         hips, turns = (_array(v) for v in (before.translation, before.rotations))
         step = Planted(
             _array(made.rotations),
@@ -46,7 +46,7 @@ class TrainingFootLock:
             shape: self._known.get(shape) or measure_legs(self.body, np.frombuffer(shape, "f4"))
             for shape in shapes
         }
-        self._known = known  # who has left is forgotten
+        self._known = known  # shapes of agents that have left are forgotten
         return Legs.join([known[shape] for shape in shapes])
 
 

@@ -335,7 +335,7 @@ def test_standing_it_is_drawn_to_the_place_where_it_stopped():
 
 @pytest.mark.parametrize(("aside", "passed"), [(0.45, True), (0.55, False)])
 def test_a_point_that_is_left_behind_is_passed_a_little_beyond_its_radius(aside, passed):
-    """Nobody turns back for a hand's breadth, nor stands beside it for ever."""
+    """An agent neither turns back for a few centimetres nor gets stuck there."""
     frames = np.zeros((1, NEW_FRAMES, 3), np.float32)
     frames[0, :, 0], frames[0, :, 1] = np.linspace(0.32, 0.5, NEW_FRAMES), aside
     start = np.array([[0.3, aside, 0.0]], np.float32)

@@ -1,4 +1,4 @@
-"""Foot lock as the world applies it: what is sent is what the next step starts from."""
+"""The world's foot lock: the next step starts from the frames that were sent."""
 
 from collections import defaultdict
 

@@ -1,5 +1,5 @@
 // Feet that bear weight stay where they are, and the next step starts from there. The server's
-// world/output/footlock.py, for one person: what its rules are for is told there.
+// world/output/footlock.py, which explains the rules, for one person.
 #pragma once
 
 #include <string>
@@ -13,10 +13,10 @@ struct LegShare {
   double knee = 0, ankle = 0;
 };
 
-/// Of each marker, for the left leg and the right one.
+/// Shares of each marker in the left and the right leg.
 std::vector<Feet<LegShare>> leg_shares(const std::vector<std::string>& markers);
 
-/// Lock the feet in a step that goes on from `seed`.
+/// Lock the feet in a step that starts from `seed`.
 void lock_feet(const Legs& legs, const std::vector<Feet<LegShare>>& shares, const Seed& seed, Step& step);
 
 }  // namespace wayfarer::local

@@ -100,7 +100,7 @@ function turnFeet(shares, pose, step, yaws, markers) {
 }
 
 /**
- * Let the markers of the last frames follow legs that have been moved.
+ * Move the markers of the last frames with their legs.
  * @param {number[][][]} shares @param {LegPose} from @param {LegPose} to @param {Float32Array} markers
  */
 function follow(shares, from, to, markers) {

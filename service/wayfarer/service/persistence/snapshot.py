@@ -66,7 +66,7 @@ class BodyStamp:
 
 @dataclass(slots=True)
 class RetiredColumns(Rows):
-    """Zeros, where snapshots up to 0.1 had the foot lock's memory: their places are kept."""
+    """Zeros in the places of what the foot lock used to remember: rows keep their layout."""
 
     soles: Annotated[Float, Shape(2, 4, 3)]
     contact: Annotated[Flags, Shape(2)]

@@ -19,8 +19,7 @@ point that bears, and freely once its heel is up.
 
 The next step starts from what the lock has made: the markers of a leg go along with its knee and
 ankle. So a body that would glide is held by its feet until it steps, and a lock has nothing to
-remember: what it takes off is gone, and whether a foot bears at a seam is seen in the two frames
-before it. Pure functions; world space, metres, 40 frames per second.
+remember: the two frames before a seam show whether a foot bears there. Pure functions; world space, metres, 40 frames per second.
 """
 
 from collections.abc import Sequence
@@ -102,8 +101,7 @@ _SHARES: Final = {
     **dict.fromkeys(("ANK", "HEE", "TOE", "MT1", "MT5"), (0.0, 1.0)),
     **dict.fromkeys(("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE"), (0.0, 1.0)),
 }
-"""Of the ways that knee and ankle are moved: how much a marker of that leg, named without its side,
-goes along with each."""
+"""Shares of the knee's and the ankle's shift that a marker of the leg follows. Names lack the side."""
 
 
 class Planted(NamedTuple):
@@ -115,7 +113,7 @@ class Planted(NamedTuple):
 
 
 def leg_shares(markers: Sequence[str]) -> Float:
-    """How far markers go along with each leg [M, 2, 2]: left and right; knee and ankle."""
+    """Shares of markers [M, 2, 2] in the shifts of the left and right leg's knee and ankle."""
     shares = np.zeros((len(markers), 2, 2), np.float32)
     for number, name in enumerate(markers):
         if name[0] in "LR":
@@ -131,7 +129,7 @@ def lock_feet(
     translation: Float,
     step: Planted,
 ) -> Planted:
-    """The next F frames of those of A agents who are `wanted` [A]; the others' are as given.
+    """The next F frames of A agents, with feet locked where they are `wanted` [A].
 
     translation [A, F, 3]. `seed` has translation [A, 2, 3] and rotations [A, 2, 22, 4] of the two
     frames before, `shares` are the markers' (`leg_shares`). Every agent's result is its own.
