@@ -40,9 +40,8 @@ from wayfarer_client.quaternions import multiply
 TURN = 15.0
 """Degrees that a joint may turn within a frame."""
 LONG_LEVER = 1.5
-"""Times the most that a joint of the person itself turns within a frame, which a knee over a clown's
-shoe may: its ankle is 10 cm higher, and the stride is the same.
-"""
+"""A knee above a clown's shoe may turn by this multiple of the person's own most: its ankle is
+10 cm higher, and the stride is the same."""
 UNDER = -1.0
 """Centimetres that a sole may be below the floor."""
 STRANGE = {

@@ -19,7 +19,9 @@ point that bears, and freely once its heel is up.
 
 The next step starts from what the lock has made: the markers of a leg go along with its knee and
 ankle. So a body that would glide is held by its feet until it steps, and a lock has nothing to
-remember: the two frames before a seam show whether a foot bears there. Pure functions; world space, metres, 40 frames per second.
+remember: the two frames before a seam show whether a foot bears there.
+
+Pure functions; world space, metres, 40 frames per second.
 """
 
 from collections.abc import Sequence
@@ -101,7 +103,7 @@ _SHARES: Final = {
     **dict.fromkeys(("ANK", "HEE", "TOE", "MT1", "MT5"), (0.0, 1.0)),
     **dict.fromkeys(("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE"), (0.0, 1.0)),
 }
-"""Shares of the knee's and the ankle's shift that a marker of the leg follows. Names lack the side."""
+"""Shares of the knee's and ankle's shift that a marker of the leg follows. Names lack the side."""
 
 
 class Planted(NamedTuple):
