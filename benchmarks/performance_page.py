@@ -1,4 +1,4 @@
-"""Write docs/performance.md, and its pictures, from benchmarks/results/performance_*.json.
+"""Write benchmarks/results/performance.md, and its pictures, from performance_*.json beside it.
 
 python -m benchmarks.performance_page
 """
@@ -13,9 +13,8 @@ from benchmarks.bench import Row, text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
-PAGE = ROOT / "docs" / "performance.md"
-ALL = RESULTS / "performance.md"
-IMAGES = ROOT / "docs" / "images"
+PAGE = RESULTS / "performance.md"
+IMAGES = RESULTS / "images"
 
 INTRO = """# Performance
 
@@ -27,14 +26,7 @@ machines: `python -m benchmarks.compare OLD.json NEW.json`.
 An agent keeps real time only if it is stepped every 0.2 s. Lateness is the time from the scheduled
 display of a primitive to its arrival at the client, on the same machine as the server
 (`wayfarer load --help`).
-
-{which}
 """
-SHORT = "Long tables are cut; [all rows are here](../benchmarks/results/performance.md)."
-FULL = "All rows of all tables. [docs/performance.md](../../docs/performance.md) is shorter."
-MOST_ROWS = 10
-BATCH = 128
-"""Of the rows of the step, the short page has those of this batch."""
 
 TITLES = {
     "step": "The step",
@@ -85,13 +77,10 @@ def cell(value: object) -> str:
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else text(value)
 
 
-def origin(part: Part, every: bool) -> str:
-    """Command, date and commit of a part, and if `every` its machine and versions."""
+def origin(part: Part) -> str:
+    """Command, date, machine, commit and versions of a part."""
     meta = part["meta"]
     machine = meta["machine"]
-    if not every:
-        quick = "**a quick look, not a record**, " if meta["quick"] else ""
-        return f"`{part['command']}`  \n{quick}{meta['date'][:10]}, commit {meta['commit'][:7]}\n"
     flags = ", ".join(machine["flags"]) or "no wide instructions"
     where = f"{machine['cpu']}, {machine['cores']} cores ({flags}), {machine['ram_gb']:g} GB"
     versions = ", ".join(f"{name} {number}" for name, number in meta["versions"].items())
@@ -103,60 +92,48 @@ def origin(part: Part, every: bool) -> str:
     )
 
 
-def worth(rows: list[Row], every: bool) -> list[Row]:
-    """The rows of one table that are shown."""
-    if every or len(rows) <= MOST_ROWS:
-        return rows
-    return [row for row in rows if row.get("batch", BATCH) == BATCH][:MOST_ROWS]
-
-
-def section(name: str, part: Part, drawn: str | None = None, every: bool = True) -> str:
+def section(name: str, part: Part, drawn: str | None = None) -> str:
     """One benchmark of one record; `drawn` is its picture's file."""
-    lines = [f"### {title(name)}\n", origin(part, every)]
+    lines = [f"### {title(name)}\n", origin(part)]
     if "failure" in part:
         lines.append(f"It failed:\n\n```\n{part['failure'].strip()}\n```\n")
     if drawn:
         lines.append(f"![{title(name)}](images/{drawn})\n")
     lines += [
-        table(worth(rows, every), name.startswith(TRANSPOSED)) + "\n"
-        for key in (("rows", "gemm", "shares") if every else ("rows",))
+        table(rows, name.startswith(TRANSPOSED)) + "\n"
+        for key in ("rows", "gemm", "shares")
         for rows in groups(part.get(key, []))
     ]
     if ratios := part.get("ratios"):
         found = [
             {"ratio": k, "value": v["value"], "better": v["better"]} for k, v in ratios.items()
         ]
-        lines.append(table(worth(found, every)) + "\n")
+        lines.append(table(found) + "\n")
     return "\n".join(lines)
 
 
-def page(
-    records: dict[str, Part],
-    picture: Callable[[str, str, Part], str | None],
-    every: bool = True,
-) -> str:
-    """All records, by name. `picture(record, part's name, part)` gives a file in docs/images."""
-    parts = [INTRO.format(which=FULL if every else SHORT)]
+def page(records: dict[str, Part], picture: Callable[[str, str, Part], str | None]) -> str:
+    """All records, by name. `picture(record, part's name, part)` gives a file in IMAGES."""
+    parts = [INTRO]
     for name, record in records.items():
         machine = next(iter(record["parts"].values()))["meta"]["machine"]
         parts.append(f"## {name}: {machine['cpu']}, {machine['cores']} cores\n")
         parts += [
-            section(part, found, None if every else picture(name, part, found), every)
+            section(part, found, picture(name, part, found))
             for part, found in record["parts"].items()
         ]
     return "\n".join(parts)
 
 
 def main() -> None:
-    """Write both pages."""
+    """Write the page."""
     files = sorted(RESULTS.glob("performance_*.json"))
     records = {f.stem.removeprefix("performance_"): json.loads(f.read_text()) for f in files}
 
     def picture(record: str, name: str, part: Part) -> str | None:
         return performance_plots.draw(IMAGES, f"performance_{record}_{name}.png", name, part)
 
-    PAGE.write_text(page(records, picture, every=False))
-    ALL.write_text(page(records, picture))
+    PAGE.write_text(page(records, picture))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python -m benchmarks.record [--name default] [--only step service] [--quick]
 
 Writes benchmarks/results/performance_NAME.json (machine, date, commit, versions, and each
-benchmark's rows and ratios), then docs/performance.md from all such files. Each benchmark runs in a
+benchmark's rows and ratios), then performance.md from all such files. Each benchmark runs in a
 process of its own; one that fails is listed with its last output, and the record ends with 1. Leave
 the machine alone meanwhile: about 30 minutes, 10 with `--quick`, which is a first look, no record
 to publish. `--only` runs some, and keeps what the file has of the others; with `--agents` the whole

@@ -1,7 +1,4 @@
-"""Write docs/results.md from the JSON files of `wayfarer eval … --json benchmarks/results/…`.
-
-The page has the main figures of each table. All of them are in benchmarks/results/README.md,
-which is written at the same time.
+"""Write benchmarks/results/README.md from what `wayfarer eval … --json` has left beside it.
 
 python benchmarks/results_page.py            # refuses tables that are not all of one commit
 python benchmarks/results_page.py --stale    # marks them instead
@@ -14,14 +11,13 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
-PAGE = HERE.parent / "docs" / "results.md"
-ALL = RESULTS / "README.md"
+PAGE = RESULTS / "README.md"
 
 INTRO = """# Results
 
 Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
-{which} "mocap" rows are recordings, measured by the same code. [figures.md]({results}figures.md)
-defines the figures.
+"mocap" rows are recordings, measured by the same code. [figures.md](figures.md) defines all
+figures.
 
 **What `heldout` means.** No network was trained on three people of the CMU recordings (08, 09,
 32). They are not untouched: a feasibility experiment chose the predictor's KL weight, the origin on
@@ -30,9 +26,6 @@ and hurry more than other people's. No held-out person takes part in `control`, 
 `arrival` from standing: agents begin in the shipped start poses, with random shapes, and the split
 changes the mocap row only.
 """
-SHORT = "These are the main figures; [all are here](../benchmarks/results/README.md)."
-FULL = "All figures; the main ones are in [docs/results.md](../../docs/results.md)."
-
 STALE = """**Not of one release.** Tables marked stale were made by another commit than most of this
 page, or by an unknown one: their figures need not hold for the shipped models. **Nor is any table
 here of the model that serves since 2026-11-26**: models.md has what is measured of it so far.
@@ -58,65 +51,17 @@ COMMANDS = {
     "scenes_streams": "wayfarer eval scenes --only corridor,doorway --repeats 5 --seed 0",
     "scenes_square": "wayfarer eval scenes --only square --seed 0",
 }
-WORTH = frozenset(
-    (
-        # control, arrival
-        *("success", "success_03m", "success_075m", "steps", "avg_dist", "stopped"),
-        *("walk_slide_cm_s", "arrival_error_median_m", "drift_5s_max_m", "facing_error_median_deg"),
-        *("reached_15", "speed_error_mps", "faced_15", "facing_error_mean_deg", "passed", "detour"),
-        # how they move
-        *("speed_mps", "contact_strict", "slide_cm_s", "lost"),
-        *("seam_ratio", "trunk_tilt_deg", "frechet_v1", "pose_prior", "heel_skating_75mm_s"),
-        "marker_speed_cm_s",
-        # predictor, regressor
-        *(
-            "ade_m",
-            "fde_m",
-            "mmade_m",
-            "apd_m",
-            "amd_mm",
-            "amd_p95_mm",
-            "avd_mm",
-            "joint_angle_deg",
-        ),
-        # long, scenes
-        *("minutes_each", "resets", "fallen_agents", "tilted_agents", "floating_agents"),
-        *("spinning_agents", "goals_reached", "path_ratio", "walked_ratio", "penetration_5cm"),
-        *(
-            "overlap_frames",
-            "stuck_agents",
-            "foot_gap_p95_cm",
-            "shut_seen_s_max",
-            "crate_seen_s_max",
-        ),
-    )
-)
-"""Figures of the short page."""
-
-SPEED = ", 0.9-1.4 m/s"
 Row = dict[str, Any]
 
 
-def tables(rows: list[Row], every: bool) -> list[list[Row]]:
-    """Rows in groups that share their metrics (rows without any figure are left out).
-
-    Unless `every`, with the metrics of `WORTH` only; walking at all speeds is then left out where
-    the same is there at one speed.
-    """
+def tables(rows: list[Row]) -> list[list[Row]]:
+    """Rows in groups that share their metrics; rows without any figure are left out."""
     groups: dict[tuple[str, ...], list[Row]] = {}
-    names = [row["name"] for row in rows]
     for row in rows:
-        keys = tuple(k for k in row if k != "name" and (every or k in WORTH))
-        if len(keys) > every:  # the number of windows alone is no figure
-            groups.setdefault(keys, []).append({"name": row["name"]} | {k: row[k] for k in keys})
-    if every:
-        return list(groups.values())
-    at_speed = {f"{name}{SPEED}" for name in names} & set(names)
-    return [
-        kept
-        for group in groups.values()
-        if (kept := [r for r in group if "speed_mps" not in r or r["name"] + SPEED not in at_speed])
-    ]
+        keys = tuple(k for k in row if k != "name")
+        if len(keys) > 1:  # the number of windows alone is no figure
+            groups.setdefault(keys, []).append(row)
+    return list(groups.values())
 
 
 def shown(value: object) -> str:
@@ -185,16 +130,12 @@ def main() -> None:
             f"these results are not of commit {release[:7] or 'that can be named'}: {told}. "
             "Make them again with `wayfarer eval all`, or mark them with --stale."
         )
-    PAGE.write_text(page(release, bool(stale), every=False))
-    ALL.write_text(page(release, bool(stale), every=True))
+    PAGE.write_text(page(release, bool(stale)))
 
 
-def page(release: str, stale: bool, every: bool) -> str:
-    """One of the two pages."""
-    intro = INTRO.format(
-        which=FULL if every else SHORT, results="" if every else "../benchmarks/results/"
-    )
-    parts = [intro, *([STALE] if stale else [])]
+def page(release: str, stale: bool) -> str:
+    """All results."""
+    parts = [INTRO, *([STALE] if stale else [])]
     for name, command in COMMANDS.items():
         path = RESULTS / f"{name}.json"
         if not path.exists():
@@ -204,7 +145,7 @@ def page(release: str, stale: bool, every: bool) -> str:
         if name == "maneuvers":
             parts.append(bars(result))
             continue
-        parts += [markdown(rows) + "\n" for rows in tables(result["rows"], every)]
+        parts += [markdown(rows) + "\n" for rows in tables(result["rows"])]
     return "\n".join(parts)
 
 

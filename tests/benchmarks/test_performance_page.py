@@ -33,14 +33,6 @@ def test_a_section_says_where_its_figures_come_from():
     assert "quick look" not in text
 
 
-def test_the_short_page_has_ten_rows_and_the_batch_that_serves():
-    rows = [{"batch": batch, "threads": t} for batch in (8, 128) for t in range(8)]
-    text = performance_page.section("step", part(rows, shares=[{"share": 1}]), every=False)
-    assert text.count("\n| 128 |") == 8 and "| 8 |" not in text and "share" not in text
-    text = performance_page.section("x", part([{"a": n} for n in range(30)]), every=False)
-    assert text.count("\n| ") == 1 + 1 + 10 and "avx512f" not in text
-
-
 def test_a_quick_look_and_a_busy_machine_are_told():
     hasty = META | {"quick": True, "machine": META["machine"] | {"load": 7.0}}
     text = performance_page.section("step", part([{"a": 1}], meta=hasty))

@@ -23,8 +23,7 @@ def result(commit: str, **more: object) -> dict[str, object]:
 @pytest.fixture
 def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(results_page, "RESULTS", tmp_path)
-    monkeypatch.setattr(results_page, "PAGE", tmp_path / "results.md")
-    monkeypatch.setattr(results_page, "ALL", tmp_path / "README.md")
+    monkeypatch.setattr(results_page, "PAGE", tmp_path / "README.md")
     monkeypatch.setattr("sys.argv", ["results_page.py"])
     for name in ("arrival", "long", "control"):
         (tmp_path / f"{name}.json").write_text(json.dumps(result("abc1234")))
@@ -33,7 +32,7 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_tables_of_one_commit_make_a_page(results: Path) -> None:
     results_page.main()
-    page = (results / "results.md").read_text()
+    page = (results / "README.md").read_text()
     assert page.count("commit abc1234\n") == 3 and "stale" not in page
 
 
@@ -44,10 +43,10 @@ def test_a_table_of_another_commit_is_refused_or_marked(
     (results / "control.json").write_text(json.dumps(result(commit)))
     with pytest.raises(SystemExit, match="control"):
         results_page.main()
-    assert not (results / "results.md").exists()
+    assert not (results / "README.md").exists()
     monkeypatch.setattr("sys.argv", ["results_page.py", "--stale"])
     results_page.main()
-    page = (results / "results.md").read_text()
+    page = (results / "README.md").read_text()
     assert page.count("**stale**") == 1 and "Not of one release" in page
 
 
@@ -63,17 +62,6 @@ def test_bars_stand_beside_raw_and_recorded(results: Path) -> None:
     made = result("abc1234") | {"rows": rows, "bars": [bar]}
     (results / "maneuvers.json").write_text(json.dumps(made))
     results_page.main()
-    page = (results / "results.md").read_text()
+    page = (results / "README.md").read_text()
     assert "| turn | 90° | lifts | 0.500 | 0.250 | 3.000 | ≥ 2 | missed |" in page
     assert "0 of 1 bars are met" in page
-
-
-def test_the_short_page_leaves_out_what_the_full_page_has(results: Path) -> None:
-    made = result("abc1234")
-    figures = {"slide_cm_s": 1.5, "penetration_cm": 2.5}
-    made["rows"] = [{"name": name, **figures} for name in ("us", "us, 0.9-1.4 m/s")]
-    (results / "arrival.json").write_text(json.dumps(made))
-    results_page.main()
-    short, full = ((results / name).read_text() for name in ("results.md", "README.md"))
-    assert "| slide_cm_s | 1.500 |" in short and "penetration_cm" not in short
-    assert "| slide_cm_s | 1.500 | 1.500 |" in full and "| penetration_cm | 2.500 |" in full

@@ -36,7 +36,7 @@ subjects carry most of the walking, so gaits are less varied than people's. Adul
 
 **Licence.** Apache-2.0 (weights and code); see NOTICE.
 
-**Figures**: `docs/results.md`, made by `wayfarer eval`.
+**Figures**: `benchmarks/results/README.md`, made by `wayfarer eval`.
 """
 
 

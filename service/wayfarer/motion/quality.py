@@ -24,7 +24,7 @@ FOOT_HEIGHT = 0.03
 """Metres: a sole marker below it may bear weight."""
 
 LEANING = 0.034
-"""1 - cos(15°): recorded walks lean by 8° in the mean (`trunk_tilt_deg` of docs/results.md)."""
+"""1 - cos(15°): recorded walks lean by 8° in the mean (`trunk_tilt_deg`)."""
 
 SAFE = 1e-9
 """Keeps square roots differentiable and normalisation finite at zero."""

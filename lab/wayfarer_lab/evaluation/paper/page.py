@@ -25,7 +25,7 @@ not measured; a row that is missing says why. *Recordings* are measured by the s
 **Data.** The paper trains and tests on AMASS, on SMPL-X bodies; its recordings may not be used
 here. Ours are trained on CMU's recordings on the anny52 body (those *trained alike* also on
 100STYLE's) and tested on three other people of CMU (08, 09, 32; not untouched:
-[what that means](../../docs/results.md)), without the held-out takes of 100STYLE. So compare
+[what that means](README.md)), without the held-out takes of 100STYLE. So compare
 orders, not values.
 [models.md](../../docs/models.md#where-we-deviate-from-the-paper-and-why) lists all deviations.
 
@@ -171,7 +171,7 @@ def _runtime(s3: Mapping[int, float] | None) -> str:
         for bodies, seconds in sorted(S3.items())
     ]
     table = _table(["bodies", "paper, Quadro 6000", "ours, two cores, onnxruntime"], rows)
-    made = "`python -m benchmarks.paper_s3`; more in [performance.md](../../docs/performance.md)."
+    made = "`python -m benchmarks.paper_s3`; more in [performance.md](performance.md)."
     return f"{title}{table}\n\n{made}\n"
 
 

@@ -77,7 +77,7 @@ EXHIBITS: Final = tuple(
     for one in _FILE["exhibits"]
 )
 COMMANDS: Final[Mapping[str, str]] = _FILE["commands"]
-"""Commands of results that do not hold their own (docs/results.md)."""
+"""Commands of results that do not hold their own (benchmarks/results/README.md)."""
 
 S3: Final = {int(bodies): float(seconds) for bodies, seconds in _FILE["s3"].items()}
 """Bodies → seconds per primitive (Table S3, one Quadro 6000)."""
