@@ -77,34 +77,3 @@ async def test_after_a_kill_all_stand_where_they_stood_and_walk_on(tmp_path):
     ways = [math.dist(place(first[a]), place(later[a])) for a in before]
     assert np.median(ways) > 0.3, "they walk on to their goals"
     assert revisions == {1}
-
-
-async def test_a_snapshot_goes_on_in_another_process_without_a_jump():
-    with Service() as here, Service() as there:
-        async with wf.Client(here.grpc_address) as old, wf.Client(there.grpc_address) as new:
-            session = await old.create_session()
-            people = await session.create_agents(*crowd()[:6])
-            for agent in people:
-                await session.set_goal(agent, (5.0, 0.0, 30.0))
-            stream = session.stream()
-            await watch(stream, 3.0)
-            snapshot = await session.export()
-            await stream.aclose()
-            at_export = {a.agent_id: a for a in await session.agents()}
-            await session.delete()
-            moved = await new.import_session(snapshot)
-            stream = moved.stream()
-            first: dict[str, wf.Frames] = {}
-            async with asyncio.timeout(20):
-                async for batch in stream:
-                    for frames in batch:
-                        first.setdefault(frames.agent.agent_id, frames)
-                    if len(first) == len(people):
-                        break
-            await stream.aclose()
-            await moved.delete()
-    for agent_id, frames in first.items():
-        x, _, z = at_export[agent_id].position
-        # between the export and the look at the agents at most one more primitive was sent
-        assert math.dist((x, z), place(frames, 0)) < SPEED * (0.2 + 1 / 40)
-        assert frames.goal_revision == 1

@@ -4,11 +4,10 @@ import asyncio
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 
 import httpx
 import psutil
@@ -128,25 +127,7 @@ def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
         assert not psutil.wait_procs(found, timeout=15)[1]
 
 
-def test_a_port_in_use_is_one_line():
-    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
-        port = taken.getsockname()[1]
-        said = refused(*ANY_PORTS, "--http-port", str(port))
-    assert said.startswith(f"wayfarer: cannot listen for HTTP on 127.0.0.1:{port}")
-    assert "--http-port" in said
-
-
 def test_other_machines_are_let_in_when_asked_and_with_a_warning():
     with serve(*ANY_PORTS, "--host", "0.0.0.0", "--insecure-no-auth") as service:
         (warning,) = [line for line in service.log if line["level"] == "warning"]
         assert "without authentication" in warning["event"]
-
-
-def test_a_model_that_is_not_there_is_one_line():
-    assert "nowhere" in refused("--model", "nowhere")
-
-
-def test_a_wrong_setting_is_one_line(tmp_path):
-    file = tmp_path / "wayfarer.toml"
-    file.write_text("htp_port = 1")
-    assert "setting htp_port: unknown; did you mean http_port?" in refused("--config", str(file))

@@ -1,12 +1,9 @@
-"""The shipped model in scenes: around a box, around a new obstacle, up a slope and down
-steps.
-"""
+"""The shipped model in a scene: up a slope and down steps."""
 
 import numpy as np
 import pytest
 
 from tests.service.kept_worlds import shipped_bundle
-from tests.world.scenes.grounds import BOX, field
 from wayfarer.model_bundle import START_POSES
 from wayfarer.navigation.examples import slope_with_steps
 from wayfarer.navigation.scene import bake
@@ -19,20 +16,16 @@ from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
-SOUTH, NORTH = (6.0, 2.0), Goal((6.0, 10.0, 0.0))
-BODY = 0.2
-"""Least distance of hips from walls, metres."""
-
 
 def walker(scene, place):
-    """A world, its scenes, the scene's id, and an agent at a place."""
+    """A world, and an agent at a place."""
     bundle, book = shipped_bundle(), SceneRegistry()
     scene_id = book.add(scene).scene_id
     poses = load_start_poses(START_POSES)
     world = World(bundle.engine, bundle.bodies, poses, WorldSettings(), scenes=book)
     world.create_session(SessionSpec("s", scene=scene_id), 0.0)
     [agent] = world.create_agents("s", [AgentSpec(position=place)], 0.0)
-    return world, book, scene_id, agent.agent_id
+    return world, agent.agent_id
 
 
 def walked(world, until):
@@ -49,27 +42,9 @@ def hips(chunks):
     return np.concatenate([chunk.translation for chunk in chunks])
 
 
-def test_walks_around_a_box():
-    world, _, _, agent = walker(field(BOX), SOUTH)
-    world.give(agent, NORTH, 0.0)
-    chunks = walked(world, 20.0)
-    assert chunks[-1].flags & ChunkFlag.ARRIVED
-    assert field(BOX).distance(hips(chunks)).min() > BODY
-
-
-def test_walks_around_what_is_put_in_its_way():
-    world, book, scene_id, agent = walker(field(), SOUTH)
-    world.give(agent, NORTH, 0.0)
-    walked(world, 1.5)
-    book.put(scene_id, "crate", BOX)
-    chunks = walked(world, 20.0)
-    assert chunks[-1].flags & ChunkFlag.ARRIVED
-    assert book.scene(scene_id).distance(hips(chunks)).min() > BODY
-
-
 def test_feet_are_on_a_slope_and_on_steps():
     scene = bake(slope_with_steps())
-    world, _, _, agent = walker(scene, (10.0, 2.0))
+    world, agent = walker(scene, (10.0, 2.0))
     world.give(agent, Goal((10.0, 17.0, 0.0)), 0.0)
     chunks = walked(world, 30.0)
     assert chunks[-1].flags & ChunkFlag.ARRIVED

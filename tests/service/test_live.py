@@ -1,7 +1,6 @@
 """The loop with its real thread, briefly; test_world tests time-dependent behaviour."""
 
 import asyncio
-import math
 import time
 
 import numpy as np
@@ -9,16 +8,11 @@ import pytest
 
 from tests.service.chunks import KeepingMeter
 from tests.service.running import ALL, Running, first, world_of
-from tests.world.fakes import GOAL, people, taken
-from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
+from tests.world.fakes import GOAL, people
+from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.service.live import steady_clock
-from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
-from wayfarer.world.agents.goal import Goal
-from wayfarer.world.behaviours import Wander
-from wayfarer.world.events import EventKind
-from wayfarer.world.goals.commands import Append, Path, Stop
 
 
 async def test_agents_stream_in_real_time_to_their_goal():
@@ -40,29 +34,6 @@ async def test_agents_stream_in_real_time_to_their_goal():
         assert (stats.agents, stats.sessions, stats.subscribers) == (4, 1, 1)
         assert stats.steps >= len(chunks) and stats.failures == stats.resets == 0
         assert loop.alive and loop.ready
-
-
-async def test_errors_come_back_to_the_caller_and_disturb_nobody():
-    async with Running() as loop:
-        await loop.create_session(SessionSpec("s"))
-        [agent] = await loop.create_agents("s", people(1))
-        stream = await loop.subscribe("s", ALL)
-        for goal in (Goal((math.nan, 0, 0)), Goal((math.inf, 0, 0)), Goal((9_999.0, 0, 0))):
-            with pytest.raises(InvalidArgument, match="allowed"):
-                await loop.give(agent.agent_id, goal)
-        for call in (
-            loop.give("nobody", GOAL),
-            loop.give("nobody", Stop()),
-            world_of(loop, "get_session", "nowhere"),
-            loop.create_agents("nowhere", people(1)),
-            world_of(loop, "list_agents", "nowhere"),
-            loop.subscribe("nowhere", ALL),
-            loop.subscribe("s", StreamOptions(("nobody",))),
-        ):
-            with pytest.raises(NotFound, match="no"):
-                await call
-        assert [b.chunks[0].seq for b in await first(stream, 3)] == [0, 1, 2]
-        assert loop.ready
 
 
 async def test_sessions_do_not_see_each_other_and_end_their_streams():
@@ -98,46 +69,6 @@ async def test_agents_may_be_deleted_at_any_moment():
         batches = await first(stream, 3)
         assert {c.agent_id for b in batches for c in b.chunks} == {stay.agent_id}
         assert [a.agent_id for a in await world_of(loop, "list_agents", "s")] == [stay.agent_id]
-
-
-async def test_every_change_of_goals_has_a_revision_and_stale_ones_are_refused():
-    async with Running() as loop:
-        await loop.create_session(SessionSpec("s"))
-        [agent] = await loop.create_agents("s", people(1))
-        orders = (
-            GOAL,
-            Append((GOAL,)),
-            Path((GOAL, GOAL)),
-            Wander((0.0, 0.0), 3.0),
-            Stop(),
-        )
-        for present, order in enumerate(orders):
-            with pytest.raises(Aborted, match=f"revision {present}"):
-                await loop.give(agent.agent_id, order, expected=present + 7)
-            assert await loop.give(agent.agent_id, order, expected=present) == present + 1
-
-
-async def test_a_session_that_was_taken_out_goes_on_where_it_stood():
-    async with Running() as loop:
-        await loop.create_session(SessionSpec("s"))
-        [agent] = await loop.create_agents("s", people(1))
-        stream = await loop.subscribe("s", ALL)
-        path = (Goal((0.0, 0.6, 0.0), speed=2.0),)
-        await loop.give(agent.agent_id, Path(path))
-        got = []
-        while not any(EventKind.GOAL_REACHED in [e.kind for e in p.events] for p in got):
-            got += await first(stream, 1)
-        record = await loop.ask(lambda world, _: taken(world))
-        await loop.delete_session("s")
-        assert (await loop.put_session(record)).agent_ids == (agent.agent_id,)
-        again = await loop.subscribe("s", ALL)
-        more = await first(again, 5)
-        assert again.epoch != stream.epoch
-        assert more[0].chunks[0].seq == record.agents[0].seq
-        kinds = [e.kind for p in more for e in p.events]
-        assert kinds == [EventKind.PATH_DONE], "reached there, and stood at here"
-        with pytest.raises(AlreadyExists):
-            await loop.put_session(record)
 
 
 async def test_the_meter_is_told():

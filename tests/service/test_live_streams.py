@@ -4,31 +4,10 @@ import asyncio
 
 import numpy as np
 
-from tests.service.chunks import KeepingMeter
 from tests.service.running import ALL, Running, first
 from tests.world.fakes import people
-from wayfarer.service.streams.publications import Resume, SlowReader, StreamOptions
+from wayfarer.service.streams.publications import SlowReader, StreamOptions
 from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
-
-
-async def test_a_stream_is_resumed_after_its_connection():
-    meter = KeepingMeter()
-    async with Running(meter=meter) as loop:
-        await loop.create_session(SessionSpec("s"))
-        await loop.create_agents("s", people(3))
-        stream = await loop.subscribe("s", ALL)
-        got = await first(stream, 4)
-        await stream.close()
-        await asyncio.sleep(0.5)
-        resume = Resume(stream.epoch, got[-1].position)
-        again = await loop.subscribe("s", StreamOptions(resume=resume))
-        got += await first(again, 20)
-        assert again.resumed and [p.position for p in got] == list(range(1, 25))
-        for alias in (1, 2, 3):
-            own = [c for p in got for c in p.chunks if c.alias == alias]
-            assert [c.seq for c in own] == list(range(len(own)))
-            assert [bool(c.flags & ChunkFlag.FIRST) for c in own] == [True, *[False] * len(own[1:])]
-        assert meter.resumes == {"resumed": 1}
 
 
 async def test_agents_wait_for_a_stalled_holder_and_others_do_not():

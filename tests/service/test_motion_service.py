@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.service.kept_worlds import assert_same_poses, fake_worlds, open_journal
+from tests.service.kept_worlds import fake_worlds, open_journal
 from tests.service.test_lockstep import until_ready
 from tests.world.fakes import people
 from wayfarer.errors import (
@@ -22,7 +22,6 @@ from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
 
 RECORDED = SessionSpec("s", record=True, attributes={"basis": "unity", "owner": "ada"})
@@ -54,33 +53,6 @@ async def walking(runtime, spec=RECORDED, count=3):
     return agents
 
 
-async def test_a_session_moves_to_another_server_in_mid_walk(servers):
-    here, there = await servers.start(), await servers.start()
-    agents = await walking(here)
-    await asyncio.sleep(0.5)
-    await here.give(agents[2].agent_id, Wander((4.0, 0.0), 5.0))
-    last = asyncio.create_task(chunks_of(here, 1.2))
-    await asyncio.sleep(0.7)
-    await here.give(agents[1].agent_id, Goal((2.0, -9.0, 0.0)))
-    snapshot = await here.export_session("s")
-    info = await there.import_session(snapshot, {"owner": "bob"})
-    assert info.spec.attributes == {"basis": "unity", "owner": "bob"}
-    assert info.agent_ids == tuple(a.agent_id for a in agents)
-    found = await chunks_of(there, 1.0)
-    before = {(c.alias, c.seq): c for c in await last}
-    firsts = {}
-    for chunk in found:
-        firsts.setdefault(chunk.alias, chunk)
-        if old := before.get((chunk.alias, chunk.seq)):
-            assert_same_poses(chunk, replace(old, agent_id=chunk.agent_id))
-    assert set(firsts) == {1, 2, 3}
-    assert any((c.alias, c.seq) in before for c in found), "the old server continued for a while"
-    for alias, chunk in firsts.items():
-        end = before[alias, chunk.seq - 1]
-        jump = np.linalg.norm(chunk.translation[0] - end.translation[-1])
-        assert jump < 1.6 / 40, "no more than one frame's motion"
-
-
 async def test_a_snapshot_is_no_second_session(servers):
     here = await servers.start()
     await walking(here)
@@ -93,37 +65,6 @@ async def test_a_snapshot_is_no_second_session(servers):
         await here.import_session(snapshot[:-20])
     await here.delete_session("s")
     assert len((await here.import_session(snapshot)).agent_ids) == 3
-
-
-async def test_a_lock_step_session_moves_as_well(servers):
-    here, there = await servers.start(), await servers.start()
-    await walking(here, replace(RECORDED, lock_step=True))
-    await here.step_session("s", 7)
-    await there.import_session(await here.export_session("s"))
-    a, b = await here.step_session("s", 5), await there.step_session("s", 5)
-    for mine, theirs in zip(a, b, strict=True):
-        for x, y in zip(mine.chunks, theirs.chunks, strict=True):
-            assert_same_poses(y, x)
-
-
-async def test_a_recorded_session_is_played_again_by_another_server(servers):
-    here, there = await servers.start(), await servers.start()
-    agents = await walking(here)
-    reading = asyncio.create_task(chunks_of(here, 1.5))
-    await asyncio.sleep(0.6)
-    await here.give(agents[0].agent_id, Goal((3.0, 0.0, 0.0)))
-    sent = await reading
-    log = await here.export_log("s")
-    played = [p async for p in there.replay(log)]
-    again = {(c.alias, c.seq): c for p in played for c in p.chunks}
-    assert len(sent) > 12
-    for chunk in sent:
-        assert_same_poses(again[chunk.alias, chunk.seq], chunk)
-        assert again[chunk.alias, chunk.seq].scheduled_at == pytest.approx(chunk.scheduled_at)
-    with pytest.raises(InvalidArgument):
-        _ = [p async for p in there.replay(log[:50])]
-    with pytest.raises(NotFound):
-        await there.export_log("s")
 
 
 async def test_what_was_not_recorded_has_no_log(servers):

@@ -1,4 +1,3 @@
-import struct
 from dataclasses import replace
 
 import numpy as np
@@ -64,26 +63,6 @@ def test_float32_loses_nothing():
     packed = encode(made, Basis.BLENDER)
     found = codec.decode(packed.poses, packed.contacts, Basis.BLENDER)
     np.testing.assert_array_equal(found.rotations, made.rotations)
-
-
-def test_float32_bytes():
-    """The example of docs/wire-format.md."""
-    rotations = np.zeros((2, 22, 4), np.float32)
-    rotations[0, 0] = [0.1, 0.2, 0.3, 0.4]
-    rotations[1, 21] = [0.5, 0.6, 0.7, 0.8]
-    made = replace(
-        chunk(),
-        translation=np.array([[1, 2, 3], [4, 5, 6]], np.float32),
-        rotations=rotations,
-        contacts=np.array([[True, False], [True, True]]),
-    )
-    packed = encode(made, Basis.GLTF)
-    assert len(packed.poses) == 2 * 364
-    # core (x, y, z) is glTF (-x, z, y)
-    assert packed.poses[:28] == struct.pack("<7f", -1, 3, 2, -0.1, 0.3, 0.2, 0.4)
-    assert packed.poses[364:376] == struct.pack("<3f", -4, 6, 5)
-    assert packed.poses[-16:] == struct.pack("<4f", -0.5, 0.7, 0.6, 0.8)
-    assert packed.contacts == b"\x01\x03"
 
 
 @given(

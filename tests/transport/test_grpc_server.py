@@ -11,7 +11,6 @@ from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
 from wayfarer.v1 import (
-    admin_pb2,
     agent_pb2,
     control_pb2,
     motion_pb2,
@@ -102,42 +101,6 @@ async def code_of(call) -> grpc.StatusCode:
     return caught.value.code()
 
 
-async def test_grpc_keeps_sessions_and_changes_agents(rig):
-    request = session_pb2.CreateSessionRequest(seed=0, lease_s=30, record=True, request_id="one")
-    session = (await rig.sessions.CreateSession(request)).session
-    assert (session.seed, session.lease_s, session.record) == (0, 30, True)
-    assert (await rig.sessions.CreateSession(request)).session == session
-    changed = session_pb2.CreateSessionRequest(seed=1, request_id="one")
-    assert await code_of(rig.sessions.CreateSession(changed)) == grpc.StatusCode.ABORTED
-    listed = await rig.sessions.ListSessions(session_pb2.ListSessionsRequest())
-    assert list(listed.sessions) == [session]
-    renewal = session_pb2.RenewSessionRequest(session_id=session.session_id)
-    assert (await rig.sessions.RenewSession(renewal)).expires_at_us == session.expires_at_us
-
-    request = agent_pb2.CreateAgentsRequest(session_id=session.session_id, agents=[{}])
-    (agent,) = (await rig.agents.CreateAgents(request)).agents
-    change = agent_pb2.UpdateAgentRequest(agent_id=agent.agent_id, name="Ada")
-    named = (await rig.agents.UpdateAgent(change)).agent
-    assert (named.name, named.foot_lock, named.model) == ("Ada", True, "fake")
-
-
-async def test_grpc_makes_clips_and_lets_time_pass(rig):
-    clip = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=0.4, agent={"seed": 3}))
-    header, *batches = [message async for message in clip]
-    assert header.header.frame_bytes == 364
-    assert [list(b.batch.chunks.seqs) for b in batches] == [[0], [1]]
-    too_long = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=1e6))
-    assert await code_of(too_long.read()) == grpc.StatusCode.INVALID_ARGUMENT
-
-    request = session_pb2.CreateSessionRequest(lock_step=True)
-    session_id = (await rig.sessions.CreateSession(request)).session.session_id
-    await rig.agents.CreateAgents(agent_pb2.CreateAgentsRequest(session_id=session_id, agents=[{}]))
-    step = motion_pb2.StepAgentsRequest(session_id=session_id, steps=2)
-    assert len((await rig.motion.StepAgents(step)).batches) == 2
-    stream = rig.motion.StreamMotion(motion_pb2.StreamMotionRequest(session_id=session_id))
-    assert await code_of(stream.read()) == grpc.StatusCode.FAILED_PRECONDITION
-
-
 async def test_grpc_moves_and_replays_sessions(rig):
     request = session_pb2.CreateSessionRequest(record=True)
     session_id = (await rig.sessions.CreateSession(request)).session.session_id
@@ -153,17 +116,6 @@ async def test_grpc_moves_and_replays_sessions(rig):
     assert header.header.sent_fps == 10 and len(batches) == 2
     unknown = rig.snapshots.Replay(snapshot_pb2.ReplayRequest(log=log, format={"encoding": 9}))
     assert await code_of(unknown.read()) == grpc.StatusCode.INVALID_ARGUMENT
-
-
-async def test_grpc_administrates(rig):
-    named = {"name": "next"}
-    loaded = await rig.admin.LoadModel(admin_pb2.LoadModelRequest(**named))
-    assert (loaded.model.name, loaded.model.in_use) == ("next", False)
-    assert (await rig.admin.UseModel(admin_pb2.UseModelRequest(**named))).moved == 0
-    await rig.admin.UnloadModel(admin_pb2.UnloadModelRequest(name="fake"))
-    last = rig.admin.UnloadModel(admin_pb2.UnloadModelRequest(**named))
-    assert await code_of(last) == grpc.StatusCode.FAILED_PRECONDITION
-    await rig.admin.Drain(admin_pb2.DrainRequest())
 
 
 async def test_control_over_grpc(rig):

@@ -6,34 +6,9 @@ import json
 import posixpath
 import re
 
-import numpy as np
 import pytest
-import websockets
 
 from wayfarer.errors import ResourceExhausted
-from wayfarer.transport import codec
-from wayfarer.transport.basis import Basis
-from wayfarer.v1 import (
-    motion_pb2,
-)
-
-
-async def test_http_from_session_to_frames(rig):
-    session_id, (_, other) = await rig.session("unreal")
-    async with rig.socket(session_id) as socket:
-        messages = [motion_pb2.StreamMotionResponse.FromString(await socket.recv())]
-        (sent, _) = rig.service.emit(session_id)
-        messages.append(motion_pb2.StreamMotionResponse.FromString(await socket.recv()))
-        assert messages[0].header.basis.metres_per_unit == 0.01
-        chunks = messages[1].batch.chunks
-        translation, _, _ = codec.decode(chunks.poses, chunks.contacts, Basis.UNREAL)
-        np.testing.assert_allclose(translation[:8], sent.translation, atol=1e-5)
-        assert (await rig.http.delete(f"/v1/agents/{other['agent_id']}")).status_code == 204
-        assert (await rig.http.delete(f"/v1/sessions/{session_id}")).status_code == 204
-        with pytest.raises(websockets.ConnectionClosedOK):
-            while True:
-                await socket.recv()
-    assert (await rig.http.get(f"/v1/sessions/{session_id}")).status_code == 404
 
 
 @pytest.mark.parametrize(

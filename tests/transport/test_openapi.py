@@ -14,8 +14,6 @@ from pydantic import ValidationError
 from starlette.routing import WebSocketRoute
 
 from tests.transport.fakes import gateway
-from wayfarer.body.phenotype import LIMITS
-from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.contract import FILES
 from wayfarer.transport.http_server import http_app
@@ -116,35 +114,7 @@ def test_schemas_use_keywords_of_json_schema_only():
     assert {keyword for schema in all_schemas() for keyword in schema} - KEYWORDS == set()
 
 
-BOUNDED = {
-    "NewSession.seed": (0, 2**32 - 1),
-    "AgentSpec.seed": (0, 2**32 - 1),
-    "Crowd.seed": (0, 2**32 - 1),
-    "Crowd.count": (0, Limits().agents_per_session),
-    "StepRequest.steps": (0, Limits().steps_per_call),
-    "ClipRequest.seconds": (1 / 40, Limits().clip_s),
-    "MotionExport.seconds": (0, Limits().clip_s),
-    "NewSession.lease_s": (1, Limits().lease_s),
-    "Phenotype.height_m": LIMITS["height_m"],
-    "Prism-Input.height": (0.01, 50_000),  # metres, or centimetres
-    "Goal.radius": (0.05, 1000),
-    "Goal.speed": (0.2, 400),
-    "Area.radius": (0.5, 100 * Limits().goal_distance_m),
-    "Crowd.spawn_rate": (0, 50),
-}
 PLACE = {"x": 1, "y": 1, "z": 1}
-
-
-@pytest.mark.parametrize("name", BOUNDED)
-def test_bounds_of_numbers_are_told(name):
-    message, _, field = name.partition(".")
-    schemas = DOCUMENT["components"]["schemas"]
-    if message not in schemas:
-        message = message.removesuffix("-Input")
-    found: dict[str, Any] = {}
-    for part in subschemas(schemas[message]["properties"][field]):
-        found |= {key: part[key] for key in ("minimum", "maximum") if key in part}
-    assert (found["minimum"], found["maximum"]) == BOUNDED[name]
 
 
 def test_every_number_of_a_request_has_bounds_unless_they_depend_on_the_basis():

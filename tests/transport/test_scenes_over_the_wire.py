@@ -5,14 +5,14 @@ import struct
 
 import grpc
 import pytest
-from google.rpc.error_details_pb2 import BadRequest, ErrorInfo
+from google.rpc.error_details_pb2 import BadRequest
 from grpc_status import rpc_status
 
 from tests.navigation.meshes.glb_files import LEVELS
 from tests.transport.rig import LIMITS, others_are_undisturbed
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.grpc_server.methods import check_points
-from wayfarer.v1 import scene_pb2, session_pb2
+from wayfarer.v1 import scene_pb2
 
 SQUARE = [{"x": x, "z": z} for x, z in ((-5, -5), (5, -5), (5, 5), (-5, 5))]
 YARD = {"floors": [{"outline": [{"y": 0.0, **corner} for corner in SQUARE]}]}
@@ -31,38 +31,6 @@ def bad_field(error: grpc.aio.AioRpcError) -> str:
 async def pieces(*sent: object):
     for piece in sent:
         yield scene_pb2.CreateMeshSceneRequest(**piece)
-
-
-async def test_grpc_from_scene_to_crowd(rig):
-    request = scene_pb2.CreateSceneRequest(name="yard", floors=[{"outline": SQUARE}])
-    scene = (await rig.scenes.CreateScene(request)).scene
-    assert scene.basis.basis == 1 and scene.area_m2 == pytest.approx(9.4**2, rel=0.01)
-    put = scene_pb2.PutObstacleRequest(scene_id=scene.scene_id, name="crate", obstacle=CRATE)
-    assert (await rig.scenes.PutObstacle(put)).scene.version == 1
-    found = (await rig.scenes.GetScene(scene_pb2.GetSceneRequest(scene_id=scene.scene_id))).scene
-    assert found.obstacles[0].obstacle.box.size.x == pytest.approx(9.6)
-    query = scene_pb2.QueryPathRequest(scene_id=scene.scene_id, start={"z": -3}, goal={"z": 3})
-    with pytest.raises(grpc.aio.AioRpcError) as caught:
-        await rig.scenes.QueryPath(query)
-    assert caught.value.code() is grpc.StatusCode.FAILED_PRECONDITION
-    assert caught.value.details().startswith("no way leads to (0, 0, 3); the nearest place")
-    info = ErrorInfo()
-    assert rpc_status.from_call(caught.value).details[0].Unpack(info)
-    assert info.reason == "UNREACHABLE" and float(info.metadata["z"]) < 0
-    remove = scene_pb2.RemoveObstacleRequest(scene_id=scene.scene_id, name="crate")
-    assert (await rig.scenes.RemoveObstacle(remove)).scene.version == 2
-    assert (await rig.scenes.QueryPath(query)).length == pytest.approx(6)
-    drawn = await rig.scenes.GetSceneOutlines(
-        scene_pb2.GetSceneOutlinesRequest(scene_id=scene.scene_id)
-    )
-    assert len(drawn.vertices) == 3 and list(drawn.triangles) == [0, 1, 2]
-    request = session_pb2.CreateSessionRequest(scene=scene.scene_id)
-    session = (await rig.sessions.CreateSession(request)).session
-    assert session.scene == scene.scene_id and session.avoid
-    crowd = scene_pb2.PopulateSessionRequest(session_id=session.session_id, count=7)
-    assert (await rig.scenes.PopulateSession(crowd)).came == 7
-    listed = await rig.scenes.ListScenes(scene_pb2.ListScenesRequest())
-    assert [one.sessions for one in listed.scenes] == [1]
 
 
 async def test_http_from_scene_to_crowd(rig):
@@ -93,13 +61,6 @@ async def test_http_from_scene_to_crowd(rig):
     assert (await http.delete(f"/v1/sessions/{session['session_id']}")).status_code == 204
     assert (await http.delete(path)).status_code == 204
     assert (await http.get("/v1/scenes")).json() == {"scenes": []}
-
-
-async def test_examples_over_http(rig):
-    names = [e["name"] for e in (await rig.http.get("/v1/scenes/examples")).json()["examples"]]
-    made = await rig.http.post(f"/v1/scenes/examples/{names[-1]}", json={"basis": "unreal"})
-    assert made.json()["basis"]["metres_per_unit"] == 0.01
-    assert (await rig.http.post("/v1/scenes/examples/moon")).status_code == 404
 
 
 async def test_meshes_by_both_transports(rig):

@@ -13,7 +13,6 @@ from tests.transport.fakes import gateway
 from wayfarer.errors import Unavailable
 from wayfarer.transport.server import Server
 from wayfarer.v1 import (
-    catalog_pb2,
     motion_pb2,
     session_pb2,
 )
@@ -59,23 +58,6 @@ async def test_an_unforeseen_error_stays_inside(rig):
     answer = await rig.http.get(f"/v1/sessions/{session_id}")
     assert answer.status_code == 500 and "secret" not in answer.text
     assert (await rig.http.get(f"/v1/sessions/{session_id}")).status_code == 200
-
-
-async def test_catalogue_is_the_same_on_both(rig):
-    info = await rig.catalog.GetServerInfo(catalog_pb2.GetServerInfoRequest())
-    by_http = (await rig.http.get("/v1/info")).json()
-    assert info.limits.agents_per_call == by_http["limits"]["agents_per_call"]
-    assert len(info.bases) == len(by_http["bases"]) == 6
-    skeleton = await rig.catalog.GetSkeleton(catalog_pb2.GetSkeletonRequest())
-    by_http = (await rig.http.get("/v1/skeleton")).json()
-    assert [b.name for b in skeleton.skeleton.bones] == [b["name"] for b in by_http["bones"]]
-    bodies = await rig.catalog.ListBodies(catalog_pb2.ListBodiesRequest())
-    by_http = (await rig.http.get("/v1/bodies")).json()
-    assert [b.glb_path for b in bodies.bodies] == [b["glb_path"] for b in by_http["bodies"]]
-    models = await rig.catalog.ListModels(catalog_pb2.ListModelsRequest())
-    by_http = (await rig.http.get("/v1/models")).json()
-    assert [m.name for m in models.models] == [m["name"] for m in by_http["models"]]
-    assert (await rig.http.get("/v1/stats")).json()["agents"] == 1
 
 
 async def grpc_health(rig, service: str = "") -> int:

@@ -248,34 +248,6 @@ def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page)
     assert page.problems == []
 
 
-def test_somebody_is_driven_with_a_gamepad(page: Page):
-    """Chromium has none here: the page reads axes of the shape that the Gamepad API has."""
-    page.evaluate(
-        "globalThis.pad = { axes: [0.1, -0.1, 0, 0] };"  # a stick at rest is seldom at 0
-        " navigator.getGamepads = () => [null, pad]"
-    )
-    page.evaluate("document.querySelector('#drive').click()")
-    page.wait_for("wayfarer.drive.on", 10)
-    person = f"{PEOPLE}.find(({{ marker }}) => marker.visible)"
-    page.wait_for(f"{person}.played.state === 'standing'", 30)
-    page.evaluate(
-        "document.querySelector('#follow').checked && document.querySelector('#follow').click()"
-    )
-    page.evaluate(f"({LOOK_WHERE_IT_IS_FREE})({person})")
-    page.evaluate(f"({KEEP_SENT})({person})")
-    assert page.evaluate("wayfarer.drive.driven") is None
-    page.evaluate("pad.axes[1] = -1")
-    page.wait_for("sent.length >= 2 && sentOn() > 0.5", 60)
-    page.evaluate("pad.axes[1] = 0")
-    page.wait_for("wayfarer.drive.driven === null", 10)
-    for ahead, sideways in page.evaluate("sent.map(({ ahead, sideways }) => [ahead, sideways])"):
-        assert ahead > 2.4 and abs(sideways) < 0.11 * ahead  # the stick leans to the right by .1
-    page.wait_for(f"{person}.played.state === 'standing'", 30)
-    page.evaluate("delete navigator.getGamepads")
-    press(page, "Escape")
-    assert page.problems == []
-
-
 def test_a_goal_is_dragged_and_turned(page: Page):
     x = page.evaluate(f"{PEOPLE}[0].x")
     page.evaluate("document.querySelector('#speed').value = '0.4'")

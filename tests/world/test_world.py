@@ -88,34 +88,6 @@ def test_goes_on_to_the_next_goal_from_where_it_stands():
         assert math.dist(world.get_agent(agent).position[:2], place[:2]) < 0.3
 
 
-def test_the_same_seeds_give_the_same_motion():
-    def run(phases):
-        world, agents = populated(4, phases=phases)
-        world.give(agents[1], GOAL, 0.0)
-        return by_agent(world.advance(3.0))
-
-    one, two, together = run(8), run(8), run(1)
-    for alias, chunks in one.items():
-        for a, b, c in zip(chunks, two[alias], together[alias], strict=False):
-            np.testing.assert_array_equal(a.translation, b.translation)
-            # Other phases batch other agents together: the rows do not notice.
-            np.testing.assert_array_equal(a.translation, c.translation)
-
-
-def test_a_lone_agent_moves_as_it_does_in_a_crowd():
-    crowd, crowd_ids = populated(9)
-    alone = make_world()
-    alone.create_session(SessionSpec("s"), 0.0)
-    [info] = alone.create_agents("s", people(9)[6:7], 0.0)
-    crowd.give(crowd_ids[6], GOAL, 0.0)
-    alone.give(info.agent_id, GOAL, 0.0)
-    expected = by_agent(crowd.advance(3.0))[7]
-    found = list(alone.advance(3.0))
-    assert len(found) >= 10
-    for a, b in zip(found, expected, strict=False):
-        np.testing.assert_array_equal(a.translation, b.translation)
-
-
 def test_agents_made_together_are_stepped_in_turns():
     engine = FakeEngine()
     world, _ = populated(64, engine)

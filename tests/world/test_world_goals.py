@@ -216,26 +216,6 @@ def test_wanders_from_place_to_place_until_told_otherwise():
     assert info.state is AgentState.STANDING and info.waypoints == 0
 
 
-def test_the_same_seed_wanders_the_same_way_and_another_another():
-    def walk(seed, start=0.0):
-        world = make_world()
-        world.create_session(SessionSpec("s"), start)
-        [info] = world.create_agents("s", people(1, noise_seed=seed), start)
-        world.give(info.agent_id, AREA, start)
-        return np.concatenate([c.translation for c in world.advance(start + 20.0)])
-
-    np.testing.assert_array_equal(walk(3), walk(3, start=0.2))
-    assert np.abs(walk(3)[-1] - walk(5)[-1]).max() > 0.1
-
-
-def test_dwells_where_it_wanders_to():
-    world, [agent] = populated()
-    world.give(agent, Wander((0.0, 0.0), 2.0, dwell=2.0), 0.0)
-    chunks = list(world.advance(30.0))
-    stood = [c for c in chunks if c.state is AgentState.STANDING and c.waypoint == 1]
-    assert 2.0 <= 0.2 * len(stood) <= 2.6
-
-
 def test_goals_added_to_wandering_end_it_after_the_present_place():
     world, [agent] = populated()
     world.give(agent, AREA, 0.0)
