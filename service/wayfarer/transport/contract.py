@@ -42,6 +42,7 @@ class Rpc:
     response: type[Message]
     options: options_pb2.CallOptions
     tag: str  # its group in the OpenAPI document
+    deprecated: bool
 
     @property
     def scope(self) -> Scope:
@@ -73,6 +74,7 @@ def _calls() -> Mapping[str, Rpc]:
             tag = service.GetOptions().Extensions[options_pb2.tag]
             for method in service.methods:
                 options = method.GetOptions().Extensions[options_pb2.call]
+                deprecated = method.GetOptions().deprecated
                 found[method.name] = Rpc(
                     method.name,
                     f"/{service.full_name}/{method.name}",
@@ -80,6 +82,7 @@ def _calls() -> Mapping[str, Rpc]:
                     GetMessageClass(method.output_type),
                     options,
                     options.tag or tag,
+                    deprecated,
                 )
     return found
 

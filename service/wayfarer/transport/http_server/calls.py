@@ -53,6 +53,7 @@ def call_routes(methods: Mapping[str, Endpoint], special: Special) -> APIRouter:
             summary=call.options.summary,
             description=call.options.description,
             tags=[call.tag],
+            deprecated=call.deprecated or None,
             **more,
         )
     return router
