@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.service.kept_worlds import fake_worlds, open_journal
+from tests.service.kept_worlds import assert_same_poses, fake_worlds, open_journal
 from tests.service.test_lockstep import until_ready
 from tests.world.fakes import people
 from wayfarer.errors import (
@@ -65,6 +65,17 @@ async def test_a_snapshot_is_no_second_session(servers):
         await here.import_session(snapshot[:-20])
     await here.delete_session("s")
     assert len((await here.import_session(snapshot)).agent_ids) == 3
+
+
+async def test_a_lock_step_session_moves_as_well(servers):
+    here, there = await servers.start(), await servers.start()
+    await walking(here, replace(RECORDED, lock_step=True))
+    await here.step_session("s", 7)
+    await there.import_session(await here.export_session("s"))
+    a, b = await here.step_session("s", 5), await there.step_session("s", 5)
+    for mine, theirs in zip(a, b, strict=True):
+        for x, y in zip(mine.chunks, theirs.chunks, strict=True):
+            assert_same_poses(y, x)
 
 
 async def test_what_was_not_recorded_has_no_log(servers):

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from tests.service.kept_worlds import fake_worlds, open_journal
-from tests.world.scenes.grounds import BOX, FIELD, WALL
-from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, Unreachable
+from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
+from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unavailable, Unreachable
 from wayfarer.limits import Limits
 from wayfarer.navigation.examples import corridor
 from wayfarer.navigation.scene_spec import Box, Cylinder, MeshFile, Prism, Ramp, SceneSpec
@@ -45,6 +45,19 @@ async def test_scenes_are_created_listed_drawn_and_deleted(servers):
     ):
         with pytest.raises(NotFound):
             await ask(scene.scene_id)
+
+
+async def test_errors_reach_the_caller(servers):
+    runtime = await servers.start()
+    with pytest.raises(InvalidArgument):
+        await runtime.scenes.create_scene(SceneSource(SceneSpec()))
+    with pytest.raises(InvalidArgument, match="mesh"):
+        await runtime.scenes.create_scene(SceneSource(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
+    scene = await runtime.scenes.create_scene(SceneSource(SceneSpec(ISLANDS)))
+    with pytest.raises(Unreachable):
+        await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
+    way = await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
+    assert way.points[0] == (6.0, 2.0, 0.0) and way.goal_moved > 80
 
 
 async def test_what_is_in_the_way_is_told_for_a_path_and_for_a_goal(servers):
