@@ -21,8 +21,11 @@ TERMS: Final = (
     "clearance",  # m, depth of the body in the margin around obstacles and other people
 )
 
-TOLD: Final = TERMS[:-1]
-"""Terms whose weights are inputs of the policy, which does not see obstacles."""
+POLICY_TERMS: Final = TERMS[: TERMS.index("clearance")]
+"""Terms whose weights are inputs of the policy, which sees no obstacles.
+
+A term that the policy need not know stands behind `clearance`.
+"""
 
 CLEARANCE: Final = 10.0
 """The weight of "clearance", whatever an agent is doing."""

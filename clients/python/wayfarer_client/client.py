@@ -54,7 +54,6 @@ class Client:
         self.connection = Connection(address, timeout, Access(api_key, token), tls)
         self.admin = Admin(self.connection)
         self.scenes = Scenes(self.connection)
-        self._skeleton: catalog_pb2.Skeleton | None = None
 
     @property
     def address(self) -> str:
@@ -135,7 +134,7 @@ class Client:
         if message.HasField("endpoint"):  # one node of several has it
             where = message.endpoint
             self.connection.learn(message.session_id, where.host, where.grpc_port)
-        return Session(self, self.connection, message, owned)
+        return Session(self.connection, message, owned)
 
     # clips and replays
 
@@ -196,11 +195,7 @@ class Client:
 
     async def skeleton(self) -> catalog_pb2.Skeleton:
         """Bones, parents, and names in common engines."""
-        if self._skeleton is None:
-            request = catalog_pb2.GetSkeletonRequest()
-            reply = await self.connection.call(self.connection.catalog.GetSkeleton, request)
-            self._skeleton = reply.skeleton
-        return self._skeleton
+        return await self.connection.skeleton()
 
     async def bodies(self) -> list[catalog_pb2.Body]:
         """Bodies that agents can have."""

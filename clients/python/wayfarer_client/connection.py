@@ -24,6 +24,7 @@ from wayfarer_client.methods import Methods, about, made
 from wayfarer_client.v1 import (
     admin_pb2_grpc,
     agent_pb2_grpc,
+    catalog_pb2,
     catalog_pb2_grpc,
     control_pb2_grpc,
     goal_pb2_grpc,
@@ -104,6 +105,7 @@ class Connection:
         self._channel = _channel(address, tls)
         self._nodes: dict[str, grpc.aio.Channel] = {}  # by address, as far as they were called
         self.homes = Homes(address)
+        self._skeleton: catalog_pb2.Skeleton | None = None
         # The generated stubs are typed for the synchronous API only.
         methods: Any = Methods()
         self.scenes: Any = scene_pb2_grpc.SceneServiceStub(methods)
@@ -168,6 +170,13 @@ class Connection:
                 return reply
             if not goes_on(route, refusal) and not await come_again(refusal, ends_at):
                 raise refusal
+
+    async def skeleton(self) -> catalog_pb2.Skeleton:
+        """The server's skeleton, asked for once."""
+        if self._skeleton is None:
+            reply = await self.call(self.catalog.GetSkeleton, catalog_pb2.GetSkeletonRequest())
+            self._skeleton = reply.skeleton
+        return self._skeleton
 
     async def create(self, method: Any, request: Any, timeout: float | None = None) -> Any:
         """As `call`, repeated while the server is unavailable, for `self.timeout`.

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Iterable
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from google.protobuf.message import Message
 
@@ -34,9 +34,6 @@ from wayfarer_client.v1 import (
 )
 from wayfarer_client.wire import BatchReader, agent_from_wire
 
-if TYPE_CHECKING:
-    from wayfarer_client.client import Client
-
 RENEWALS_PER_LEASE: Final = 3
 STEP_TIMEOUT_S: Final = 120.0
 
@@ -47,11 +44,8 @@ class Session(GoalCommands):
     At its end, a session that this client created is deleted; one that it joined remains.
     """
 
-    def __init__(
-        self, client: "Client", connection: Connection, message: session_pb2.Session, owned: bool
-    ) -> None:
+    def __init__(self, connection: Connection, message: session_pb2.Session, owned: bool) -> None:
         """`connection`: the channel for its calls."""
-        self.client = client
         self.session_id = message.session_id
         self.basis: common_pb2.BasisInfo = message.basis
         self.seed = message.seed
@@ -263,7 +257,7 @@ class Session(GoalCommands):
     async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
         """Advance a session made with `lock_step` by `steps` primitives of 0.2 s."""
         wanted = format or PoseFormat()
-        layout = PoseLayout.of(wanted, await self.client.skeleton())
+        layout = PoseLayout.of(wanted, await self._connection.skeleton())
         request = motion_pb2.StepAgentsRequest(
             session_id=self.session_id, steps=steps, format=wanted.to_wire()
         )

@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.report import MOCAP
+from wayfarer_lab.evaluation.gait import MOCAP, Row
 
 COLUMNS: Final = 4
 PANEL: Final = (4.2, 0.6)

@@ -14,7 +14,8 @@ from wayfarer.clips.clip import Clip
 from wayfarer.model_bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, MotionChunk
-from wayfarer.world.agents.registry import Agent, Session
+from wayfarer.world.agents.behaviour import Agent
+from wayfarer.world.agents.registry import Session
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.observer import Fall, Names, Start
 from wayfarer.world.rows import Index

@@ -15,6 +15,9 @@ from wayfarer_lab.evaluation.metrics.trunk import Trunk
 Array = NDArray[np.floating[Any]]
 Row = dict[str, float | int | str]
 
+MOCAP: Final = "mocap"
+"""Name of the row of recorded motion; rows of a part of it begin with it."""
+
 WINDOW_STEPS: Final = 5
 """Primitives in a window, so that seams keep their places: 1 s with 8 new frames in each."""
 

@@ -23,14 +23,12 @@ from rich.table import Table
 from wayfarer import __version__
 from wayfarer.errors import FailedPrecondition
 from wayfarer.processor import cores
+from wayfarer_lab.evaluation.charts import draw
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import VERSION
 
 UNKNOWN: Final = "unknown"
 """Used where no commit is known."""
-
-MOCAP: Final = "mocap"
-"""Name of the row of recorded motion; rows of a part of it begin with it."""
 
 Tables = Mapping[str, Sequence[Row]]
 """Title → rows."""
@@ -75,8 +73,6 @@ def write(path: Path, tables: Tables, plots: Sequence[str] = (), **about: Any) -
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"rows": rows, "meta": made}, indent=2, allow_nan=False) + "\n")
     path.with_suffix(".md").write_text(markdown(path.stem, tables, made))
-
-    from wayfarer_lab.evaluation.charts import draw
 
     draw(path.with_suffix(".png"), tables, plots)
 

@@ -20,7 +20,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.motion.layers import Gru
 from wayfarer.motion.trajectory import HORIZONS, Asked, asked_of
 from wayfarer.spec import FPS, LATENT, MARKERS
-from wayfarer.terms import TOLD
+from wayfarer.terms import POLICY_TERMS
 
 HIDDEN = 512
 BLOCKS = 2
@@ -93,7 +93,7 @@ class GoalPolicy(nn.Module):
         """`hidden`: width of its layers, H; 512 in the paper."""
         super().__init__()
         self.encoder = Gru(2 * MARKERS * 3, hidden)
-        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(TOLD), hidden)
+        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(POLICY_TERMS), hidden)
         self.actor = nn.Sequential(*(LeakyBlock(hidden) for _ in range(BLOCKS)))
         self.output = nn.Linear(hidden, 2 * LATENT)
         self.critic = nn.Sequential(
@@ -133,7 +133,7 @@ class GoalPolicy(nn.Module):
             way / (distance + 0.3),  # fades where a direction means nothing
             condition.target_speed[:, None],
             condition.facing,
-            condition.term_weights[:, : len(TOLD)],
+            condition.term_weights[:, : len(POLICY_TERMS)],
         ]
         return torch.tanh(encoded + self.condition(torch.cat(asked, -1)))
 

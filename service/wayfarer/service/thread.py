@@ -29,8 +29,8 @@ from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats, ThreadFigures
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.spec import FPS
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.faults import MAX_FAULTS, Stage
-from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.views import agents_by_sight, agents_by_state
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.stepping.due import Due, sights_of

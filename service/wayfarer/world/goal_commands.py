@@ -8,11 +8,11 @@ and the numbers of the others stay (goals/agent_paths.py). A behaviour extends i
 from collections.abc import Sequence
 
 from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
-from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.behaviour import Agent, Behaviour
 from wayfarer.world.agents.faults import Faults
 from wayfarer.world.agents.goal import Goal, check_goal, check_path
 from wayfarer.world.agents.records import AgentRecord
-from wayfarer.world.agents.registry import Agent, Registry
+from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.slots import Feeding, Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.behaviours.runner import BehaviourRunner, Surroundings, parts_of

@@ -8,10 +8,11 @@ import numpy as np
 from wayfarer.errors import AlreadyExists, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.faults import Faults
 from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.records import AgentRecord, LiveRows, SessionRecord
-from wayfarer.world.agents.registry import Agent, Registry, Session
+from wayfarer.world.agents.registry import Registry, Session
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goal_commands import GoalCommands

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, AgentState
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.records import AgentRecord
-from wayfarer.world.agents.registry import Agent, Session
+from wayfarer.world.agents.registry import Session
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.due import Due

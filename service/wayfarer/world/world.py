@@ -26,11 +26,12 @@ from wayfarer.world.agents.agent import (
     SessionSpec,
     Sight,
 )
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.checks import check_change, check_session, check_specs
 from wayfarer.world.agents.faults import Fault, Faults, Report, Stage
 from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.records import LiveRows
-from wayfarer.world.agents.registry import Agent, Registry
+from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Mode, Motion, SlotTable
 from wayfarer.world.agents.timeline import Timeline

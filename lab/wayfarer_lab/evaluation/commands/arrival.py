@@ -11,10 +11,9 @@ import typer
 from wayfarer.model_bundle import DEFAULT_MODEL, Bodies, open_world
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.world import World
-from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
-from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows, stillness_row
+from wayfarer_lab.evaluation.gait import MOCAP, Row, Windows, posed_gait_rows, stillness_row
 from wayfarer_lab.evaluation.outcome import STEP_LIMIT, goal_outcome, goal_row
 from wayfarer_lab.evaluation.scenarios import Scenario
 from wayfarer_lab.evaluation.seeds import walking_seeds
@@ -57,7 +56,7 @@ def arrival(
     tables = _arrivals(world, bodies, goals, random, recorded)
     if data and recorded:
         locomotion = recorded.windows(Use.LOCOMOTION)
-        tables["On the way"] += posed_gait_rows(report.MOCAP, locomotion, bodies["male"])
+        tables["On the way"] += posed_gait_rows(MOCAP, locomotion, bodies["male"])
         tables["Standing"] += _recorded_stillness(data, recorded)
     finish(
         json, tables, PLOTS, **origin(models, None, data, split, seed),
@@ -121,9 +120,9 @@ def _recorded_stillness(data: Path, recorded: Recorded) -> list[Row]:
     """Stillness of recorded people. Long stands are scarce: where the split has none, those of all
     splits take their place.
     """
-    name, motion = report.MOCAP, recorded.windows(Use.STANDING)
+    name, motion = MOCAP, recorded.windows(Use.STANDING)
     if not len(motion.markers):
-        name = f"{report.MOCAP} of all splits"
+        name = f"{MOCAP} of all splits"
         splits = {clip.split for clip in recorded.data.clips if clip.augmentation == ""}
         motion = Windows.join([Recorded(data, s).windows(Use.STANDING) for s in sorted(splits)])
     return [stillness_row(f"{name}, standing", motion)]

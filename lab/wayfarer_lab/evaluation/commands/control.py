@@ -26,6 +26,7 @@ from wayfarer_lab.evaluation.control import (
     random_pairs,
     told_the_goal_alone,
 )
+from wayfarer_lab.evaluation.gait import MOCAP
 from wayfarer_lab.evaluation.outcome import NEAR
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
@@ -106,7 +107,7 @@ def control(
             rows.append(control_row(method.name, trials, body))
     if data:
         recorded = Recorded(data, split).windows(Use.LOCOMOTION)
-        rows.append(mocap_row(report.MOCAP, recorded, body))
+        rows.append(mocap_row(MOCAP, recorded, body))
     finish(
         json, {"Control": rows}, PLOTS, **origin(models, None, data, split, seed),
         policy_10=str(policy_10), policy_1=str(policy_1), g_cvae=str(g_cvae), only=only, lead=lead,

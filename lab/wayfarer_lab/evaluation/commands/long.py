@@ -9,11 +9,10 @@ import typer
 from wayfarer.model_bundle import DEFAULT_MODEL, Bodies, open_bundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.world import World
-from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
 from wayfarer_lab.evaluation.falls import FallWatch, draw_falls
-from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows
+from wayfarer_lab.evaluation.gait import MOCAP, Row, Windows, posed_gait_rows
 from wayfarer_lab.evaluation.health import FAULTS, health_row
 from wayfarer_lab.evaluation.maneuvers import robust
 from wayfarer_lab.evaluation.maneuvers.case_runner import measured_takes
@@ -69,7 +68,7 @@ def long(
     row["goals_given"], row["goals_reached"] = seen.goals_given, seen.goals_reached
     gait = posed_gait_rows(NAME, Windows.join(seen.gait), bodies["male"])
     if recorded:
-        gait += posed_gait_rows(report.MOCAP, recorded.windows(Use.LOCOMOTION), bodies["male"])
+        gait += posed_gait_rows(MOCAP, recorded.windows(Use.LOCOMOTION), bodies["male"])
     scripts = []
     for case in (*SCRIPTS, *MORE_SCRIPTS) if scripted else ():
         alone = bundle.world(scripted, steering)

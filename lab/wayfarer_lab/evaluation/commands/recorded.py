@@ -13,8 +13,7 @@ from wayfarer_lab.evaluation.commands.shared import (
     recorded_gait,
     recorded_stillness,
 )
-from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.report import MOCAP
+from wayfarer_lab.evaluation.gait import MOCAP, Row
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.store import Dataset
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from wayfarer.model_bundle import Bodies
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, stillness_row
+from wayfarer_lab.evaluation.gait import MOCAP, Row, Windows, gait_row, stillness_row
 from wayfarer_lab.evaluation.tasks import Watch
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
@@ -23,12 +23,12 @@ def gait_rows(name: str, motion: Windows, bodies: Bodies) -> list[Row]:
     ]
 
 
-def recorded_gait(recorded: Recorded, name: str = report.MOCAP) -> list[Row]:
+def recorded_gait(recorded: Recorded, name: str = MOCAP) -> list[Row]:
     """Gait rows of the recorded locomotion of a split."""
     return gait_rows(name, recorded.windows(Use.LOCOMOTION), recorded.bodies)
 
 
-def recorded_stillness(recorded: Recorded, name: str = report.MOCAP) -> list[Row]:
+def recorded_stillness(recorded: Recorded, name: str = MOCAP) -> list[Row]:
     """The stillness row of the recorded standing of a split."""
     return [stillness_row(f"{name}, standing", recorded.windows(Use.STANDING))]
 

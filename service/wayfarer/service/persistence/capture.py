@@ -9,7 +9,8 @@ from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.journal_entries import CapturedAgents, Member
 from wayfarer.service.persistence.snapshot import AgentPart, AgentRows, RetiredColumns, SessionPart
 from wayfarer.world.agents.agent import AgentChange
-from wayfarer.world.agents.registry import Agent, Session
+from wayfarer.world.agents.behaviour import Agent
+from wayfarer.world.agents.registry import Session
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.behaviours import known_behaviour
 from wayfarer.world.goals.commands import GoalCommand

@@ -16,8 +16,9 @@ from typing import Final
 from wayfarer.errors import FailedPrecondition
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentChange, SessionSpec
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.records import AgentRecord
-from wayfarer.world.agents.registry import Agent, Session
+from wayfarer.world.agents.registry import Session
 from wayfarer.world.behaviours import Behaviour, Routine
 from wayfarer.world.goals.commands import Append, GoalCommand, Path
 from wayfarer.world.observer import Fall, Names, Start

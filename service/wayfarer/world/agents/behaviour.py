@@ -1,4 +1,4 @@
-"""Behaviours: what an agent does by itself. The interface that each kind implements.
+"""Agents and behaviours: what an agent does by itself. The interface that each kind implements.
 
 The kinds are in `behaviours/`, a file each.
 """
@@ -6,14 +6,12 @@ The kinds are in `behaviours/`, a file each.
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, TypeVar
+from typing import ClassVar, Final, Protocol, TypeVar
 
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
+from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
-
-if TYPE_CHECKING:
-    from wayfarer.world.agents.registry import Agent
 
 Vector = tuple[float, float]
 
@@ -198,3 +196,23 @@ class Behaviour:
     def is_over(self, actor: BehavingAgent) -> bool:
         """It has ended by itself."""
         return False
+
+
+@dataclass(slots=True)
+class Agent:
+    """What is kept of an agent beside its slot."""
+
+    agent_id: str
+    alias: int
+    session_id: str
+    spec: AgentSpec
+    slot: int
+    created_at: float
+    path: tuple[Goal, ...] = ()  # without the goals that are forgotten
+    passed: int = 0  # place of the first of them in the path, as it was given
+    path_start: tuple[float, float] = (0.0, 0.0)  # where the way to the first of them begins
+    behaviour: Behaviour | None = None  # that it follows
+    part: int = 0  # of a routine
+    begun: int = 0  # place in the path of the first goal of the behaviour, or of the part
+    begun_seq: int = 0  # of the first chunk that was planned for it
+    commanded_seq: int = 0  # of the first chunk that its last command counts for

@@ -14,10 +14,11 @@ from wayfarer.body.model import BodyModel
 from wayfarer.engines.models import Loaded, LoadedModels
 from wayfarer.spec import GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import AgentChange, AgentSpec
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.heading import heading_of
 from wayfarer.world.agents.phases import Phases
 from wayfarer.world.agents.records import AgentRecord
-from wayfarer.world.agents.registry import Agent, Registry, Session
+from wayfarer.world.agents.registry import Registry, Session
 from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.spawn import Spawner
 from wayfarer.world.agents.timeline import Timeline

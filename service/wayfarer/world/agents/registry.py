@@ -8,29 +8,8 @@ from wayfarer.ids import agent_id, group_of
 from wayfarer.ids import session_id as new_session_id
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentSpec, SessionInfo, SessionSpec
-from wayfarer.world.agents.behaviour import Behaviour
-from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.reservations import Reservation
-
-
-@dataclass(slots=True)
-class Agent:
-    """What is kept of an agent beside its slot."""
-
-    agent_id: str
-    alias: int
-    session_id: str
-    spec: AgentSpec
-    slot: int
-    created_at: float
-    path: tuple[Goal, ...] = ()  # without the goals that are forgotten
-    passed: int = 0  # place of the first of them in the path, as it was given
-    path_start: tuple[float, float] = (0.0, 0.0)  # where the way to the first of them begins
-    behaviour: Behaviour | None = None  # that it follows
-    part: int = 0  # of a routine
-    begun: int = 0  # place in the path of the first goal of the behaviour, or of the part
-    begun_seq: int = 0  # of the first chunk that was planned for it
-    commanded_seq: int = 0  # of the first chunk that its last command counts for
 
 
 @dataclass(slots=True)

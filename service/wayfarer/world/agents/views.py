@@ -5,8 +5,8 @@ import numpy as np
 from wayfarer.engines.models import LoadedModels
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentState, Sight, by_sight
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.heading import heading_of
-from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Final, Literal
 from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import (
+    Agent,
     Aim,
     BehavingAgent,
     Behaviour,
@@ -16,7 +17,6 @@ from wayfarer.world.agents.behaviour import (
     Vector,
 )
 from wayfarer.world.agents.checks import check_agent_id
-from wayfarer.world.agents.registry import Agent
 from wayfarer.world.ranges import check_range
 
 BESIDE: Final = (-10.0, 10.0)

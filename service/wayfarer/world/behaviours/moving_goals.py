@@ -7,10 +7,9 @@ import numpy as np
 
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer.world.agents.behaviour import Aim, BodyState
+from wayfarer.world.agents.behaviour import Agent, Aim, BodyState
 from wayfarer.world.agents.goal import Goal, GoalColumns
 from wayfarer.world.agents.heading import facing_of
-from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.agents.velocity import FORESIGHT, moving
 from wayfarer.world.goals.path_columns import PathColumns

@@ -9,10 +9,17 @@ import numpy as np
 
 from wayfarer.errors import Heading, Metres, MetresPerSecond
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import Aim, BehavingAgent, Behaviour, Others, Start, Vector
+from wayfarer.world.agents.behaviour import (
+    Agent,
+    Aim,
+    BehavingAgent,
+    Behaviour,
+    Others,
+    Start,
+    Vector,
+)
 from wayfarer.world.agents.checks import check_name
 from wayfarer.world.agents.goal import MAX_HEADING, SPEED
-from wayfarer.world.agents.registry import Agent
 from wayfarer.world.ranges import check_place, check_range
 
 SPACING: Final = (0.5, 5.0)

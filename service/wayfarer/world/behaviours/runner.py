@@ -13,10 +13,10 @@ from wayfarer.errors import Text
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.behaviour import Aim, Behaviour, BodyState, Others, Vector
+from wayfarer.world.agents.behaviour import Agent, Aim, Behaviour, BodyState, Others, Vector
 from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.registry import Agent, Registry
+from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.slots import Feeding, Slots
 from wayfarer.world.behaviours.moving_goals import MovingGoals
 from wayfarer.world.behaviours.places import free_place

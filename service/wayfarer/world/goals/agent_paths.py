@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.goals.path_columns import PathColumns
 

@@ -23,9 +23,10 @@ from wayfarer.errors import (
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.faults import MAX_FAULTS, Faults, Stage
 from wayfarer.world.agents.goal import DWELL, SPEED
-from wayfarer.world.agents.registry import Agent, Registry
+from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.behaviours.places import drawn_places

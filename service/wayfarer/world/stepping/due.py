@@ -7,7 +7,7 @@ import numpy as np
 
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import STATES, MotionChunks
-from wayfarer.world.agents.registry import Agent
+from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.rows import Index, Int8
