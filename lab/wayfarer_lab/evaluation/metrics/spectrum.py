@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
-from scipy.spatial.transform import Rotation
 
 from wayfarer.spec import FPS
 
@@ -27,16 +26,6 @@ def band_power(places: Array) -> Array:
     (Welch's method: the mean velocity of each window is taken off.)
     """
     return velocity_power(np.diff(places, axis=0) * FPS)
-
-
-def angular_power(rotations: Array) -> Array:
-    """Mean square angular velocity in each of `BANDS`, rad²/s², of local rotations [T, J, 4]
-    (x, y, z, w): of all three axes and all J joints together. NaN for less than a window. [4]
-    """
-    turns = Rotation.from_quat(rotations.reshape(-1, 4))
-    count = rotations.shape[1]
-    steps = (turns[:-count].inv() * turns[count:]).as_rotvec().reshape(-1, count, 3)
-    return velocity_power(steps * FPS) * count
 
 
 def velocity_power(velocity: Array) -> Array:

@@ -26,8 +26,9 @@ Figures:
     arm_leg: correlation of how far ahead a wrist and the opposite ankle are, mean of both
     trunk_deg: forward tilt of the trunk, mean
     twist_deg: yaw of the chest against the pelvis, p95 − p5
-    power_6_10: mean square angular velocity of the 21 local joint rotations from 6 to 10 Hz, sum
-        over joints, rad²/s²
+    power_6_10: mean square velocity of the 21 joints against the hips from 6 to 10 Hz, (cm/s)²: of
+        places, since most of the rotations' own is a thigh that turns about its axis, which
+        markers hardly tell and nobody sees
     step_cm: length of a step, from strikes
     head_bob_cm: the head up and down: 2 √2 σ after the mean over a stride is subtracted
     head_pitch_deg: mean pitch of the head; negative: it looks down
@@ -76,7 +77,7 @@ from wayfarer_lab.evaluation.metrics import (
     liveliness,
     stride,
 )
-from wayfarer_lab.evaluation.metrics.spectrum import BANDS, angular_power
+from wayfarer_lab.evaluation.metrics.spectrum import BANDS, band_power
 from wayfarer_lab.evaluation.takes import ANKLES, ELBOWS, HEAD, JOINT, SHOULDERS, WRISTS, Take
 
 CHEST = JOINT["spine3"]
@@ -110,8 +111,8 @@ def slide(take: Take) -> Values:
 
 
 def fine(take: Take) -> Values:
-    """Power of all joint angles from 6 to 10 Hz."""
-    return {"power_6_10": float(angular_power(take.clip.rotations[:, 1:])[FAST])}
+    """Power of all joints from 6 to 10 Hz."""
+    return {"power_6_10": 1e4 * float(band_power(take.joints[:, 1:] - take.joints[:, :1])[FAST])}
 
 
 def yaw_of_head(take: Take, base: int) -> np.ndarray:
