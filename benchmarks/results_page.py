@@ -22,9 +22,8 @@ figures.
 **What `heldout` means.** No network was trained on three people of the CMU recordings (08, 09,
 32). They are not untouched: a feasibility experiment chose the predictor's KL weight, the origin on
 the floor and the regressor's passes on them. Some of them run or stride, so their mocap rows lean
-and hurry more than other people's. No held-out person takes part in `control`, `long`, `bodies` and
-`arrival` from standing: agents begin in the shipped start poses, with random shapes, and the split
-changes the mocap row only.
+and hurry more than other people's. No held-out person takes part in `control` and `bodies`: agents
+begin in the shipped start poses, with random shapes, and the split changes the mocap row only.
 """
 STALE = """**Not of one release.** Tables marked stale were made by another commit than most of this
 page, or by an unknown one: their figures need not hold for the shipped models. **Nor is any table
@@ -39,9 +38,7 @@ COMMANDS = {
         f"--speed {speed} --seed 7"
         for speed in ("1.0", "1.2", "1.5")
     },
-    "arrival": f"wayfarer eval arrival {HELDOUT} --seed 7",
     "maneuvers": "wayfarer eval maneuvers --data PREPARED --seed 7",
-    "long": "wayfarer eval long --seed 3 --data PREPARED",
     "realism": f"wayfarer eval realism {HELDOUT} --seed 7",
     "skating": f"wayfarer eval skating {HELDOUT} --seed 7",
     "bodies": f"wayfarer eval bodies {HELDOUT} --seed 7",

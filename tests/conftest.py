@@ -24,7 +24,6 @@ SLOW = (
     "clients/test_examples.py",  # real servers
     "lab/evaluation/commands",  # whole tables, over the shipped model
     "lab/evaluation/maneuvers/test_run.py",
-    "lab/evaluation/test_scenarios.py",
     "lab/training/test_export.py",  # traces and optimises whole graphs
     "lab/test_onnx_files.py",
     "lab/training/test_pose_graphs.py",

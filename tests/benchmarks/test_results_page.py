@@ -25,7 +25,7 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(results_page, "RESULTS", tmp_path)
     monkeypatch.setattr(results_page, "PAGE", tmp_path / "README.md")
     monkeypatch.setattr("sys.argv", ["results_page.py"])
-    for name in ("arrival", "long", "control"):
+    for name in ("skating", "bodies", "control"):
         (tmp_path / f"{name}.json").write_text(json.dumps(result("abc1234")))
     return tmp_path
 

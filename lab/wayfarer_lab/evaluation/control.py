@@ -125,7 +125,7 @@ def online(
         left = 0.0 if outcome.reached is not None else outcome.final_distance
         body = bodies[pair.spec.gender]
         track = trajectory.track(body, outcome.walking())
-        yield Trial(outcome.steps, outcome.near is not None, np.array([left]), [track])
+        yield Trial(outcome.steps, outcome.near, np.array([left]), [track])
 
 
 def control_row(name: str, trials: Sequence[Trial], body: BodyModel) -> Row:

@@ -29,8 +29,6 @@ SOURCES: Final = {
     "predictor": "models.py:predictor_rows",
     "regressor": "models.py:regressor_rows",
     "control": "control.py:control_row",
-    "arrival": "outcome.py:goal_row",
-    "long": "health.py:health_row",
     "scenes": "scenes/measures.py",
     "maneuvers": "maneuvers/maneuver.py",
     "two-sided": "twosided/figures.py",

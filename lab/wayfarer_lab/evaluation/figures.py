@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.spec import FPS
 from wayfarer.world.agents.goal import Goal
 
 Array = NDArray[np.floating[Any]]
@@ -39,11 +39,6 @@ def first(happens: NDArray[np.bool_]) -> int | None:
     return int(happens.argmax()) if happens.any() else None
 
 
-def primitives(frame: int | None) -> float:
-    """Number of primitives made before a frame; NaN for None."""
-    return float("nan") if frame is None else float(frame // NEW_FRAMES + 1)
-
-
 def mean(values: Sequence[float]) -> float:
     """Mean of the values that are not NaN; NaN if all are."""
     known = [v for v in values if not np.isnan(v)]
@@ -54,12 +49,6 @@ def quantile(values: Sequence[float], at: float) -> float:
     """Quantile of the values that are not NaN; NaN if all are."""
     known = [v for v in values if not np.isnan(v)]
     return float(np.quantile(known, at)) if known else float("nan")
-
-
-def median_of_all(values: Sequence[float]) -> float:
-    """Median that sorts NaN last, as what never happened."""
-    middle = float(np.median([np.inf if np.isnan(v) else v for v in values]))
-    return middle if np.isfinite(middle) else float("nan")
 
 
 def share(happened: Sequence[bool]) -> float:

@@ -6,7 +6,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.body.model import BodyModel
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import NEW_FRAMES
 from wayfarer_lab.evaluation.metrics import contact, kinematics
@@ -115,7 +114,6 @@ def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
             reference itself gave 1.5
         frechet_windows: number of windows for `frechet_v1`
         trunk_tilt_deg: angle of the trunk (waist to chest) from that of the T-pose
-        marker_speed_cm_s: speed of all markers while standing
     """
     if not len(motion.markers):
         return {"name": name, "windows": 0}
@@ -138,34 +136,8 @@ def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
     }
 
 
-def stillness_row(name: str, motion: Windows) -> Row:
-    """How much a standing body moves: over all markers and frames. Trembling shows as
-    acceleration without speed.
-    """
-    if not len(motion.markers):
-        return {"name": name, "windows": 0}
-    speed = np.linalg.norm(kinematics.velocity(motion.markers), axis=-1)
-    return {
-        "name": name,
-        "windows": len(motion.markers),
-        "marker_speed_cm_s": 100 * float(speed.mean()),
-        "acceleration_m_s2": float(kinematics.acceleration(motion.markers).mean()),
-        "jerk_m_s3": float(kinematics.jerk(motion.markers).mean()),
-    }
-
-
 def lean(row: Row, motion: Windows, trunk: Trunk) -> Row:
     """`row` with the mean tilt of the trunk, degrees, in the motion that it describes."""
     if not len(motion.markers):
         return row
     return {**row, "trunk_tilt_deg": float(trunk.tilt(motion.markers).mean())}
-
-
-def posed_gait_rows(name: str, motion: Windows, body: BodyModel) -> list[Row]:
-    """Rows of all windows and of those at walking speed; both genders have the same markers."""
-    trunk = Trunk.of(body)
-    matched = motion.at_walking_speed()
-    return [
-        lean(gait_row(name, motion, body.sole_markers), motion, trunk),
-        lean(gait_row(f"{name}, 0.9-1.4 m/s", matched, body.sole_markers), matched, trunk),
-    ]

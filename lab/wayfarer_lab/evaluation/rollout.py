@@ -22,7 +22,6 @@ from wayfarer.motion.quality import Sites
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.spawn import load_start_poses
-from wayfarer_lab.evaluation.health import EXTENT
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.tracks import BodyTrack, Recorded
@@ -40,6 +39,9 @@ AREA: Final = 10.0
 
 TARGET: Final = 5.0
 """Metres ahead of a start pose."""
+
+EXTENT: Final = 3.0
+"""Metres from the hips to a marker beyond which it is no body any more."""
 
 Goals = Callable[[Tensor], Tensor]
 """Places of the hips [A, 2] → goals [A, 3]; called before every primitive."""

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES
-from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState, MotionChunk, SessionSpec
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, MotionChunk, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_of
-from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Path
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
@@ -73,7 +72,6 @@ class Trajectory:
     given: tuple[IssuedCommand, ...]
     hips: Array  # [T, 3]
     rotations: Array  # [T, 22, 4] x, y, z, w; joint 0 is the hips' world rotation
-    standing: NDArray[np.bool_]  # [T] the agent says it stands
     contacts: NDArray[np.bool_]  # [T, 2] left, right
 
     @cached_property
@@ -94,7 +92,6 @@ class Trajectory:
             given=(replace(self.given[-1], frame=0),),
             hips=self.hips[frame:],
             rotations=self.rotations[frame:],
-            standing=self.standing[frame:],
             contacts=self.contacts[frame:],
         )
 
@@ -143,19 +140,15 @@ def run_tasks(
     seconds: float,
     *,
     session: SessionSpec = FLOOR,
-    seeds: Sequence[Motion] | None = None,
     watch: Watch = lambda done, total: None,
 ) -> list[Trajectory]:
     """Runs all agents with their orders in one session, for `seconds` from the first order.
 
-    The first order comes after 2 s of standing, or at once with `seeds`, the motions to begin in.
+    The first order comes after 2 s of standing.
     """
     session_id = world.create_session(session, 0.0).session_id
-    agents = [
-        a.agent_id
-        for a in world.create_agents(session_id, [task.spec for task in tasks], 0.0, seeds)
-    ]
-    start = 0.0 if seeds is not None else LEAD_IN
+    specs = [task.spec for task in tasks]
+    agents = [a.agent_id for a in world.create_agents(session_id, specs, 0.0)]
     chunks: dict[str, list[MotionChunk]] = {agent: [] for agent in agents}
     idle = {agent for agent, task in zip(agents, tasks, strict=True) if not task.orders}
     given: dict[str, list[tuple[int, tuple[Goal, ...]]]] = {agent: [] for agent in agents}
@@ -164,22 +157,22 @@ def run_tasks(
         for chunk in world.advance(until):
             orders = given[chunk.agent_id]
             if chunk.agent_id in idle:
-                begun = chunk.scheduled_at >= start - EARLY
+                begun = chunk.scheduled_at >= LEAD_IN - EARLY
             else:
                 begun = bool(orders) and chunk.goal_revision >= orders[0][0]
             if begun:
                 chunks[chunk.agent_id].append(chunk)
-            watch(chunk.scheduled_at, start + seconds)
+            watch(chunk.scheduled_at, LEAD_IN + seconds)
 
     for moment in sorted({order.at for task in tasks for order in task.orders}):
-        advance(start + moment)
+        advance(LEAD_IN + moment)
         for agent, task in zip(agents, tasks, strict=True):
             for order in task.orders:
                 if order.at == moment:
                     path = tuple(order.plan(world.get_agent(agent)))
-                    revision = world.give(agent, Path(tuple(path)), start + moment)
+                    revision = world.give(agent, Path(tuple(path)), LEAD_IN + moment)
                     given[agent].append((revision, path))
-    advance(start + seconds)
+    advance(LEAD_IN + seconds)
     world.delete_session(session_id)
     return [
         _trajectory(task.spec, given[agent], chunks[agent])
@@ -200,6 +193,5 @@ def _trajectory(
         ),
         hips=np.concatenate([c.translation for c in chunks]),
         rotations=np.concatenate([c.rotations for c in chunks]),
-        standing=np.repeat([c.state == AgentState.STANDING for c in chunks], NEW_FRAMES),
         contacts=np.concatenate([c.contacts for c in chunks]),
     )

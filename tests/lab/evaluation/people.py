@@ -58,7 +58,6 @@ def trajectory(
     places: np.ndarray,
     goals: Goal | Sequence[Goal],
     headings: float | np.ndarray = 0.0,
-    standing: np.ndarray | None = None,
     frame: int = 0,
 ) -> Trajectory:
     """Hips at places [T, 2] with headings [T] (radians); `goals` were given at `frame`."""
@@ -73,7 +72,6 @@ def trajectory(
         given=(IssuedCommand(path, frame),),
         hips=np.concatenate([places, np.full((frames, 1), 0.9)], -1),
         rotations=rotations,
-        standing=np.zeros(frames, bool) if standing is None else standing,
         contacts=np.ones((frames, 2), bool),
     )
 

@@ -48,9 +48,8 @@ def test_the_page_is_what_the_command_prints() -> None:
     ("figure", "groups"),
     [
         ("seam_ratio", ["All tables"]),
-        ("drift_2s_p95_m", ["arrival"]),
-        ("floating_5cm", ["All tables"]),  # not the fault floating_*
-        ("success", ["control", "arrival", "scenes"]),
+        ("off_heading_deg_median", ["maneuvers"]),
+        ("success", ["control", "scenes"]),
     ],
 )
 def test_a_figure_is_looked_up_by_name_then_by_pattern(figure: str, groups: list[str]) -> None:

@@ -69,6 +69,6 @@ def test_a_table_shows_every_figure_of_every_row(capsys: pytest.CaptureFixture[s
 
 
 def test_a_bad_file_name_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
-    answer = CliRunner().invoke(app, ["long", "--json", str(tmp_path / "long.txt")])
+    answer = CliRunner().invoke(app, ["skating", "--json", str(tmp_path / "skating.txt")])
     assert answer.exit_code == 2
     assert ".json" in answer.output

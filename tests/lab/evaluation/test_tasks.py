@@ -7,7 +7,6 @@ from tests.lab.evaluation.people import BODIES, make_world
 from wayfarer.spec import FPS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.slots import Mode
 from wayfarer_lab.evaluation.tasks import (
     AgentTask,
     TimedCommand,
@@ -40,7 +39,6 @@ def test_a_course_begins_with_the_first_frame_for_its_order() -> None:
         direction = np.array([-np.sin(trajectory.spec.heading), np.cos(trajectory.spec.heading)])
         assert way @ direction == pytest.approx(3.0, abs=0.3), "the goal is straight ahead"
         assert trajectory.goal == trajectory.given[0].path[-1]
-        assert trajectory.standing[-1] and not trajectory.standing[0]
         assert len(trajectory.hips) >= 5.5 * FPS
 
 
@@ -60,21 +58,6 @@ def test_a_course_is_skinned_on_its_own_body() -> None:
     track = trajectory.track(BODIES[trajectory.spec.gender], slice(0, 20))
     assert track.markers.shape == (20, 67, 3)
     assert abs(track.markers[..., 2].min()) < 0.01, "spawned on the floor"
-
-
-def test_agents_may_begin_in_motion() -> None:
-    tasks = [
-        AgentTask(spec, (TimedCommand(0.0, ahead),))
-        for spec in random_specs(2, np.random.default_rng(0))
-    ]
-    world = make_world()
-    seeds = world.prepare([task.spec for task in tasks])
-    for seed in seeds:
-        seed.gait.mode[:] = Mode.WALKING
-    made = run_tasks(world, tasks, 2.0, seeds=seeds)
-    assert all(len(trajectory.hips) >= 1.5 * FPS for trajectory in made), (
-        "without any standing first"
-    )
 
 
 def test_the_seed_decides_everything() -> None:

@@ -3,11 +3,9 @@
 import typer
 
 from wayfarer_lab.evaluation.commands import (
-    arrival,
     control,
     define,
     everything,
-    long,
     maneuvers,
     paper,
     recorded,
@@ -26,10 +24,8 @@ for part in (
     rollouts,
     recorded,
     control,
-    arrival,
     maneuvers,
     twosided,
-    long,
     scenes,
     paper,
     everything,

@@ -8,9 +8,7 @@ import typer
 
 from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands import options
-from wayfarer_lab.evaluation.commands.arrival import arrival
 from wayfarer_lab.evaluation.commands.control import control
-from wayfarer_lab.evaluation.commands.long import long
 from wayfarer_lab.evaluation.commands.maneuvers import maneuvers
 from wayfarer_lab.evaluation.commands.recorded import mocap, predictor, regressor
 from wayfarer_lab.evaluation.commands.rollouts import bodies, realism, skating
@@ -26,9 +24,7 @@ TABLES: Final[dict[str, Callable[..., None]]] = {
     "predictor": predictor,
     "regressor": regressor,
     "control": control,
-    "arrival": arrival,
     "maneuvers": maneuvers,
-    "long": long,
     "scenes": scenes,
 }
 """Tables in the order of their making: the long ones last."""
@@ -49,9 +45,7 @@ QUICK: Final[dict[str, dict[str, Any]]] = {
     "predictor": {"count": 200},
     "regressor": {"count": 50},
     "control": {"pairs": 10},
-    "arrival": {"goals": 10},
     "maneuvers": {"quick": True},
-    "long": {"agents": 16, "minutes": 1.0, "scripted": 4},
     "scenes": {"scale": 0.1, "minutes": 1.0},
 }
 

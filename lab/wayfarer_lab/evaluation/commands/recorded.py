@@ -7,14 +7,10 @@ import typer
 
 from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands import options
-from wayfarer_lab.evaluation.commands.shared import (
-    finish,
-    origin,
-    recorded_gait,
-    recorded_stillness,
-)
-from wayfarer_lab.evaluation.gait import MOCAP, Row
+from wayfarer_lab.evaluation.commands.shared import finish, origin
+from wayfarer_lab.evaluation.gait import MOCAP, Row, gait_row
 from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import Dataset
 
 app = typer.Typer()
@@ -24,12 +20,14 @@ app = typer.Typer()
 def mocap(data: options.Recorded, json: options.Json = None) -> None:
     """Measure the recordings with the code that measures the models: one row per split."""
     gait: list[Row] = []
-    still: list[Row] = []
     for split in sorted({clip.split for clip in Dataset.load(data).clips}):
         recorded = Recorded(data, split)
-        gait += recorded_gait(recorded, f"{MOCAP} {split}")
-        still += recorded_stillness(recorded, f"{MOCAP} {split}")
-    finish(json, {"Recorded locomotion": gait, "Recorded standing": still}, data=str(data))
+        soles, motion = recorded.bodies["male"].sole_markers, recorded.windows(Use.LOCOMOTION)
+        gait += [
+            gait_row(f"{MOCAP} {split}", motion, soles),
+            gait_row(f"{MOCAP} {split}, 0.9-1.4 m/s", motion.at_walking_speed(), soles),
+        ]
+    finish(json, {"Recorded locomotion": gait}, data=str(data))
 
 
 @app.command(short_help="Errors and diversity of the marker predictors (Tab. S1).")

@@ -1,4 +1,4 @@
-"""What several tables share: rows of gait, the bar over seconds of motion, the end of a command."""
+"""What several tables share: their origin, the bar over seconds of motion, the end of a command."""
 
 import json as json_module
 from collections.abc import Iterator, Sequence
@@ -6,31 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from wayfarer.model_bundle import Bodies
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.gait import MOCAP, Row, Windows, gait_row, stillness_row
+from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.tasks import Watch
-from wayfarer_lab.evaluation.tracks import Recorded
-from wayfarer_lab.training.mocap.selection import Use
-
-
-def gait_rows(name: str, motion: Windows, bodies: Bodies) -> list[Row]:
-    """Rows of all windows and of those at walking speed. Both genders have the same markers."""
-    soles = next(iter(bodies.values())).sole_markers
-    return [
-        gait_row(name, motion, soles),
-        gait_row(f"{name}, 0.9-1.4 m/s", motion.at_walking_speed(), soles),
-    ]
-
-
-def recorded_gait(recorded: Recorded, name: str = MOCAP) -> list[Row]:
-    """Gait rows of the recorded locomotion of a split."""
-    return gait_rows(name, recorded.windows(Use.LOCOMOTION), recorded.bodies)
-
-
-def recorded_stillness(recorded: Recorded, name: str = MOCAP) -> list[Row]:
-    """The stillness row of the recorded standing of a split."""
-    return [stillness_row(f"{name}, standing", recorded.windows(Use.STANDING))]
 
 
 def origin(

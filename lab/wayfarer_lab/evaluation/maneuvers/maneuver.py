@@ -27,6 +27,7 @@ Figures:
     arrive: share within 0.3 m of the goal at the end
     end_m: distance to the goal at the end
     off_heading_*: angle off the asked heading
+    off_goal_cm*: stop: distance from the goal 2 s after rest
     lifts: lifts of both feet together
     lifts_per_04_m: lifts per 0.4 m of path
     no_lift: share of takes without any lift
@@ -50,6 +51,7 @@ Figures:
     hand_up_cm*: by how far one wrist is above the other one
     pop_cm*: largest second difference of any joint's position, cm/frame²
     both_up: share of frames with both soles more than 3 cm above the ground
+    sunk: share of frames with a sole more than 3 cm below the ground
     folded: share of agents whose hips sink below 0.75 of their height in the T-pose
     root_step_cm: longest way of the hips from one frame to the next, in space
     knee_*: flexion from the T-pose, −180 … 180; negative is beyond straight, or inside out

@@ -1,12 +1,15 @@
 """Coming to a stand: walks of 3 to 8 m at 0.6 to 2.0 m/s, and the posture after it."""
 
 from collections.abc import Sequence
+from math import pi
 from typing import Final
 
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer_lab.evaluation.figures import distances, first
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.heading import facing_at
+from wayfarer_lab.evaluation.figures import degrees_off, distances, first
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Bar,
@@ -65,9 +68,24 @@ def rests(take: Take) -> list[int]:
     return [run.start for run in feet.runs(slow) if run.stop - run.start >= needed]
 
 
-def _plan(request: Request) -> Plan:
+def _plan(request: Request, **how: float) -> Plan:
     metres, speed = request.random.uniform(*METRES), request.random.uniform(*SPEEDS)
-    return way_to(0.0, float(metres), float(speed))
+    return way_to(0.0, float(metres), float(speed), **how)
+
+
+def _faced(request: Request) -> Plan:
+    return _plan(request, heading=float(request.random.uniform(-pi, pi)))
+
+
+def _off_goal(take: Take, goal: Goal | None, moment: int) -> Figures:
+    """How far a body is from its goal, and how far off the asked heading."""
+    off = dict.fromkeys(("off_goal_cm", "off_heading_deg"), np.nan)
+    if goal is not None:
+        off["off_goal_cm"] = 100 * float(distances(take.hips[moment], goal))
+        if goal.heading is not None:
+            asked = facing_at(goal.heading)
+            off["off_heading_deg"] = float(degrees_off(take.facing[moment], asked))
+    return off
 
 
 def _braked(shot: MeasuredTake) -> int:
@@ -122,6 +140,7 @@ def measure_stop(shot: MeasuredTake) -> Figures:
         }
         | settling(stop)
         | arms(take[moment : moment + 1])
+        | _off_goal(take, shot.goal, moment)
     )
 
 
@@ -141,6 +160,9 @@ def stop_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
         apart_cm_p90="p90 of apart_cm",
         heel_up="mean of heel_up",
         heel_cm_p90="p90 of heel_cm",
+        off_goal_cm_median="median of off_goal_cm",
+        off_goal_cm_p90="p90 of off_goal_cm",
+        off_heading_deg_median="median of off_heading_deg",
         rests="mean of rests",
         rest_s_median="median of rest_s",
         rest_s_p90="p90 of rest_s",
@@ -166,7 +188,7 @@ STOP = Maneuver(
     name="stop",
     about="walks of 3 to 8 m at 0.6 to 2.0 m/s that end in a stand, looked at 2 s after rest",
     agents=96,
-    cases=(case("at a goal", SECONDS, _plan),),
+    cases=(case("at a goal", SECONDS, _plan), case("facing asked", SECONDS, _faced, share=1 / 3)),
     measure=measure_stop,
     row=stop_row,
     bars=(

@@ -47,7 +47,7 @@ def test_all_tables_are_made(tmp_path: Path, made: Made) -> None:
 
 def test_quick_ones_are_smaller(tmp_path: Path, made: Made) -> None:
     run(write_recordings(tmp_path), "--quick")
-    assert dict(made)["skating"]["poses"] == 100 and dict(made)["long"]["minutes"] == 1.0
+    assert dict(made)["skating"]["poses"] == 100 and dict(made)["scenes"]["minutes"] == 1.0
 
 
 def test_an_interrupt_leaves_what_is_finished(

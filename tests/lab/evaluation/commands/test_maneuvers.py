@@ -53,9 +53,12 @@ def test_rows_say_whose_they_are_and_every_take_has_its_figures(tmp_path: Path) 
     made = json.loads(path.read_text())
     assert [(row["case"], row["source"]) for row in made["rows"]] == [
         ("at a goal", "sent"), ("at a goal", "raw"),
+        ("facing asked", "sent"), ("facing asked", "raw"),
     ]  # fmt: skip
-    assert all(row["maneuver"] == "stop" and row["n"] == 3 for row in made["rows"])
-    assert len(made["each"]) == 6
+    assert [row["n"] for row in made["rows"]] == [3, 3, 2, 2]
+    assert len(made["each"]) == 10
+    asked = [take["off_heading_deg"] is not None for take in made["each"]]
+    assert asked == [take["case"] == "facing asked" for take in made["each"]]
     assert {"apart_cm", "heel_up", "rest_s"} <= set(made["each"][0])
     assert {take["gender"] for take in made["each"]} == set(GENDERS)
     assert made["meta"]["seed"] == 5 and made["meta"]["quick"] is True

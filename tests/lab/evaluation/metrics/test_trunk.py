@@ -13,7 +13,7 @@ from wayfarer.body.library import load_body
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import BETAS
-from wayfarer_lab.evaluation.gait import Windows, posed_gait_rows
+from wayfarer_lab.evaluation.gait import Windows, lean
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
 
 BODY = BODIES["female"]
@@ -53,6 +53,6 @@ def test_gait_rows_tell_the_tilt_where_there_is_motion() -> None:
     rest = BODY.rest_vertices(np.zeros(BETAS), BODY.marker_vertices)
     markers = np.tile(turned(rest, [np.radians(10), 0, 0]), (80, 1, 1))
     motion = Windows.cut(markers, np.zeros((80, 3)))
-    everything, matched = posed_gait_rows("still", motion, BODY)
-    assert everything["trunk_tilt_deg"] == pytest.approx(10.0, abs=1e-4)
-    assert matched["windows"] == 0 and "trunk_tilt_deg" not in matched
+    trunk = Trunk.of(BODY)
+    assert lean({}, motion, trunk)["trunk_tilt_deg"] == pytest.approx(10.0, abs=1e-4)
+    assert lean({}, motion.at_walking_speed(), trunk) == {}

@@ -1,7 +1,6 @@
-"""`wayfarer eval control | arrival | long` on the command line, with an engine that glides."""
+"""`wayfarer eval control` on the command line, with an engine that glides."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,9 +9,7 @@ from typer.testing import CliRunner
 from tests.lab.evaluation.people import BODIES, gliding_bundle
 from tests.lab.evaluation.recordings import write_recordings
 from wayfarer.model_bundle import ModelBundle
-from wayfarer.world.goals.steering import Steering
-from wayfarer_lab.evaluation.commands import app, arrival, control, long
-from wayfarer_lab.evaluation.maneuvers.robust import SCRIPTS
+from wayfarer_lab.evaluation.commands import app, control
 
 
 def made_bundle(path: Path, threads: int) -> ModelBundle:
@@ -22,15 +19,7 @@ def made_bundle(path: Path, threads: int) -> ModelBundle:
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
-    def world(models: Path, agents: int, candidates: int, threads: int, engine: str):
-        made = made_bundle(models, threads)
-        return made.world(agents, Steering().with_search(candidates=candidates)), made.bodies
-
     monkeypatch.setattr(control, "open_bundle", made_bundle)
-    monkeypatch.setattr(
-        long, "open_bundle", lambda path, threads, engine: made_bundle(path, threads)
-    )
-    monkeypatch.setattr(arrival, "open_world", world)
 
 
 def report(tmp_path: Path, *arguments: str) -> list[dict[str, float | str | None]]:
@@ -77,38 +66,3 @@ def test_some_methods_alone_are_measured_when_asked_for(tmp_path: Path) -> None:
     assert answer.exit_code != 0 and "no method begins with 'walk'; there are: policy," in str(
         answer.exception
     )
-
-
-def test_arrival_tells_goals_gait_and_stillness(tmp_path: Path) -> None:
-    rows = report(tmp_path, "arrival", "--goals", "2")
-    names = [row["name"] for row in rows]
-    assert names[:3] == ["from standing", "from walking", "facing asked"]
-    assert {"from walking, 0.9-1.4 m/s", "facing asked, standing"} <= set(names)
-    assert rows[0]["success"] == 1.0 and rows[0]["facing_error_median_deg"] is None
-    assert rows[2]["facing_error_median_deg"] < 15.0
-
-
-def test_arrivals_from_walking_begin_in_recorded_walking(tmp_path: Path) -> None:
-    data = str(write_recordings(tmp_path))
-    rows = report(tmp_path, "arrival", "--goals", "2", "--data", data)
-    assert rows[1]["name"] == "from walking" and rows[1]["success"] == 1.0
-    assert {"mocap", "mocap of all splits, standing"} <= {row["name"] for row in rows}
-
-
-def test_long_counts_faults_and_tells_the_gait(tmp_path: Path) -> None:
-    arguments = ("long", "--agents", "2", "--minutes", "0.5", "--scripted", "0")
-    health, *gait = report(tmp_path, *arguments)
-    assert health["agents"] == 2 and health["tilted_agents"] == health["spinning_agents"] == 0
-    assert health["minutes_each"] == pytest.approx(0.5, abs=0.05)
-    assert [row["name"] for row in gait] == ["goal after goal", "goal after goal, 0.9-1.4 m/s"]
-    assert gait[0]["trunk_tilt_deg"] == pytest.approx(0.0, abs=20.0)
-
-
-def test_long_runs_adversarial_scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(long, "SCRIPTS", [replace(SCRIPTS[0], seconds=3.0)])
-    monkeypatch.setattr(long, "MORE_SCRIPTS", [])
-    arguments = ("long", "--agents", "2", "--minutes", "0.5", "--scripted", "3")
-    script = report(tmp_path, *arguments)[1]
-    assert script["name"] == "3 m behind every 2 s" and script["agents"] == 3
-    assert script["resets"] == 0 and script["over_30_deg"] == 0, "gliders stay upright"
-    assert 0 < script["pop_cm"] < 100
