@@ -23,9 +23,14 @@ from wayfarer_lab.evaluation.pictures.files import (
 )
 from wayfarer_lab.evaluation.pictures.film import crowd_film, follow_film, gathered
 from wayfarer_lab.evaluation.pictures.framing import check_view
-from wayfarer_lab.evaluation.pictures.runs import caption, random_runs
 from wayfarer_lab.evaluation.pictures.scene import ClipActor, check_look
-from wayfarer_lab.evaluation.pictures.sources import cut, read_files, recorded
+from wayfarer_lab.evaluation.pictures.sources import (
+    caption,
+    cut,
+    random_runs,
+    read_files,
+    recorded,
+)
 from wayfarer_lab.evaluation.pictures.stills import Watch, contact_sheet, strip
 from wayfarer_lab.evaluation.pictures.top import top_view
 
@@ -171,11 +176,9 @@ def _runs(
     candidates: int,
     threads: int,
 ) -> dict[str, Clip]:
-    world, _ = open_world(model, count, candidates, threads)
-    with _progress("walking (seconds)") as watch:
-        made = random_runs(
-            world, count, seed, stops, seconds, lambda done: watch(int(done), int(seconds))
-        )
+    world, _ = open_world(model, 1, candidates, threads)
+    with _progress("walking (runs)") as watch:
+        made = random_runs(world, count, seed, stops, seconds, watch)
     return {f"run {number} of seed {seed}": clip for number, clip in enumerate(made)}
 
 
