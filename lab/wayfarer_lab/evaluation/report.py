@@ -1,4 +1,4 @@
-"""Rows of figures → a table on the screen; JSON with its origin, Markdown and plots.
+"""Rows of figures → a table on the screen; JSON with its origin, and Markdown.
 
 A report is a few titled tables. Every table's rows share their figures, and the recordings' own
 row is called "mocap" (`MOCAP`), made by the same code.
@@ -23,7 +23,6 @@ from rich.table import Table
 from wayfarer import __version__
 from wayfarer.errors import FailedPrecondition
 from wayfarer.processor import cores
-from wayfarer_lab.evaluation.charts import draw
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import VERSION
 
@@ -61,20 +60,17 @@ def show(title: str, rows: Sequence[Row]) -> None:
     console.print(table)
 
 
-def write(path: Path, tables: Tables, plots: Sequence[str] = (), **about: Any) -> None:
-    """Write `{"rows": […], "meta": {…}}` to `path` (.json), and .md and .png next to it.
+def write(path: Path, tables: Tables, **about: Any) -> None:
+    """Write `{"rows": […], "meta": {…}}` to `path` (.json), and .md next to it.
 
-    `rows` are those of all tables; `about` (arguments, seed) joins the meta part. `plots` names
-    the figures to draw; without, all that are not counts. A figure that could not be measured
-    (NaN) becomes null: JSON has no NaN.
+    `rows` are those of all tables; `about` (arguments, seed) joins the meta part. A figure that
+    could not be measured (NaN) becomes null: JSON has no NaN.
     """
     rows = [{k: _finite(v) for k, v in row.items()} for rows in tables.values() for row in rows]
     made = meta(about)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"rows": rows, "meta": made}, indent=2, allow_nan=False) + "\n")
     path.with_suffix(".md").write_text(markdown(path.stem, tables, made))
-
-    draw(path.with_suffix(".png"), tables, plots)
 
 
 def markdown(title: str, tables: Tables, made: Mapping[str, Any]) -> str:

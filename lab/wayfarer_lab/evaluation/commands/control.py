@@ -36,7 +36,6 @@ if TYPE_CHECKING:  # loads torch, which `wayfarer eval --help` must not
 
 app = typer.Typer()
 
-PLOTS = ("success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
 PRIOR = "N(0, I)"
 Run = Callable[[list[Pair]], Iterator[Trial]]
 
@@ -109,7 +108,7 @@ def control(
         recorded = Recorded(data, split).windows(Use.LOCOMOTION)
         rows.append(mocap_row(MOCAP, recorded, body))
     finish(
-        json, {"Control": rows}, PLOTS, **origin(models, None, data, split, seed),
+        json, {"Control": rows}, **origin(models, None, data, split, seed),
         policy_10=str(policy_10), policy_1=str(policy_1), g_cvae=str(g_cvae), only=only, lead=lead,
         pairs=pairs, speed_mps=speed,
     )  # fmt: skip

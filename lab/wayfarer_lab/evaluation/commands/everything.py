@@ -63,7 +63,7 @@ def everything(
     threads: options.Threads = 0,
     seed: options.Seed = 0,
 ) -> None:
-    """Make all tables at their default sizes: NAME.json, NAME.md and NAME.png of each in a folder.
+    """Make all tables at their default sizes: NAME.json and NAME.md of each in a folder.
 
     Each table is written when it is finished, so Ctrl-C keeps the finished ones.
     """

@@ -43,30 +43,15 @@ MANEUVERS: Final[dict[str, Maneuver]] = {
 QUICK: Final = 0.15
 """Share of the agents with --quick."""
 
-
 PARTS: Final = (MANEUVER, *MANEUVERS)
 """What `--only` chooses from."""
-
-
-def _check_only(names: str) -> str:
-    if unknown := set(names.split(",")) - set(PARTS):
-        raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
-    return names
-
-
-def _check_json(path: Path | None) -> Path | None:
-    if path is not None:
-        if path.suffix != ".json":
-            raise typer.BadParameter(f"{path} must end in .json")
-        report.check_origin()
-    return path
 
 
 @app.command(short_help="Every manoeuvre, beside recorded people and with bars to meet.")
 def maneuvers(
     models: options.Models = DEFAULT_MODEL,
     only: Annotated[
-        str, typer.Option(help="Manoeuvres, separated by commas.", callback=_check_only)
+        str, typer.Option(help="Manoeuvres, separated by commas.", callback=options.among(PARTS))
     ] = ",".join(PARTS),
     quick: Annotated[
         bool, typer.Option("--quick", help="A seventh of the agents, for a trial.")
@@ -94,7 +79,7 @@ def maneuvers(
         typer.Option(
             "--json",
             help="File for rows, bars and the figures of every take; written as they come.",
-            callback=_check_json,
+            callback=options.check_json,
         ),
     ] = None,
 ) -> None:

@@ -1,6 +1,6 @@
 """Options that several tables share."""
 
-import importlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,16 +10,26 @@ from wayfarer.engines.engine import EngineKind
 from wayfarer_lab.evaluation.report import check_origin
 
 
-def _check_json(path: Path | None) -> Path | None:
-    """Fail before the evaluation, not minutes later: on a bad name, a missing plot library, or a
-    working tree whose commit is unknown.
+def check_json(path: Path | None) -> Path | None:
+    """Fail before the evaluation, not minutes later: on a bad name, or a working tree whose commit
+    is unknown.
     """
     if path is not None:
         if path.suffix != ".json":
             raise typer.BadParameter(f"{path} must end in .json")
         check_origin()
-        importlib.import_module("matplotlib")
     return path
+
+
+def among(known: Sequence[str]) -> Callable[[str], str]:
+    """Refuses names, separated by commas, that are none of the known ones."""
+
+    def check(names: str) -> str:
+        if unknown := set(names.split(",")) - set(known):
+            raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(known)}")
+        return names
+
+    return check
 
 
 Policy10 = Annotated[
@@ -50,8 +60,8 @@ Json = Annotated[
     Path | None,
     typer.Option(
         "--json",
-        help="File for the rows (.json); tables (.md) and a plot (.png) go beside it.",
-        callback=_check_json,
+        help="File for the rows (.json); tables (.md) go beside it.",
+        callback=check_json,
     ),
 ]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same rows.", min=0)]

@@ -56,8 +56,8 @@ def predictor(
     chosen = some(parts.predictors, only)
     rows = predictor_rows(replace(parts, predictors=chosen), recorded, samples, count, seed, memory)
     finish(
-        json, {"Predictors": rows}, ("ade_m", "fde_m", "mmade_m", "mmfde_m", "apd_m"),
-        **origin(models, runs, data, split, seed), alike_seeds_m=ALIKE_SEEDS,
+        json, {"Predictors": rows}, **origin(models, runs, data, split, seed),
+        alike_seeds_m=ALIKE_SEEDS,
     )  # fmt: skip
 
 

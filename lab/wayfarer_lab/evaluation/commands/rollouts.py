@@ -75,12 +75,7 @@ def realism(
         people = windows_of([track.markers for track, _ in long], owners, names)
     with _bench(models, runs, threads, seed) as bench:
         tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference, people, only)
-    finish(
-        json, tables,
-        ("contact_paper", "contact_strict", "slide_cm_s", "both_feet_skating",
-         "penetration_cm", "jerk_m_s3", "seam_ratio", "frechet_v1"),
-        **origin(models, runs, data, split, seed), poses=poses, seconds=seconds,
-    )  # fmt: skip
+    finish(json, tables, **origin(models, runs, data, split, seed), poses=poses, seconds=seconds)
 
 
 @app.command(short_help="The least usual poses of random motion (Fig. S3).")
@@ -166,8 +161,7 @@ def bodies(
             poses = prior_poses(bench.parts.pose_prior, 2 * SHAPES, random)
         tables = make(bench, poses, extent, futures, seconds, mocap)
     finish(
-        json, tables, ("contact_strict", "slide_cm_s", "both_feet_skating", "speed_mps", "steps"),
-        **origin(models, runs, data, split, seed), extent=extent, futures=futures,
+        json, tables, **origin(models, runs, data, split, seed), extent=extent, futures=futures,
         seconds=seconds, starts=starts.value,
     )  # fmt: skip
 
@@ -227,8 +221,7 @@ def reprojection(
     with _bench(models, runs, threads, seed) as bench:
         tables = make(bench, _poses(recorded, poses, seed), primitives, known, iterations)
     finish(
-        json, tables, ("amd_mm", "ms_per_primitive", "heel_skating_75mm_s", "slide_cm_s"),
-        **origin(models, runs, data, split, seed), poses=poses, primitives=primitives,
+        json, tables, **origin(models, runs, data, split, seed), poses=poses, primitives=primitives,
     )  # fmt: skip
 
 

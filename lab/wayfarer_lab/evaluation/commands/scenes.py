@@ -56,20 +56,12 @@ CAMERAS: Final = {
 }
 """Cameras of the pictures, by scenario."""
 
-PLOTS = ("success", "penetration_frames", "overlap_frames", "walked_ratio", "foot_gap_mean_cm")
-
-
-def _check_only(names: str) -> str:
-    if unknown := set(names.split(",")) - set(ALL):
-        raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(ALL)}")
-    return names
-
 
 @app.command(short_help="Example scenes: walls, other people, slopes, doors that shut.")
 def scenes(
     models: options.Models = DEFAULT_MODEL,
     only: Annotated[
-        str, typer.Option(help="Scenarios, separated by commas.", callback=_check_only)
+        str, typer.Option(help="Scenarios, separated by commas.", callback=options.among(ALL))
     ] = ",".join(ALL),
     scale: Annotated[
         float, typer.Option(help="Factor on the number of people.", min=0.01, max=4)
@@ -112,7 +104,7 @@ def scenes(
                 drawn = view(seen.scene, seen.monitor, CAMERAS[name])
                 save(pictures / f"{called}_view.png", drawn)
     finish(
-        json, {"Scenes": rows}, PLOTS, **origin(models, None, None, "", seed), engine=engine,
+        json, {"Scenes": rows}, **origin(models, None, None, "", seed), engine=engine,
         candidates=candidates, scale=scale, minutes=minutes, repeats=repeats, worst=worst,
     )  # fmt: skip
 

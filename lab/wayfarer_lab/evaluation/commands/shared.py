@@ -1,7 +1,7 @@
 """What several tables share: their origin, the bar over seconds of motion, the end of a command."""
 
 import json as json_module
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -55,14 +55,9 @@ def progress(title: str) -> Iterator[Watch]:
         yield lambda done, total: bar.update(task, completed=int(done), total=int(total))
 
 
-def finish(
-    json: Path | None, tables: dict[str, list[Row]], plots: Sequence[str] = (), **about: Any
-) -> None:
-    """Print the tables, and write them as JSON, Markdown and plots when asked to.
-
-    `plots` names the figures worth a look (see `report.write`).
-    """
+def finish(json: Path | None, tables: dict[str, list[Row]], **about: Any) -> None:
+    """Print the tables, and write them as JSON and Markdown when asked to."""
     for title, rows in tables.items():
         report.show(title, rows)
     if json is not None:
-        report.write(json, tables, plots, **about)
+        report.write(json, tables, **about)

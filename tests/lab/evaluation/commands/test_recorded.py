@@ -37,7 +37,7 @@ def test_networks_are_judged_on_recordings(
     text = json.loads(path.read_text())
     assert "mocap" in [row["name"] for row in text["rows"]]
     assert text["meta"]["data"] == str(data)
-    assert path.with_suffix(".md").exists() and path.with_suffix(".png").exists()
+    assert path.with_suffix(".md").exists()
 
 
 @pytest.mark.parametrize("table", ["mocap", "predictor", "regressor"])
