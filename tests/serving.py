@@ -13,7 +13,11 @@ from typing import Self
 import httpx
 
 FREE_PORTS = ("--http-port", "0", "--grpc-port", "0")
-LIGHT = {"WAYFARER_CANDIDATES": "2", "WAYFARER_ADMISSION": "false"}  # tests share a small machine
+LIGHT = {
+    "WAYFARER_CANDIDATES": "2",
+    "WAYFARER_ADMISSION": "false",  # tests share a small machine
+    "WAYFARER_ENGINE": "onnxruntime",  # a third of a start is the choice between engines
+}
 
 
 def post(url: str, path: str, document: object) -> httpx.Response:

@@ -50,6 +50,9 @@ def main() -> int:
     parser.add_argument("--python", action="append", default=[], help="one more interpreter")
     parser.add_argument("--versions", nargs="+", default=VERSIONS, choices=VERSIONS)
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
+    parser.add_argument(
+        "--tested", help="the version that `make test` runs pinned: not tried again"
+    )
     parser.add_argument("--jobs", type=int, default=2, help="environments at a time [2]")
     parser.add_argument("--limit", type=float, default=600, help="seconds for each one [600]")
     given = parser.parse_args()
@@ -59,6 +62,7 @@ def main() -> int:
             Cell(python, version, kind, Path(name) / f"{version}-{kind}")
             for kind in given.kinds
             for version, python in pythons.items()
+            if (version, kind) != (given.tested, "pinned")
         ]
         with ThreadPoolExecutor(given.jobs) as pool:
             for cell in pool.map(lambda cell: tried(cell, given.limit), cells):
@@ -163,7 +167,7 @@ def print_table(versions: Sequence[str], kinds: Sequence[str], cells: Sequence[C
     by_place = {(cell.version, cell.kind): cell for cell in cells}
     for version in versions:
         row = [by_place.get((version, kind)) for kind in kinds]
-        words = ["not tried" if c is None else "FAILED" if c.failure else "ok" for c in row]
+        words = ["–" if c is None else "FAILED" if c.failure else "ok" for c in row]
         times = [f" {c.seconds:.0f} s" if c else "" for c in row]
         print(f"{version:<10}" + "".join(f"{w + t:<12}" for w, t in zip(words, times, strict=True)))
     for version in versions:

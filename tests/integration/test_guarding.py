@@ -68,7 +68,7 @@ def everything_logged(service: Process) -> str:
     return json.dumps(service.log)
 
 
-def test_keys_tokens_scopes_and_nothing_secret_in_the_log(keys, tmp_path):
+def test_keys_tokens_scopes_keys_taken_back_and_nothing_secret_in_the_log(keys, tmp_path):
     issuer = Issuer()
     (tmp_path / "jwks.json").write_text(json.dumps(issuer.document()))
     file = tmp_path / "wayfarer.toml"
@@ -105,10 +105,13 @@ def test_keys_tokens_scopes_and_nothing_secret_in_the_log(keys, tmp_path):
             assert status(f"/v1/sessions/{session_id}", **keys.http("root")) == 200
         asyncio.run(_the_same_over_grpc(service, keys, [wrong, expired]))
         asyncio.run(_the_same_over_a_socket(service, keys, session_id, wrong))
+        asyncio.run(_take_back(service, keys))
+        _read_again(service, keys)
         log = everything_logged(service)
     for secret in shown:
         assert secret not in log and secret.rpartition(".")[2] not in log
     assert "key:ada" in log and "jwt:ada" in log and "request_id" in log
+    assert "streams of revoked keys ended" in log
 
 
 async def _the_same_over_grpc(service: Process, keys: Keys, bad: list[str]) -> None:
@@ -137,26 +140,8 @@ async def _the_same_over_a_socket(
     assert closed.value.rcvd.code == 4401
 
 
-def test_keys_are_read_again_on_a_signal(keys):
-    with guarded(keys) as service:
-        old = keys.http("ada")
-        Keys(keys.path, eve="read")
-        service.process.send_signal(signal.SIGHUP)
-        deadline = time.monotonic() + 10
-        while httpx.get(f"{service.http}/v1/info", headers=old).status_code == 200:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-
-
-def test_streams_end_when_their_key_is_taken_back(keys):
-    with guarded(keys) as service:
-        asyncio.run(_take_back(service, keys))
-        log = everything_logged(service)
-    assert "streams of revoked keys ended" in log
-    assert not any(key in log for key in keys.keys.values())
-
-
 async def _take_back(service: Process, keys: Keys) -> None:
+    """Streams end when their key is taken back; others go on."""
     async with grpc.aio.insecure_channel(service.grpc) as channel:
         stub = motion_pb2_grpc.MotionServiceStub(channel)
 
@@ -187,6 +172,17 @@ async def _take_back(service: Process, keys: Keys) -> None:
         assert caught.value.code() == grpc.StatusCode.UNAUTHENTICATED
         for _ in range(3):
             assert (await good.read()) is not grpc.aio.EOF
+
+
+def _read_again(service: Process, keys: Keys) -> None:
+    """A signal has the file read at once."""
+    old = keys.http("root")
+    Keys(keys.path, eve="read")
+    service.process.send_signal(signal.SIGHUP)
+    deadline = time.monotonic() + 10
+    while httpx.get(f"{service.http}/v1/info", headers=old).status_code == 200:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def test_tls_and_client_certificates(tmp_path):

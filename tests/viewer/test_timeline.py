@@ -3,6 +3,7 @@
 import re
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -331,8 +332,9 @@ def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Pag
         for one, other in zip(poses(moment - ago), before, strict=True):
             assert np.linalg.norm(one - other, axis=1).max() < bar
     # nobody jumps where what was seen ends
-    for earlier in np.arange(moment - 0.2, moment + 0.5, 1 / 30):
-        for one, other in zip(poses(earlier), poses(earlier + 1 / 30), strict=True):
+    around = [poses(at) for at in np.arange(moment - 0.2, moment + 0.53, 1 / 30)]
+    for earlier, later in pairwise(around):
+        for one, other in zip(earlier, later, strict=True):
             assert np.linalg.norm(one[0] - other[0]) < 0.15
     # from the moment shown on, with the same people over them whose seeds are others
     page.evaluate("document.querySelector('#share').click()")
