@@ -43,14 +43,14 @@ ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as 
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
 TOLD_SECONDS: Final = 1.0  # skipped steps are logged this often at most
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
-BETWEEN_SECONDS: Final = (0.02, 0.06)
-"""Between publications, at least: the later the chunks are, the longer, since a round costs some
-milliseconds however few leave with it, which a thread that is behind does not have. Each engine
-call would have messages of its own else, for every session. Chunks in time leave in rounds that are
-farther apart."""
+BETWEEN_SECONDS: Final = 0.02
+"""Between publications, at least: otherwise every session would have a message for each engine
+call. Chunks in time leave in rounds that are farther apart."""
 
-BETWEEN_SHARE: Final = 1 / 2
-"""Of the lateness of the chunks that leave."""
+LEAVING_SECONDS: Final = 0.03
+"""From the beginning of a turn until what is there arrives: a primitive that is over by then is
+left out. Without it a server with too many people shows most primitives just when they are over."""
+
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
@@ -210,9 +210,7 @@ class MotionThread:
         due = self._world.take_due(began + EARLY_SECONDS)
         now = self._clock()
         if due:
-            late = began - min(float(one.chunks.scheduled_at.min()) for one in due)
-            least, most = BETWEEN_SECONDS
-            self._publish_at = began + min(max(BETWEEN_SHARE * late, least), most)
+            self._publish_at = began + BETWEEN_SECONDS
         sights = sights_of(due, self._world.slots)  # by which they came first, or later
         for one in due:
             self._publish_one(one)
@@ -311,7 +309,7 @@ class MotionThread:
         for session_id in waiting:
             with self._contained(session_id, Stage.SCHEDULE):
                 self._world.hold(session_id, now + HOLD_SECONDS)
-        by_sight = self._world.skip(now)
+        by_sight = self._world.skip(now + LEAVING_SECONDS)
         if skipped := int(by_sight.sum()):
             self._figures.skipped += by_sight
             if now - self._told_at >= TOLD_SECONDS:
