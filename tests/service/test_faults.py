@@ -86,7 +86,7 @@ async def test_stages_that_come_when_time_is_short(stage, monkeypatch):
         if stage is Stage.SENDING:
             failing(monkeypatch, sending, "due_by_session", lambda sent, *_: rig.slot in sent.slots)
         if stage in (Stage.COASTING, Stage.RESTING):
-            short = DegradationLevel(1, coasts=True, hold_idle=True)
+            short = DegradationLevel(1, by_sight=True, hold_idle=True)
             monkeypatch.setattr(load.Load, "allow", lambda *_: short)
         await until(lambda: rig.faults(stage), 20)
         before = rig.bad.seqs[rig.guilty][-1]

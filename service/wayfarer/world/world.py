@@ -349,7 +349,7 @@ class World:
             level = self.load.allow(
                 now, slack, scheduler.held_share, scheduler.under_way, scheduler.is_any_distant
             )
-        if level.coasts:
+        if level.by_sight:
             self.scheduler.unstepped.coast(frame)
         if level.hold_idle:
             self.scheduler.unstepped.hold(frame)

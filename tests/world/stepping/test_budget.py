@@ -14,13 +14,13 @@ RULES = BudgetRules()
 CALL = 0.05  # seconds of one engine call with all candidates
 PLENTY = 0.2
 SHORT = -1.0
-HOLD = DegradationLevel(1, coasts=True, near_first=True, hold_idle=True)
+HOLD = DegradationLevel(1, by_sight=True, hold_idle=True)
 REFUSE = replace(HOLD, refuse=True)
 
 
 def level(count):
-    """One on which who is near comes first."""
-    return DegradationLevel(count, coasts=True, near_first=True)
+    """One on which near agents come first, and the others may coast."""
+    return DegradationLevel(count, by_sight=True)
 
 
 def candidates(budget, now, slack):
@@ -33,9 +33,7 @@ def candidates(budget, now, slack):
 )
 def test_the_ladder_begins_with_what_is_wished_and_ends_with_a_refusal(most, counts):
     assert candidate_counts(most) == counts
-    near_first = [level(count) for count in counts]
-    coasting = DegradationLevel(most, coasts=True)
-    assert ladder(most) == (DegradationLevel(most), coasting, *near_first, HOLD, REFUSE)
+    assert ladder(most) == (DegradationLevel(most), *map(level, counts), HOLD, REFUSE)
 
 
 def busy(budget, start, seconds, call, share):
@@ -58,7 +56,7 @@ def test_a_call_that_would_end_too_late_tries_fewer():
     assert candidates(budget, 1.0, CALL - RULES.late - 0.001) == 4
     assert candidates(budget, 1.0 + RULES.settle / 2 - 0.01, SHORT) == 4, "first see what it brings"
     assert candidates(budget, 1.0 + RULES.settle + 0.01, SHORT) == 2
-    assert budget.number == 4
+    assert budget.number == 3
 
 
 def test_an_engine_that_is_busy_all_the_time_but_in_time_changes_nothing():
@@ -90,12 +88,11 @@ def test_when_candidates_are_few_idle_agents_are_held_and_then_new_ones_refused(
 
 def test_where_agents_are_distant_they_give_way_first_and_come_back_last():
     budget = Budget(4, RULES)
-    coasting = DegradationLevel(4, coasts=True)
-    found = [budget.allow(float(t), SHORT, distant=True) for t in range(5)]
-    assert found == [coasting, level(4), level(2), level(1), HOLD]
-    times = (4.0 + RULES.patience * step for step in range(1, 6))
+    found = [budget.allow(float(t), SHORT, distant=True) for t in range(4)]
+    assert found == [level(4), level(2), level(1), HOLD]
+    times = (3.0 + RULES.patience * step for step in range(1, 5))
     back = [budget.allow(time, PLENTY, distant=True) for time in times]
-    assert back == [level(1), level(2), level(4), coasting, DegradationLevel(4)]
+    assert back == [level(1), level(2), level(4), DegradationLevel(4)]
 
 
 def test_when_nobody_is_distant_any_more_it_does_not_stay_there():

@@ -16,7 +16,7 @@ from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.coasting import TURN, coast
 
-SHORT = DegradationLevel(1, coasts=True)
+SHORT = DegradationLevel(1, by_sight=True)
 FAR_GOAL = Goal((0.0, 30.0, 0.0))
 
 

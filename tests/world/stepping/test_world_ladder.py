@@ -134,7 +134,7 @@ def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes
     for _ in range(10):
         chunks += world.tick(world.next_event() + 0.23)
         levels.append(world.load.level_number)
-    assert levels == sorted(levels) and levels[-1] == 5
+    assert levels == sorted(levels) and levels[-1] == 4
     walker = own(chunks, 1)
     assert not any(c.flags & ChunkFlag.HELD for c in walker)
     assert walker[-1].flags & ChunkFlag.REDUCED

@@ -2,8 +2,8 @@
 
 Frames must be there at their time whatever the load; quality gives way first:
 
-    coasting              those seen as a root, or not at all, go on without the model (REDUCED)
-    near agents first     of the others those come last who are not near
+    by sight              those seen as a root, or not at all, coast: they go on without the model
+                          (REDUCED); of the others those come last who are not near
     fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
@@ -17,9 +17,8 @@ from wayfarer.world.stepping.window import Window
 
 COUNTS = (16, 8, 4, 2, 1)
 
-COASTING = 1
-NEAR_FIRST = 2
-"""Numbers of the levels that differ from the one above only where agents are distant."""
+BY_SIGHT = 1
+"""Number of the level that differs from the one above only where somebody is not near."""
 
 WINDOW = 1.0
 """Seconds over which calls are looked at."""
@@ -30,8 +29,7 @@ class DegradationLevel:
     """What there is time for."""
 
     candidates: int  # the most to try
-    coasts: bool = False  # agents seen as a root at most go on without the model
-    near_first: bool = False
+    by_sight: bool = False  # near agents first; those seen as a root at most coast
     hold_idle: bool = False
     refuse: bool = False
 
@@ -43,12 +41,10 @@ def candidate_counts(most: int) -> tuple[int, ...]:
 
 def ladder(most: int) -> tuple[DegradationLevel, ...]:
     """All levels, best first."""
-    full, *fewer = map(DegradationLevel, candidate_counts(most))
-    last = DegradationLevel(1, coasts=True, near_first=True, hold_idle=True)
+    last = DegradationLevel(1, by_sight=True, hold_idle=True)
     return (
-        full,
-        replace(full, coasts=True),
-        *(replace(level, coasts=True, near_first=True) for level in (full, *fewer)),
+        DegradationLevel(most),
+        *(DegradationLevel(count, by_sight=True) for count in candidate_counts(most)),
         last,
         replace(last, refuse=True),
     )
@@ -99,7 +95,7 @@ class Budget:
         """The level for a call that begins now, `slack` seconds before its deadline.
 
         `held` is the share of the agents, below 1, that are held at present; `ahead` calls are
-        under way before it; `distant`: there are agents that are seen as a root at most.
+        under way before it; `distant`: there are agents that are not near.
         """
         rules, since = self._rules, now - self._changed_at
         calls = sorted(self._calls.values(now))
@@ -121,7 +117,7 @@ class Budget:
     def _growth(self, held: float) -> tuple[float, float]:
         """Factors of one level up: of the time of a call, and of the number of calls."""
         above = self._levels[self.number - 1]
-        calls_distant = self.number == COASTING
+        calls_distant = self.number == BY_SIGHT
         releases = calls_distant or (self.level.hold_idle and not above.hold_idle)
         tries_more = above.candidates > (1 if calls_distant else self.level.candidates)
         return (
@@ -132,9 +128,7 @@ class Budget:
     def _other(self, way: int, distant: bool) -> int:
         """The next level up (-1) or down (1) that changes something."""
         number = self.number + way
-        while not distant and COASTING <= number <= NEAR_FIRST:
-            number += way
-        return number
+        return number + way if number == BY_SIGHT and not distant else number
 
     def _fall(self, now: float, distant: bool) -> None:
         rules, since = self._rules, now - self._climbed_at

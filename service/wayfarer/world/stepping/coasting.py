@@ -20,9 +20,8 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.slots import Gait, Seeds
 from wayfarer.world.goals.gait_rules import Targets
-from wayfarer.world.output.quaternion import bounded
+from wayfarer.world.output.quaternion import bounded, multiply
 from wayfarer.world.rows import Double, Flags, Float, Index
-from wayfarer.world.stepping.plane import PlaneMotion, yawed
 
 TURN: Final = pi * STEP_SECONDS
 """Radians that a body turns by in a step at most."""
@@ -60,7 +59,7 @@ def coast(
     asked = np.where(targets.facing.any(-1, keepdims=True), targets.facing, way)
     angle = _turn(facing_of(seed.rotations[:, -1, 0]), asked)
     rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
-    rotations[:, :, 0] = yawed(rotations[:, :, 0], (_RISE * angle[:, None]).astype(np.float32))
+    rotations[:, :, 0] = _yawed(rotations[:, :, 0], (_RISE * angle[:, None]).astype(np.float32))
     gone = np.linalg.norm(translation[:, -1] - hips, axis=-1)
     phase, swing = _stride((gone / STEP_SECONDS).astype(np.float32), goals.speed, chunks)
     for joint, half in zip(HIPS, (phase, phase + 0.5), strict=True):
@@ -104,13 +103,23 @@ def _moved(seed: Seeds, angle: Float, way: Float) -> Seeds:
     """Seeds turned by radians `angle` [A] about the vertical through the hips, and moved by `way`
     [A, 3].
     """
-    motion = PlaneMotion(seed.translation[:, -1, :2], angle, way[:, :2])
-    markers, translation, rotations = (
-        values.copy() for values in (seed.markers, seed.translation, seed.rotations)
-    )
-    for points, axes in ((markers, 2), (translation, 1)):
-        whole = np.ones(points.shape[:-1], np.float32)
-        points[..., :2] = motion.spread(axes).moved(points[..., :2], whole)
-    frames = rotations.shape[1]
-    rotations[:, :, 0] = yawed(rotations[:, :, 0], np.repeat(angle[:, None], frames, axis=1))
-    return Seeds(markers, translation, rotations)
+    centre, cos, sin = seed.translation[:, -1], np.cos(angle), np.sin(angle)
+
+    def moved(points: Float) -> Float:
+        each = slice(None), *(None,) * (points.ndim - 2)  # one for all points of an agent
+        x, y = (points[..., axis] - centre[:, axis][each] for axis in (0, 1))
+        found = points.copy()
+        found[..., 0] = cos[each] * x - sin[each] * y + (centre + way)[:, 0][each]
+        found[..., 1] = sin[each] * x + cos[each] * y + (centre + way)[:, 1][each]
+        return found
+
+    rotations = seed.rotations.copy()
+    rotations[:, :, 0] = _yawed(rotations[:, :, 0], angle[:, None])
+    return Seeds(moved(seed.markers), moved(seed.translation), rotations)
+
+
+def _yawed(rotations: Float, angle: Float) -> Float:
+    """Rotations [A, F, 4] turned by radians `angle` [A, F or 1] about the vertical."""
+    turn = np.zeros((4, *angle.shape), np.float32)
+    turn[2], turn[3] = np.sin(angle / 2), np.cos(angle / 2)
+    return np.moveaxis(multiply(turn, np.moveaxis(rotations, -1, 0)), 0, -1)

@@ -108,9 +108,9 @@ class Scheduler:
 
     @property
     def is_any_distant(self) -> bool:
-        """Somebody is seen as a root, or not at all."""
+        """Somebody is not near."""
         slots = self._table.rows
-        return bool((slots.active & (slots.sight >= Sight.ROOT)).any())
+        return bool((slots.active & (slots.sight > Sight.NEAR)).any())
 
     @property
     def held_share(self) -> float:
@@ -164,12 +164,12 @@ class Scheduler:
         """
         slots = self._table.rows
         rows = self._due(frame + self._company)
-        if level is not None and level.coasts:
+        if level is not None and level.by_sight:
             rows = rows[slots.sight[rows] < Sight.ROOT]  # who coasts, and is not due yet
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any() and (self.under_way or len(rows) < self._full):
             return None
-        if level is not None and level.near_first and slots.sight[rows].any():
+        if level is not None and level.by_sight and slots.sight[rows].any():
             rows, due = self._near_first(rows, frame)
         else:
             alike = self._alike(rows, int(is_due.argmax()))
