@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.world.output.legwork import legs, standing
+from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.world.output.legs import KNEES, LegPose, Legs, pose_legs
-from wayfarer.world.output.quaternion import cross, dot, length, rotate
+from wayfarer.world.output.quaternion import length
 from wayfarer.world.output.twobone import FOLD, STRETCH, move_ankles, reach
 
 CENTIMETRES = st.floats(-0.08, 0.08)
@@ -30,8 +31,8 @@ def moved_pose(
 def turned_side(pose: LegPose) -> np.ndarray:
     """By how much shins are bent the way knees bend [2, F, A], times both lengths."""
     thigh, shin = (pose.knee - pose.hip).T, (pose.ankle - pose.knee).T
-    side = rotate(pose.hip_turn.T, np.array([-1.0, 0, 0]).reshape(3, 1, 1, 1))
-    return dot(cross(thigh, shin), side)
+    side = -matrix_from_quaternion(pose.hip_turn)[..., 0].T
+    return (np.cross(thigh, shin, axis=0) * side).sum(0)
 
 
 @settings(max_examples=50, deadline=None)
@@ -83,7 +84,7 @@ def test_a_knee_turned_sideways_is_not_stretched_beyond_straight(bend, beside):
 def bends(pose: LegPose) -> np.ndarray:
     """Degrees by which knees are bent about their hinge."""
     thigh, shin = (pose.knee - pose.hip).T, (pose.ankle - pose.knee).T
-    return np.degrees(np.arctan2(turned_side(pose), dot(thigh, shin)))
+    return np.degrees(np.arctan2(turned_side(pose), (thigh * shin).sum(0)))
 
 
 def test_a_straight_knee_does_not_jump_as_its_foot_is_lifted():

@@ -13,7 +13,7 @@ from wayfarer.spec import NEW_FRAMES, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
-from wayfarer.world.output.quaternion import multiply, rotate
+from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.stepping.righting import MOST, MOST_ON_THE_SPOT, SHARE, TURN_MOST, Step, righted
 
 BODIES = load_bodies("anny52")
@@ -51,7 +51,7 @@ def lean(step: Step, frame: int = -1) -> float:
     turn, up = turns[0], np.zeros(3)
     for joint in SPINE:
         turn = multiply(turn, turns[joint])
-        up += rotate(turn, np.array([0.0, 0.0, 1.0]))
+        up += matrix_from_quaternion(turn)[:, 2]
     return float(np.arctan2(np.hypot(up[0], up[1]), up[2]))
 
 

@@ -27,12 +27,6 @@ def bounded(values: Array, low: float, high: float) -> Array:
     return found
 
 
-def smooth(value: Array, low: float, high: float) -> Array:
-    """0 below `low`, 1 above `high`, smooth between."""
-    t = bounded((value - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
 def multiply(a: Array, b: Array) -> Array:
     """First turn by b, then by a."""
     ax, ay, az, aw = a
@@ -50,12 +44,6 @@ def inverse(q: Array) -> Array:
     return stacked(-q[0], -q[1], -q[2], q[3])
 
 
-def rotate(q: Array, v: Array) -> Array:
-    """Vectors v turned by q."""
-    twice = 2 * cross(q[:3], v)
-    return v + q[3] * twice + cross(q[:3], twice)
-
-
 def rotate_points(q: Array, points: Array) -> Array:
     """Several points [3, P, ...] turned by each q [4, ...]: by its matrix, cheaper for several."""
     x, y, z, w = q
@@ -68,18 +56,6 @@ def rotate_points(q: Array, points: Array) -> Array:
         (xy + wz) * a + (1 - xx - zz) * b + (yz - wx) * c,
         (xz - wy) * a + (yz + wx) * b + (1 - xx - yy) * c,
     )
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Cross product."""
-    (ax, ay, az), (bx, by, bz) = a, b
-    return stacked(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Scalar product, without the first axis."""
-    total: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return total
 
 
 def length(v: Array) -> Array:
