@@ -48,7 +48,7 @@ BETWEEN_SECONDS: Final = 0.02
 call. Chunks in time leave in rounds that are farther apart."""
 
 LEAVING_SECONDS: Final = 0.03
-"""From the beginning of a turn until what is there arrives: a primitive that is over by then is
+"""From the end of a turn until what leaves then has arrived: a primitive that is over by then is
 left out. Without it a server with too many people shows most primitives just when they are over."""
 
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
@@ -207,6 +207,7 @@ class MotionThread:
         began = self._clock()
         if began < self._publish_at:
             return
+        self._leave_out(began)  # the turn may have taken long
         due = self._world.take_due(began + EARLY_SECONDS)
         now = self._clock()
         if due:
@@ -303,12 +304,16 @@ class MotionThread:
         return min(max(max(event, self._publish_at) - self._clock(), 0.0), HEARTBEAT)
 
     def _keep_schedule(self, now: float) -> None:
-        """Put off agents that wait for a slow reader, and those whose primitives are over."""
+        """Put off agents that wait for a slow reader, and those that are too late."""
         waiting = self._publisher.waiting_sessions(now)
         self._figures.held = len(waiting)
         for session_id in waiting:
             with self._contained(session_id, Stage.SCHEDULE):
                 self._world.hold(session_id, now + HOLD_SECONDS)
+        self._leave_out(now)
+
+    def _leave_out(self, now: float) -> None:
+        """Put off agents whose primitives are over: what has waited too long is not sent late."""
         by_sight = self._world.skip(now + LEAVING_SECONDS)
         if skipped := int(by_sight.sum()):
             self._figures.skipped += by_sight
