@@ -67,24 +67,18 @@ def bare(
     import torch
 
     from wayfarer_lab.evaluation.parts import Variant, load_parts
-    from wayfarer_lab.evaluation.twosided.bare import BareStep, play
-    from wayfarer_lab.evaluation.twosided.led import Led
-    from wayfarer_lab.evaluation.twosided.searched import Searched
+    from wayfarer_lab.evaluation.twosided.bare import play
+    from wayfarer_lab.evaluation.twosided.drivers import led, searched
     from wayfarer_lab.training.cloning import load_trajectory_policy
 
     parts = load_parts(models, runs, threads)
     variant = Variant("bare", predictor)
     bodies = {gender: parts.step(gender, variant) for gender in parts.regressors}
-    steps: dict[str, BareStep] = {
-        gender: Searched(step, candidates, torch.Generator().manual_seed(seed))
-        for gender, step in bodies.items()
-    }
-    if policy is not None:
-        leads = load_trajectory_policy(policy).eval()
-        steps = {
-            gender: Led(step, leads, random=torch.Generator().manual_seed(seed))
-            for gender, step in bodies.items()
-        }
+    steps = {}
+    leads = load_trajectory_policy(policy).eval() if policy else None
+    for gender, step in bodies.items():
+        random = torch.Generator().manual_seed(seed)
+        steps[gender] = led(step, leads, random) if leads else searched(step, random, candidates)
     found = play(steps, people, seed)
     judged = verdicts.verdicts_of(found, recorded.load())
     verdicts.show("the model alone", judged)

@@ -11,8 +11,7 @@ from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer_lab.evaluation.parts import Variant, load_parts
 from wayfarer_lab.evaluation.twosided.bare import BareStep, roll
-from wayfarer_lab.evaluation.twosided.led import Led
-from wayfarer_lab.evaluation.twosided.searched import Searched
+from wayfarer_lab.evaluation.twosided.drivers import led, searched
 from wayfarer_lab.evaluation.twosided.wishes import ORDERS
 
 WALK = {"walk 1.2": ORDERS["walk 1.2"]}
@@ -30,18 +29,18 @@ def walked(step: BareStep, seed: int = 0) -> np.ndarray:
 
 
 def test_the_search_goes_where_it_is_wished() -> None:
-    hips = walked(Searched(shipped(), 16))
+    hips = walked(searched(shipped(), torch.Generator().manual_seed(0), 16))
     speed = np.linalg.norm(np.diff(hips[:, 200:, :2], axis=1), axis=-1).mean() * 40
     assert speed == pytest.approx(1.2, abs=0.2)
     assert (hips[:, -1, 1] > 10).all() and np.abs(hips[:, -1, 0]).max() < 2
 
 
 def test_a_policy_is_drawn_from_and_an_untrained_one_is_the_prior() -> None:
-    def led(seed: int, temperature: float = 1.0) -> np.ndarray:
+    def drawn(seed: int, temperature: float = 1.0) -> np.ndarray:
         random = torch.Generator().manual_seed(seed)
-        return walked(Led(shipped(), TrajectoryPolicy(16), temperature, random))
+        return walked(led(shipped(), TrajectoryPolicy(16), random, temperature))
 
-    one = led(1)
-    assert np.array_equal(one, led(1)) and not np.array_equal(one, led(2))
-    assert np.array_equal(led(1, 0.0), led(2, 0.0)), "its mean knows no chance"
+    one = drawn(1)
+    assert np.array_equal(one, drawn(1)) and not np.array_equal(one, drawn(2))
+    assert np.array_equal(drawn(1, 0.0), drawn(2, 0.0)), "its mean knows no chance"
     assert np.isfinite(one).all() and one[..., 2].min() > 0.5
