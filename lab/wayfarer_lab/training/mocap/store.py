@@ -53,11 +53,6 @@ class Dataset:
     use: NDArray[np.uint8]  # [N] selection.Use; 0 is not to be learnt from
     clips: tuple[ClipRange, ...]
 
-    @property
-    def clip_of_frame(self) -> NDArray[np.int64]:
-        """Index of the clip of each frame [N]."""
-        return np.repeat(np.arange(len(self.clips)), [c.stop - c.start for c in self.clips])
-
     def windows(self, frames: int) -> NDArray[np.int64]:
         """Start frames of all windows of `frames` frames within one clip, all of them in use."""
         starts = []
