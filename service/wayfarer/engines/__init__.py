@@ -1,1 +1,1 @@
-"""What runs the step graph: onnxruntime, OpenVINO, or torch; and models by name."""
+"""Engines for the step graph (onnxruntime, OpenVINO, torch), and models by name."""

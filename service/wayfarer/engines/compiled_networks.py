@@ -1,4 +1,4 @@
-"""Compiled networks as files: what a start would compile again, the next one reads in a third of
+"""Compiled networks as files: the next start reads them in a third of
 the time.
 
 A file's name is a hash of all that its network depends on, so one of another version, model or
@@ -24,11 +24,11 @@ SUFFIX: Final = ".network"
 HASH_BYTES: Final = hashlib.sha256().digest_size
 
 MOST: Final = 32
-"""Files that are kept, 24 MB each: those that were used last. A model with one candidate has 4."""
+"""Number of files kept, 24 MB each: the ones used last. A model with one candidate has 4."""
 
 
 class KeptNetwork:
-    """A network as it was kept. Its bytes stay in the file: memory holds those that are read."""
+    """A stored network. Its bytes stay in the file, and memory holds only the pages in use."""
 
     def __init__(self, file: IO[bytes]) -> None:
         """The file may be closed, and removed. Raises OSError, or ValueError for an empty file."""
@@ -44,7 +44,7 @@ class KeptNetwork:
         return hashlib.sha256(self.body.data).digest() == self._hash
 
     def release(self) -> None:
-        """Give the memory back: what is read once more comes from the file."""
+        """Gives the memory back. Later reads come from the file."""
         if hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
             self._mapped.madvise(mmap.MADV_DONTNEED)
 
@@ -57,7 +57,7 @@ class CompiledNetworks:
         self._folder = folder
 
     def find(self, *about: object) -> KeptNetwork | None:
-        """What was kept under this description, or None."""
+        """The network stored under this description, or None."""
         if self._folder is None:
             return None
         path = self._path(about)
@@ -77,7 +77,7 @@ class CompiledNetworks:
         return found
 
     def keep(self, body: bytes, *about: object) -> KeptNetwork | None:
-        """Keep bytes under a description; what was used longest ago goes.
+        """Stores bytes under a description; the file used longest ago goes.
 
         Without a folder they are kept in a file without a name, which goes with the process. None
         when no file can be written.

@@ -1,4 +1,4 @@
-"""What the scheduler calls to step agents, as arrays: the boundary to the models.
+"""The scheduler's interface to the models: steps of agents, as arrays.
 
 All positions are world space: metres, right-handed, Z up. Rotations are unit
 quaternions x, y, z, w; joint 0 (the hips) is a world rotation, joints 1..21 are local to
@@ -46,7 +46,7 @@ class StepOutputs:
 
     translation: Float  # [A, F, 3] hips joint
     rotations: Float  # [A, F, 22, 4]
-    contacts: Float  # [A, F, 2] left, right foot: 1.0 touching and still, else 0.0
+    contacts: Float  # [A, F, 2] left, right foot: 1.0 touching and still, otherwise 0.0
     next_seed_markers: Float  # [A, S, 67, 3]; "next": a graph's names must all differ
     terms: Float  # [A, T] quality terms of the chosen candidate; see `Engine.scoring`
     choice: NDArray[np.int64]  # [A]
@@ -75,7 +75,7 @@ class Engine(Protocol):
     def scoring(self) -> "Engine":
         """The same engine, whose `terms` can be relied on.
 
-        Others may leave them out, [A, 0], where there is one candidate: nothing is to be chosen.
+        Others may leave them out, [A, 0], where there is one candidate: there is no choice.
         """
         return self
 
@@ -90,6 +90,6 @@ class Engine(Protocol):
 def variant(kind: str, graph: str) -> str:
     """The SHA-256 of a graph as an engine runs it that gives other last bits than onnxruntime.
 
-    Logs name what they were made with, and are replayed with nothing else.
+    Logs name their engine, and are replayed only with it.
     """
     return sha256(f"{kind} {graph}".encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Motion models by name: found in folders, opened and warmed beside those that serve."""
+"""Motion models by name: found in folders, opened and warmed while others serve."""
 
 import asyncio
 import re
@@ -62,7 +62,7 @@ class ModelStore:
         return sorted({m.parent.name for m in manifests if NAME.fullmatch(m.parent.name)})
 
     def open(self, name: str) -> WarmEngine:
-        """Check, load and warm a model, to be called in a thread of its own, whose priority falls.
+        """Checks, loads and warms a model. Called in a separate thread, whose priority falls.
 
         Raises InvalidArgument, NotFound, ArtifactError.
         """
@@ -77,13 +77,13 @@ class ModelLoader:
     """Loads and unloads the models of a server while it serves."""
 
     def __init__(self, models: LoadedModels, open_engine: Callable[[str], Engine]) -> None:
-        """`open_engine(name)` is called in a thread of its own."""
+        """`open_engine(name)` is called in a separate thread."""
         self._models = models
         self._open = open_engine
         self._loading: str | None = None
 
     async def load(self, name: str) -> None:
-        """Return when the model is usable. If cancelled, loading goes on and its result is dropped.
+        """Returns when the model is usable. If cancelled, loading continues, and its result goes.
 
         Raises AlreadyExists, ResourceExhausted, and what `open_engine` raises.
         """

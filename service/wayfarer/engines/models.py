@@ -1,4 +1,4 @@
-"""The motion models of a server, side by side: which moves new agents, and who is moved by which.
+"""The motion models of a server, side by side, and the model of each agent.
 
 Agents hold the number of their model in their slot; a number is never used twice. All worlds of a
 server share one `LoadedModels`; each keeps a `Roster` of its own.
@@ -116,14 +116,14 @@ class LoadedModels:
             raise ResourceExhausted(f"{MOST} models are loaded, and no more can be; unload one")
 
     def add(self, engine: Engine) -> None:
-        """Let it be used from now on. Raises AlreadyExists, ResourceExhausted."""
+        """Adds it. Raises AlreadyExists, ResourceExhausted."""
         with self._lock:
             self.check_new(engine.name)
             self._last_number += 1
             self._loaded = (*self._loaded, Loaded.of(self._last_number, engine))
 
     def use(self, name: str) -> Loaded:
-        """Let new agents be moved by it. Raises NotFound."""
+        """Moves new agents with it. Raises NotFound."""
         with self._lock:
             self._in_use = self.named(name)
             return self._in_use

@@ -40,7 +40,7 @@ OUTPUTS: Final = tuple(f.name for f in fields(StepOutputs))
 DEVICE: Final = "CPU"
 
 UNFUSED: Final = {"SNIPPETS_MODE": "DISABLE"}
-"""Groups of small operators are not fused. Each group would keep a network of its own in every
+"""Groups of small operators are not fused. Each group would keep a separate network in every
 stream: 40 % of the memory and a third of the time to compile, for no speed that we measured. It is
 none of OpenVINO's public settings."""
 
@@ -48,7 +48,7 @@ BITS: Final = 2
 """Raised when networks are compiled in another way, whose last bits differ: logs name it."""
 
 SIZES: Final = (16, 128)
-"""Rows for one thread. Each size is a network of its own: a second to compile, and 80 MB."""
+"""Rows for one thread. Each size is a separate network: a second to compile, and 80 MB."""
 
 MOST: Final = 48
 """Rows that are computed 16 at a time: for more, 128 cost less, though some of them be padding."""
@@ -152,13 +152,13 @@ class OpenVinoEngine(WarmEngine):
         self, gender: str, rows: int, candidates: int, is_scored: bool
     ) -> "openvino.CompiledModel":
         options: dict[str, Any] = {
-            "INFERENCE_PRECISION_HINT": "f32",  # but for what the network says itself
+            "INFERENCE_PRECISION_HINT": "f32",  # except where the network states it
             "NUM_STREAMS": self._partitioner.count,  # each of one thread, see lanes.py
             "INFERENCE_NUM_THREADS": self._partitioner.count,
             "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
         }
         make = partial(self._made, gender, rows, candidates, is_scored, options)
-        # Threads have the priority of those that make them.
+        # A thread inherits the priority of its maker.
         with ThreadPoolExecutor(1, initializer=give_way) as pool:
             return pool.submit(make).result()
 
@@ -173,7 +173,7 @@ class OpenVinoEngine(WarmEngine):
             self._read(gender, rows, candidates, is_scored), DEVICE, options
         )
         kept = self._kept.keep(compiled.export_model().getvalue(), *about)
-        # One that was compiled takes 20 MB more than the same from a file.
+        # A freshly compiled one takes 20 MB more than the same one from a file.
         return (kept and self._imported(kept, options)) or compiled
 
     def _imported(
@@ -192,7 +192,7 @@ class OpenVinoEngine(WarmEngine):
         return found
 
     def _read(self, gender: str, rows: int, candidates: int, is_scored: bool) -> "openvino.Model":
-        """A step graph for so many rows."""
+        """A step graph for this number of rows."""
         path = self._paths[gender]
         try:
             network = self._core.read_model(path)

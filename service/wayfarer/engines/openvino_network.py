@@ -62,7 +62,7 @@ def is_hidden(node: "Node") -> bool:
 
 
 def _lower(node: "Node") -> None:
-    """Let a node work in bfloat16, between conversions."""
+    """Makes a node work in bfloat16, between conversions."""
     from openvino import Type
     from openvino import opset13 as ops
 

@@ -60,7 +60,7 @@ class RowPartitioner:
 
 
 def give_way(more: int = NICENESS) -> None:
-    """Let the calling thread, and those that it makes, run after the others of the process.
+    """Makes the calling thread, and threads that it starts, run after the others of the process.
 
     `more`: niceness added to its own.
 

@@ -36,7 +36,7 @@ class FaultLog:
         }
         if is_new or (whose and fault.times == 1):
             log.error(
-                "an error was contained: everybody else goes on",
+                "an error was contained: all others continue",
                 stage=str(fault.stage),
                 error=repr(fault.error),
                 exc_info=fault.error if is_new else None,

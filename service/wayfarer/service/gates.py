@@ -74,7 +74,7 @@ class SessionGates:
             raise
 
     def open(self, name: str, refusal: WayfarerError | None = None) -> None:
-        """Let calls through again, once that is said as often as `close`; those that wait get
+        """Reopens after as many calls as there were to `close`; those that wait get
         `refusal`, if there is one.
         """
         group = group_of(name)

@@ -81,7 +81,7 @@ class Inbox:
             self._refusal = None
 
     def close(self, reason: str, error: type[WayfarerError] = Unavailable) -> None:
-        """Refuse commands from now on, and those that wait, with `error(reason)`."""
+        """Refuses later and waiting commands with `error(reason)`."""
         with self._gate:
             self._refusal = partial(error, reason)
             waiting = self._drain()

@@ -51,7 +51,7 @@ def steady_clock() -> Callable[[], float]:
 
 
 class LiveMotion:
-    """Runs a world in a thread of its own: the part of `MotionService` that is in real time."""
+    """Runs a world in a separate thread: the part of `MotionService` that is in real time."""
 
     def __init__(
         self,
@@ -133,7 +133,7 @@ class LiveMotion:
             return await self.ask(lambda world, now: world.create_session(spec, now))
 
     async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
-        """Let a session from elsewhere go on here; see `Membership.put_session`."""
+        """Resumes a session from another server; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, record)
             return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
@@ -164,7 +164,7 @@ class LiveMotion:
         await self.ask(lambda *_: self._delete_agent(agent_id))
 
     async def use_model(self, name: str) -> int:
-        """Let all agents be moved by a loaded model; returns how many were not. Raises NotFound."""
+        """Moves all agents with a loaded model; returns how many had another. Raises NotFound."""
         return await self.ask(lambda *_: self._use_model(name))
 
     # Goals
@@ -185,7 +185,7 @@ class LiveMotion:
         await self.ask(lambda *_: self._delete_session(session_id, error))
 
     async def parts(self, session_id: str) -> LiveParts:
-        """What a frozen session goes on with elsewhere. Raises NotFound."""
+        """The state of a frozen session for another server. Raises NotFound."""
         return await self.ask(
             lambda world, _: LiveParts(
                 capture_planned(world, session_id),
@@ -196,11 +196,11 @@ class LiveMotion:
         )
 
     async def put_crowd(self, session_id: str, crowd: CrowdPeople) -> None:
-        """Let a crowd from elsewhere go on, whose people are here."""
+        """Resumes a crowd from another server, whose people are on this one."""
         await self.ask(lambda world, _: world.crowds.put(session_id, crowd))
 
     async def put_live(self, session: LiveSession) -> SessionInfo:
-        """Put in a session from elsewhere, frozen; see `Membership.put_session`."""
+        """Enters a session from another server, frozen; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, session.record)
             return await self.ask(lambda world, now: self._put_live(world, session, now))
@@ -253,15 +253,15 @@ class LiveMotion:
     def adopt(
         self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
     ) -> SessionInfo:
-        """`put_session` for callers who are on the motion thread, `warm_up` among them."""
+        """`put_session` for callers on the motion thread, `warm_up` among them."""
         session = self._world.members.put_session(record, now, admit, examined)
         self._publisher.adopt(record)
         return session.info()
 
     def set_aside(self, session_id: str, why: str) -> None:
-        """Take a session out that cannot go on; `why` is one of `SET_ASIDE`.
+        """Takes out a session that cannot continue; `why` is one of `SET_ASIDE`.
 
-        For callers who are on the motion thread.
+        For callers on the motion thread.
         """
         log.error("a session is set aside: it cannot go on", session=session_id, why=why)
         self._meter.set_aside(why)

@@ -1,4 +1,4 @@
-"""Sessions in lock-step: a world of their own each, in which time passes only when it is asked to.
+"""Sessions in lock-step: each has its own world, in which time passes only on request.
 
 A world has a thread and a bounded inbox: letting much time pass in one session delays only
 that session's own callers.
@@ -86,7 +86,7 @@ class LockStep:
         self._inbox.open()
 
     def end(self, reason: str, error: type[WayfarerError] = Unavailable) -> None:
-        """Let the thread end, and refuse what still waits."""
+        """Ends the thread, and refuses waiting calls."""
         self._ended = True
         self._inbox.close(reason, error)
         self._inbox.wake()  # at last: closing empties the queue
@@ -100,7 +100,7 @@ class LockStep:
         return await self._inbox.ask(lambda: call(self.world, self.now))
 
     async def step(self, steps: int) -> list[Publication]:
-        """Let primitives pass; what happens in each, timed from the start of the session.
+        """Steps primitives; returns the publications of each, timed from the start of the session.
 
         Raises ResourceExhausted.
         """
@@ -120,7 +120,7 @@ class LockStep:
         await self.ask(lambda world, _: world.delete_session(session_id))
 
     async def use_model(self, name: str) -> int:
-        """Let all agents be moved by a loaded model; returns how many were not. Raises NotFound."""
+        """Moves all agents with a loaded model; returns how many had another. Raises NotFound."""
         return await self.ask(lambda *_: self._use_model(name))
 
     async def give(self, agent_id: str, command: GoalCommand, expected: int | None) -> int:
@@ -128,11 +128,11 @@ class LockStep:
         return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
 
     async def parts(self, session_id: str) -> LiveParts:
-        """What the session goes on with elsewhere, between two steps. Raises NotFound."""
+        """The state of the session for another server, between two steps. Raises NotFound."""
         return await self.ask(lambda *_: self.parts_now(session_id))
 
     def parts_now(self, session_id: str) -> LiveParts:
-        """`parts` for callers who are on the session's thread."""
+        """`parts` for callers on the session's thread."""
         session = self.world.registry.session(session_id)
         seconds, stopping = self._steps * STEP_SECONDS, dict(self._goal_events.stopping)
         log = SessionLog(LOCK_STEP, self._position, seconds, None, stopping, ())
@@ -255,7 +255,7 @@ class LockSteps:
     def infos(self) -> list[SessionInfo]:
         """All sessions, at once: a world that is busy is not asked but looked at.
 
-        What is read are whole values, and no more than the names of who is there.
+        It reads whole values only, and only the names of agents.
         """
         found = []
         for name, home in list(self._sessions.items()):
@@ -293,7 +293,7 @@ class LockSteps:
 
     @contextmanager
     def _room(self, sessions: int, agents: int) -> Iterator[None]:
-        """Hold room for so many while they are made. Raises ResourceExhausted."""
+        """Holds room for this many agents while they are made. Raises ResourceExhausted."""
         limits = self._limits
         with self._lock:
             if sessions and len(self._sessions) + self._new_sessions >= limits.sessions:

@@ -22,7 +22,7 @@ class ResumeResult(StrEnum):
     """What became of a subscription that asked to resume."""
 
     RESUMED = "resumed"  # nothing was lost
-    GAP = "gap"  # what it asked for is no longer held
+    GAP = "gap"  # the publications asked for are no longer held
     NEW_EPOCH = "new_epoch"  # the session has started again since
 
 
@@ -66,7 +66,7 @@ class MetricsSink:
         """An error in a stage of a turn was contained; see `world/agents/faults.py`."""
 
     def set_aside(self, what: str) -> None:
-        """A session or a scene was taken out for good, as it could not go on: `what` says why."""
+        """A session or a scene that could not continue was taken out for good: `what` says why."""
 
     def journal(self, entries: int, failed: bool) -> None:
         """The journal wrote `entries` in one transaction, or failed to."""

@@ -44,7 +44,7 @@ TRIAL_SECONDS: Final = 1.0
 
 
 class MotionService:
-    """Sessions, agents, goals, streams; scenes have a part of their own."""
+    """Sessions, agents, goals and streams. Scenes have a separate part."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class MotionService:
         ended: Callable[[], None] = lambda: None,
     ) -> None:
         """`warm_up` is called with the world in real time, on the motion thread before its first
-        turn. `open_model(name)` opens one more model, in a thread of its own. `may_step`: of
+        turn. `open_model(name)` opens one more model, in a separate thread. `may_step`: of
         `Ownership`. `ended()` is called, from another thread, when the motion loop has failed for
         good: nothing works any more, and the process should end.
 
@@ -147,7 +147,7 @@ class MotionService:
         return await self._home(session_id).ask(lambda world, _: world.get_session(session_id))
 
     async def list_sessions(self) -> list[SessionInfo]:
-        """All, oldest first; after a restart those that the journal has kept."""
+        """All sessions, oldest first; after a restart the sessions of the journal."""
         live = await self._live.ask(lambda world, _: world.list_sessions())
         sessions = live + self._lock_steps.infos()
         return sorted(sessions, key=lambda session: session.created_at)
@@ -253,7 +253,10 @@ class MotionService:
         await self._model_loader.load(name)
 
     async def use_model(self, name: str, move_agents: bool) -> int:
-        """Let new agents, and present ones, be moved by it; returns how many. Raises NotFound."""
+        """Moves new agents with it, and present ones too if asked; returns how many.
+
+        Raises NotFound.
+        """
         self._worlds.models.use(name)
         if not move_agents:
             return 0

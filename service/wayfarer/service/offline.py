@@ -1,4 +1,4 @@
-"""Motion off the real-time path: clips and replays, in threads of their own.
+"""Motion off the real-time path: clips and replays, in separate threads.
 
 A job is a generator, run in a thread as its items are asked for, one ahead of the reader: so
 nothing gathers for a reader who is slow. One who goes away ends the job, and so does one who takes
@@ -91,7 +91,7 @@ class Offline:
 
 
 class _Job(Generic[T]):
-    """A generator in a thread of its own."""
+    """A generator in a separate thread."""
 
     def __init__(self, make: Callable[[], Iterator[T]], ended: Callable[[], None]) -> None:
         """`ended` is called on the job's thread once it does nothing any more."""
@@ -139,7 +139,7 @@ class _Job(Generic[T]):
         return item
 
     def _close(self) -> None:
-        """On the thread."""
+        """Runs on the thread."""
         if not self._closed:
             self._closed = True
             self._items = None  # a generator ends with it

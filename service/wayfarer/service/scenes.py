@@ -95,7 +95,7 @@ class SceneService:
         await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Let it stand there, or move there; agents whose way it blocks plan again.
+        """Puts an obstacle there, or moves it there; agents whose way it blocks plan again.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition when no free
         ground would be left.
@@ -149,7 +149,7 @@ class SceneService:
         return await self._work(lambda: top_view(scene))
 
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
-        """Let people come and go from now on, in place of an earlier crowd; how many have come.
+        """Replaces an earlier crowd by people that come and go; returns how many have come.
 
         With `count` 0 those there leave. Those for whom there is no room wait for it. Raises
         NotFound, FailedPrecondition when the session is in no scene, InvalidArgument.
@@ -189,7 +189,7 @@ class SceneService:
         await self._work(lambda: self._book.prepare(record.source.spec))
 
     async def adopt(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
-        """Let it be here, from another server.
+        """Adopts a scene from another server.
 
         Raises InvalidArgument, AlreadyExists, ResourceExhausted.
         """
@@ -201,14 +201,14 @@ class SceneService:
         return await self._persistence.durable(self._book.info(scene_id))
 
     async def freeze(self, scene_id: str) -> None:
-        """Let calls that change it, or make sessions in it, wait; until `unfreeze` or `release`.
+        """Makes calls wait that change it, or make sessions in it, until `unfreeze` or `release`.
 
         Raises Unavailable when those under way do not end.
         """
         await self._gates.close(scene_id)
 
     def unfreeze(self, scene_id: str) -> None:
-        """Let it go on here."""
+        """Resumes it on this server."""
         self._gates.open(scene_id)
 
     async def release(self, scene_id: str, error: WayfarerError) -> None:

@@ -38,7 +38,7 @@ class LoopStats:
     reduced_steps: int = 0  # agent steps with fewer candidates than asked for, since start
     held_sessions: int = 0  # whose agents wait for a subscriber now
     states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
-    sights: Mapping[str, int] = field(default_factory=dict)  # agents seen so well; see `by_sight`
+    sights: Mapping[str, int] = field(default_factory=dict)  # agents by sight; see `by_sight`
     capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
     load: float = 0.0  # share of the last seconds: the engine, or if busier the motion thread
     degradation_level: int = 0  # 0: nothing is left out
@@ -62,7 +62,7 @@ class _Values(TypedDict):
 
 
 class ThreadFigures:
-    """What the motion thread counts, since its start or over the last seconds."""
+    """Counters of the motion thread, since its start or over the last seconds."""
 
     def __init__(self, meter: MetricsSink) -> None:
         self._meter = meter
@@ -83,7 +83,7 @@ class ThreadFigures:
         self._meter.step(seconds, agents)
 
     def published(self, now: float, due: Sequence[Due], sights: Int8) -> None:
-        """Chunks left the thread, of agents who were seen so well."""
+        """Counts sent chunks by how well their agents are seen."""
         if not due:
             return
         lateness = now - np.concatenate([one.chunks.scheduled_at for one in due])

@@ -1,9 +1,9 @@
 """The motion thread: takes commands, schedules steps, applies them, publishes chunks.
 
 The engine works beside the thread (`pipeline.py`). Frames keep their schedule, so a late turn is
-followed by larger batches, not by later frames. But what can no longer be seen in time is not made
-(an overloaded or suspended machine): its agents go on later, by whole primitives, and all the time
-there is goes to those that can still be. `skipped_steps` in the statistics counts that.
+followed by larger batches, not by later frames. Primitives that can no longer be seen in time are
+not made (an overloaded or suspended machine): their agents continue later, by whole primitives, and
+all time goes to the others. `skipped_steps` in the statistics counts that.
 
 An error that one agent or session causes is contained to it (`world/agents/faults.py`). Any other
 error in a turn is logged and counted, `ready` is false until a turn succeeds again, and the turn
@@ -69,7 +69,7 @@ class Phase(Enum):
 
 
 class MotionThread:
-    """Turns a world, in a thread of its own."""
+    """Turns a world, in a separate thread."""
 
     def __init__(
         self,
@@ -168,7 +168,7 @@ class MotionThread:
 
         Returns how many steps were applied.
         """
-        self._keep_schedule(now)  # first: what has waited too long is not sent late, but later
+        self._keep_schedule(now)  # first: overdue chunks are rescheduled, not sent late
         self._forget(self._world.crowds.tend(now), now)
         applied = 0
         for step, seconds in self._pipeline.completed():
@@ -253,7 +253,7 @@ class MotionThread:
     # Around the turns: commands, schedule, figures, failures
 
     def run(self) -> None:
-        """What the thread does, from the warm-up to its end."""
+        """The thread, from the warm-up to its end."""
         reason = "the motion loop has been stopped"
         try:
             self._warm_up()

@@ -1,4 +1,4 @@
-"""One agent's motion from its goals, as fast as it can be made: what a clip is made of."""
+"""One agent's motion from its goals, as fast as it can be made, for a clip."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

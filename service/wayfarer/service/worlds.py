@@ -79,14 +79,14 @@ class Worlds:
         )
 
     def apart(self) -> World:
-        """For one session that is tried; nothing of it is kept."""
+        """A world for the trial of one session; nothing of it is kept."""
         settings = self._patient()
         return World(
             self.models.copy(), self.bodies, self.start_poses, settings, self.scenes, self.report
         )
 
     def solo(self) -> World:
-        """For one agent who walks again, or for a clip; nothing of it is kept."""
+        """A world for a replayed agent or a clip; nothing of it is kept."""
         farther = self.settings.limits.goal_distance_m + SLACK
         one = {"agents": 1, "agents_per_session": 1, "sessions": 1, "goal_distance_m": farther}
         limits = self.settings.limits.model_copy(update=one)

@@ -19,7 +19,7 @@ Array = NDArray[np.floating[Any]]
 
 
 class Basis(StrEnum):
-    """What a session may choose."""
+    """The choices of a session."""
 
     GLTF = "gltf"
     UNITY = "unity"

@@ -16,7 +16,7 @@ from wayfarer.errors import ResourceExhausted
 from wayfarer.transport.caller import Caller
 
 REMEMBERED: Final = 4096
-"""Names with a bucket of their own at a time."""
+"""Maximum number of names that have a bucket at a time."""
 
 FAILURES: Final = 1.0
 """Failed attempts of one address per second, in the long run; a burst of `FAILURE_BURST` first."""

@@ -9,7 +9,7 @@ from wayfarer.errors import PermissionDenied
 
 
 class Scope(StrEnum):
-    """What a caller may do."""
+    """Permissions of a caller."""
 
     READ = "read"  # describe and follow
     CONTROL = "control"  # change sessions, agents, goals
@@ -28,7 +28,7 @@ class Quota:
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """One who calls, however many connections it has."""
+    """A caller, with any number of connections."""
 
     name: str  # owner of the sessions it creates; no secret
     scopes: frozenset[Scope]

@@ -135,7 +135,7 @@ class SocketConnection(WebSocketsSansIOProtocol):
         self.app = _named(self.app, transport)
 
     def data_received(self, data: bytes) -> None:
-        """Take a piece. Of a handshake that cannot be read, uvicorn would say nothing for ever."""
+        """Takes a piece. uvicorn would never answer a handshake that cannot be read."""
         super().data_received(data)
         if self.conn.handshake_exc is not None and not self.handshake_initiated:
             self.transport.write(
@@ -163,7 +163,7 @@ def _is_text(data: bytes) -> bool:
 
 
 def _named(app: Any, transport: asyncio.BaseTransport) -> ASGIApp:
-    """The application, told the common name in the client's certificate."""
+    """The application, with the common name of the client's certificate in its scope."""
     name = common_name(transport.get_extra_info("peercert"))
     if not name:
         return app

@@ -38,7 +38,7 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
     `aclose`.
 
     One request is read at a time, and the next when its reply has been taken: a flood of commands
-    slows itself, and is never stored. When the requests end the stream goes on. Raises as
+    slows itself, and is never stored. The stream outlives the requests. Raises as
     `MotionApi.stream`, and whatever `requests` raises.
     """
     opening = await _opening(requests)
@@ -55,7 +55,7 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
 
 
 async def _opening(requests: Requests) -> schema.StreamRequest:
-    """What the first message asks for. Raises InvalidArgument."""
+    """The request in the first message. Raises InvalidArgument."""
     hint = "the first message must be `open`, with a session_id"
     opening = await wire.first(requests, "open", OPEN_TIMEOUT_S, hint)
     return wire.parse(schema.StreamRequest, opening, "open")

@@ -83,7 +83,7 @@ def _written(quantity: Quantity, axes: Axes) -> str:
 
 
 def basis_info(basis: Basis) -> schema.BasisInfo:
-    """What a basis means, in numbers."""
+    """A basis in numbers."""
     axes = basis.axes
     return schema.BasisInfo(
         basis=basis,
@@ -97,7 +97,7 @@ def basis_info(basis: Basis) -> schema.BasisInfo:
 def agent_spec(
     spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, seed: int
 ) -> runtime.AgentSpec:
-    """What the runtime shall create; `seed` where the client has named none."""
+    """The agent to create; `seed` where the client has named none."""
     axes = basis.axes
     betas: NDArray[np.floating[Any]] = np.array(spec.betas or (0.0,) * BETAS)
     if spec.phenotype is not None:

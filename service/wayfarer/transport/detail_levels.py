@@ -4,7 +4,7 @@ Design
 ------
 A stream may be opened with **rings** around **viewpoints**. Ring *k* has a radius and a format of
 poses; the agents in it are tier *k* of the stream, those outside of the last ring are not sent.
-What is published is not changed by that: `MotionStream` asks this module for the tier of each chunk
+Publications do not change: `MotionStream` asks this module for the tier of each chunk
 when it sends, and writes one batch per tier (`portions.py`). So queues, slow readers, resume tokens
 and acknowledgements work as without rings, and viewpoints may change at any time: they count from
 the next batch on.
@@ -13,13 +13,13 @@ the next batch on.
   divided by that viewpoint's reach.
 * Hysteresis: inwards at the radius, outwards 10 % beyond it.
 * Entering from nothing is `added` and FIRST; leaving for nothing is `hidden`. Between tiers, the
-  sequence numbers go on and nothing else is said.
+  sequence numbers continue without a flag.
 * A resumed stream states rings and viewpoints again; the server keeps nothing of the stream before.
-  Its first chunk of an agent within the rings goes on without FIRST, as after every resume; agents
-  outside are `hidden`.
+  Its first chunk of an agent within the rings has no FIRST, as after every resume; agents outside
+  are `hidden`.
 * Packing is shared (`codec/tier_encoder.py`): a publication's chunk is packed once per basis and
   format, when the first reader needs it in that tier.
-* The motion thread is told how well each agent is seen (`service/streams/sights.py`): when time is
+* The motion thread receives how well each agent is seen (`service/streams/sights.py`): when time is
   short, it steps those in the innermost ring first.
 * Bounds: 8 rings, 8 viewpoints, finite radii; state per agent is one number, of agents that the
   session has. The state of a deleted agent goes with it.
@@ -68,12 +68,12 @@ class DetailLevels:
         self._radii = np.array([ring.radius for ring in rings])
         self._tiers: dict[int, int] = {}  # by alias; len(rings): nothing
         self.sights = Sights()
-        """What the motion thread may know of the tiers."""
+        """The tiers, as the motion thread may read them."""
         self._sight_of = [*map(_sight, range(len(rings)), rings), Sight.NONE]  # by tier
         self.look(viewpoints)
 
     def look(self, viewpoints: Sequence[ViewPlace]) -> None:
-        """From here, from now on."""
+        """Sets the viewpoints from now on."""
         self._places = np.array([v.position for v in viewpoints])
         self._reach = np.array([v.reach for v in viewpoints])
 

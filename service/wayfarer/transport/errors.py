@@ -113,7 +113,7 @@ def code_of(error: BaseException) -> Code:
 
 
 def message_of(error: BaseException) -> str:
-    """What the caller may read: with the field at fault, which may be all that the caller sees."""
+    """The text for the caller, with the field at fault: some callers see nothing else."""
     if code_of(error) is INTERNAL:
         return "internal error; the server's log tells more"
     text = str(error)

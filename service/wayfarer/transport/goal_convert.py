@@ -51,7 +51,7 @@ def _behaviour(request: schema.Message, basis: Basis) -> Any:
 
 
 def goal(request: schema.Goal, basis: Basis) -> Goal:
-    """The goal in world space; what is absent takes the runtime's default."""
+    """The goal in world space. Absent fields take the runtime's defaults."""
     return Goal(**in_world(request, basis.axes))
 
 

@@ -56,11 +56,11 @@ class AroundInterceptor(grpc.aio.ServerInterceptor, ABC):
 
     @abstractmethod
     def _enter(self, method: str, handler: Any) -> Enter | None:
-        """What a call is made in; None: as it comes."""
+        """The context in which a call is handled; None: its own."""
 
 
 class OpenStreamsInterceptor(AroundInterceptor):
-    """What is open to everybody is not open to be hoarded."""
+    """Calls that are open to everybody are limited in number."""
 
     def __init__(self) -> None:
         self._open: Counter[str] = Counter()

@@ -38,7 +38,7 @@ class Guard:
             raise
 
     async def admit(self, shown: Credentials, address: str) -> Caller:
-        """Let a call in and handle the rest of this task as its caller's.
+        """Admits a call, and handles the rest of this task as its caller's.
 
         Raises what `authenticate` raises, and ResourceExhausted beyond the caller's rate.
         """

@@ -38,7 +38,7 @@ PAGE_POLICY: Final = (
     "img-src 'self' data: blob:; connect-src 'self' ws: wss: data: blob:; base-uri 'none'; "
     "form-action 'none'"
 )
-"""Content-Security-Policy of the viewer and of /docs: nothing comes from elsewhere."""
+"""Content-Security-Policy of the viewer and of /docs: everything comes from this server."""
 
 Nodes = Callable[[], Iterable[Endpoint]]
 """The nodes of the cluster, as they are now."""
@@ -160,7 +160,7 @@ def page_policy(origins: Origins, places: Iterable[str] = (), machines: Iterable
 
 
 def presented(scope: Scope, headers: Mapping[str, str]) -> Credentials:
-    """What a request shows; a socket's token is taken out of it. Raises Unauthenticated."""
+    """The credentials of a request, without a socket's token. Raises Unauthenticated."""
     return Credentials(
         bearer=_socket_token(scope) or bearer(headers.get("authorization", "")),
         api_key=headers.get("x-api-key", ""),
@@ -212,7 +212,7 @@ def _method(scope: Scope) -> str:
 
 
 def _route(scope: Scope) -> str:
-    """The template that matched; what a client makes up has no place in metrics."""
+    """The template that matched, since metrics have no text of clients."""
     return getattr(scope.get("route"), "path", "") or "other"
 
 

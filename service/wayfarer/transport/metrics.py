@@ -1,4 +1,4 @@
-"""Prometheus metrics of one server, in a registry of its own. Names: docs/operations.md.
+"""Prometheus metrics of one server, in a separate registry. Names: docs/operations.md.
 
 No label has a client's text in it, so their number is bounded.
 """
@@ -34,7 +34,7 @@ MISSED_S: Final = 1 / FPS
 """A chunk that leaves later than a frame after its time has missed its deadline."""
 
 PERIOD_S: Final = NEW_FRAMES / FPS
-"""What an agent's step may take: 0.2 s."""
+"""The time that a step may take: 0.2 s."""
 
 SIGHTS: Final = tuple(sight.name.lower() for sight in Sight)
 """As `Sight` counts them."""

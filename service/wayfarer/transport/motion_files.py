@@ -1,4 +1,4 @@
-"""What was published, as a file of motion."""
+"""Publications as a file of motion."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Iterator
@@ -82,7 +82,7 @@ async def performances(made: AsyncGenerator[Publication], body: str) -> list[Per
 async def live_motion(
     service: MotionService, session_id: str, seconds: float
 ) -> AsyncGenerator[Publication]:
-    """What a session publishes in the next seconds of its motion, with who it is of.
+    """The next seconds of a session's motion, with its agents.
 
     Raises NotFound; ResourceExhausted when this is too slow to take all in.
     """

@@ -67,7 +67,7 @@ class PortionWriter:
         self, shown: Shown, removed: Sequence[int], before: str, after: str
     ) -> list[WrittenBatch]:
         """Batches, encoded; none when there is nothing to tell. The last has the resume token
-        `after`, those before it have `before`, since one who has them has not got all.
+        `after`, those before it have `before`, since a client that has them still lacks the rest.
         """
         if self._is_whole and not shown.tiers.any():
             [writer] = self._writers

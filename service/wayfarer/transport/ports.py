@@ -8,7 +8,7 @@ from wayfarer.transport.grpc_server import bracketed
 
 def bind(host: str, http_port: int, grpc_port: int) -> socket.socket:
     """HTTP's listening socket, once gRPC's port is known to be free. Raises Unavailable."""
-    # gRPC binds in C, which cannot say why it failed and writes lines of its own: try first.
+    # gRPC binds in C, which hides the cause of a failure and logs by itself, so try first.
     listen(host, grpc_port, "gRPC").close()
     return listen(host, http_port, "HTTP")
 

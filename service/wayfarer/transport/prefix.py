@@ -1,4 +1,4 @@
-"""The server below a path of a proxy's: /wf/v1/… for /v1/…"""
+"""The server below a path of a proxy: /wf/v1/info for /v1/info."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PREFIX: Final = re.compile(r"(/[\w.~-]+)+")
-"""What may stand before all paths; "." and ".." alone are no part of it."""
+"""A prefix of all paths; "." and ".." are no part of it."""
 MOST: Final = 200
 """Characters."""
 HEADER: Final = "x-forwarded-prefix"

@@ -60,7 +60,7 @@ class RequestLimits:
         self._mesh_bytes = mesh_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a body that is, or turns out to be, too large, and one that is compressed."""
+        """Refuses a body that is compressed or too large, also if its length is not announced."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

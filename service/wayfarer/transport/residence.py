@@ -15,7 +15,7 @@ REMEMBERED: Final = 4096
 
 
 class Residence:
-    """What the ownership says, and what has left this server since."""
+    """The ownership, and the groups that have left this server since."""
 
     def __init__(self, ownership: Ownership | None = None) -> None:
         self._ownership = ownership or SingleNode()
@@ -34,7 +34,7 @@ class Residence:
 
     @property
     def holds(self) -> bool:
-        """Whether the lease holds: what is owned here may be changed."""
+        """Whether the lease holds, so that owned groups may be changed."""
         return self._ownership.may_step()
 
     def require_lease(self) -> None:
@@ -45,7 +45,7 @@ class Residence:
     def require_own(self, name: str) -> None:
         """Raises Misdirected when what has this id lives elsewhere.
 
-        To be asked about what is not here: what has come back is found first.
+        Asked about groups that are not on this server. A group that has come back is found first.
         """
         right = self._ownership.endpoint_of(name) or self._left.get(group_of(name))
         if right is not None:

@@ -45,7 +45,7 @@ class Progress:
         return f"{self.epoch}.{self.position}{rest}{followed}"
 
     def resume(self, followed: str) -> Resume:
-        """Where the runtime shall go on: with this publication again, if it is not complete.
+        """Where the runtime resumes: with this publication again, if it is incomplete.
 
         `followed`: mark of the agents that are followed now.
         """

@@ -24,7 +24,7 @@ Shape = schema.Box | schema.Cylinder | schema.Prism | schema.Ramp
 
 
 def scene_spec(request: schema.NewScene, mesh: world.MeshFile | None = None) -> world.SceneSpec:
-    """What is baked. Takes some time for a large scene."""
+    """The scene to bake. Takes some time for a large one."""
     axes = request.basis.axes
     return world.SceneSpec(
         floors=tuple(_floor(floor, axes) for floor in request.floors),
@@ -45,7 +45,7 @@ def mesh_file(mesh: schema.Mesh, basis: Basis, data: bytes) -> world.MeshFile:
 
 
 def obstacle(request: schema.Obstacle, axes: Axes) -> world.Obstacle:
-    """What is put into the scene."""
+    """The obstacle for the scene."""
     made = _solid(shape_of(request), axes)
     assert not isinstance(made, world.Ramp)
     return made
@@ -97,7 +97,7 @@ def scene(
 
 
 def scene_version(info: runtime.SceneInfo) -> schema.SceneVersion:
-    """What a change has made of it."""
+    """The scene after a change."""
     return schema.SceneVersion(version=info.version, area_m2=info.area, islands=info.islands)
 
 

@@ -71,7 +71,7 @@ class MotionStream:
         self._sent_at = clock()
         self._known: set[int] = set()  # aliases of agents introduced
         self._seen: set[int] = set()  # of those: within the rings
-        self._gone = set(gone)  # aliases deleted: late chunks of theirs are dropped
+        self._gone = set(gone)  # aliases deleted: their late chunks are dropped
         self._removed = list(gone)  # deleted and not yet reported
 
     def remove(self, alias: int) -> None:
@@ -174,7 +174,7 @@ class MotionStream:
         self._subscription.meter.sent(tier, batch.chunks, size)
 
     def _leave(self, alias: int) -> None:
-        """An agent is no more: keep nothing of it, and tell a reader who may show it."""
+        """Forgets a deleted agent, and reports it to a reader that may show it."""
         if alias in self._known or (self._resumes and alias not in self._gone):
             self._removed.append(alias)
         self._known.discard(alias)

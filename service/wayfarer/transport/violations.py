@@ -58,7 +58,7 @@ def invalid_request(error: ValidationError, field: str = "", kind: Any = None) -
 def refusal(
     found: Sequence[Mapping[str, Any]], within: tuple[str, ...] = (), kind: Any = None
 ) -> InvalidRequest:
-    """Of a request's errors as pydantic lists them, places relative to `within`, a `kind`.
+    """A refusal from pydantic's list of errors, with places relative to `within`, a `kind`.
 
     A list whose items are wrong is then too short as well; that is left out.
     """
@@ -69,7 +69,7 @@ def refusal(
 
 
 def sentence(error: Mapping[str, Any], kind: Any = None) -> str:
-    """What is wrong at one place of a `kind`."""
+    """The fault at one place of a `kind`."""
     value, context = error["input"], error.get("ctx", {})
     if error["type"] == "extra_forbidden":
         *parents, name = error["loc"]

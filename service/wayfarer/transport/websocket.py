@@ -1,6 +1,6 @@
 """`WS /v1/stream` and `WS /v1/control`: messages of StreamMotion and Control in binary frames.
 
-Closed with 1000 when the session ends, else with 4000 + the HTTP status of the error and its text
+Closed with 1000 when the session ends, or with 4000 + the HTTP status of the error and its text
 as the reason (errors.py).
 """
 
@@ -76,7 +76,7 @@ def add_sockets(app: FastAPI, gateway: Gateway) -> None:
 
 
 def stream_request(query: QueryParams) -> schema.StreamRequest:
-    """What the query asks for; names as in StreamMotionRequest, lists by repetition.
+    """The request in the query; names as in StreamMotionRequest, lists by repetition.
 
     Raises InvalidArgument.
     """
@@ -132,7 +132,7 @@ class LatestText:
         self._came.set()
 
     async def next(self) -> str:
-        """The last one, once there is one that has not been given."""
+        """The last message, once there is a new one."""
         await self._came.wait()
         self._came.clear()
         return self._text
@@ -184,7 +184,7 @@ def _from_json(kind: type[Kind], text: str, field: str) -> Kind:
 
 
 async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:
-    """Send until there are no more. Raises TimeoutError when the reader takes none."""
+    """Sends all messages. Raises TimeoutError when the reader takes none."""
     async with aclosing(messages):
         async for message in messages:
             try:
@@ -202,7 +202,7 @@ async def _until_gone(socket: WebSocket, texts: LatestText) -> None:
 
 
 async def _requests(socket: WebSocket) -> AsyncGenerator[control_pb2.ControlRequest]:
-    """What the client sends. Raises InvalidArgument, WebSocketDisconnect."""
+    """The client's messages. Raises InvalidArgument, WebSocketDisconnect."""
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":

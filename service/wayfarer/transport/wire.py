@@ -83,7 +83,7 @@ def message(kind: type[Proto], twin: BaseModel) -> Proto:
 def answer(kind: type[Proto], found: Any) -> Proto:
     """The response that holds what a call gave: a message, a twin, bytes, a number, or nothing.
 
-    A twin is the response itself where it has the response's fields, else its first field.
+    A twin is the response itself where it has the response's fields, otherwise its first field.
     """
     if found is None or isinstance(found, kind):
         return found or kind()

@@ -37,7 +37,7 @@ class DeviceInputs:
 
 
 class DeviceStep:
-    """A step with inputs and outputs of its own. Its lane must be free when it is used."""
+    """A step with separate inputs and outputs. Its lane must be free when it is used."""
 
     def __init__(
         self, step: PrimitiveStep, lane: CudaGraphStream, rows: int, candidates: int
@@ -48,7 +48,7 @@ class DeviceStep:
         self._pinned: list[Tensor] = []
 
     def step(self, inputs: StepInputs) -> StepOutputs:
-        """At most as many rows as it was made for."""
+        """Runs up to as many rows as it was made for."""
         self._given.fill(inputs)
         return StepOutputs(*(v.numpy() for v in self._fetched(len(inputs.goal))))
 

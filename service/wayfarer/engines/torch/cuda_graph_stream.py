@@ -1,4 +1,4 @@
-"""Where work runs: the CPU, at once; or a stream of a GPU, as CUDA graphs that are recorded once.
+"""The place where work runs: the CPU, at once, or a stream of a GPU, as CUDA graphs recorded once.
 
 A step is some thousand small kernels: started one by one they cost the CPU more time than the GPU.
 A CUDA graph starts them all together, on the memory that it was recorded with.
@@ -22,7 +22,7 @@ _RECORDING: Final = threading.Lock()
 
 
 class CudaGraphStream:
-    """A device, and a stream of its own there. For one thread at a time."""
+    """A device, and a separate stream on it. For one thread at a time."""
 
     def __init__(self, device: torch.device, background: bool = False) -> None:
         """`background`: other streams' work on the device goes first."""
@@ -48,7 +48,7 @@ class CudaGraphStream:
         """`work`, to be run again and again on the same tensors: it may not look at their values.
 
         `generators` are those that it draws from. On a GPU, `work` is run a few times here, and
-        what a run gives is written over by the next one.
+        the next run overwrites its results.
         """
         if not self.on_gpu:
             return work
@@ -61,7 +61,7 @@ class CudaGraphStream:
             graph = torch.cuda.CUDAGraph()
             for generator in generators:
                 graph.register_generator_state(generator)
-            # Other lanes go on with their work meanwhile.
+            # Other lanes continue meanwhile.
             with torch.cuda.graph(
                 graph, pool=self._pool, stream=self._stream, capture_error_mode="thread_local"
             ):

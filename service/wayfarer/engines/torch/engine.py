@@ -25,7 +25,7 @@ from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
 BATCH_SIZES: Final = (64, 256, 1024, 4096, 16384, 32768)
-"""Few: each is a recording of its own. A GPU is not busy with less than some thousand rows, so
+"""Few, since each is a separate recording. A GPU is not busy with less than some thousand rows, so
 that padding costs little."""
 
 SUFFIX: Final[Mapping[Precision, str]] = {"float32": "", "tf32": "-tf32", "bfloat16": "-bf16"}

@@ -1,4 +1,4 @@
-"""What is computed in lower precision: products with the weights of networks, never coordinates.
+"""Lower precision for products with the weights of networks, never for coordinates.
 
 A metre is known to 4 mm in bfloat16, and to half a millimetre in TF32; the canonical frame, bodies,
 quality terms and the way back to the world are therefore in full float32 whatever is asked for.
@@ -39,7 +39,7 @@ def products(kind: str) -> Iterator[None]:
 
 @contextmanager
 def networks_in(precision: Precision, device: torch.device) -> Iterator[None]:
-    """For the networks' own part of a step."""
+    """Precision of the networks' part of a step."""
     if precision == "tf32":
         with products("tf32"):
             yield

@@ -98,7 +98,7 @@ def output_biases(
 ) -> dict[str, Tensor]:
     """The biases of the regressor's last layers, by name, in the order of training.
 
-    Raises ArtifactError when they cannot be told.
+    Raises ArtifactError when they cannot be found.
     """
     found = {}
     for number in range(count_networks(weights)):

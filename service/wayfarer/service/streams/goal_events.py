@@ -14,7 +14,7 @@ from wayfarer.world.agents.slots import Mode
 from wayfarer.world.events import Event, EventKind
 
 BESIDE: Final = 0.3
-"""Metres outside the radius of its goal from which an agent has stopped beside it."""
+"""Metres outside the radius of its goal beyond which an agent has stopped short of it."""
 
 Place = tuple[int, int]  # revision, and number of a goal in that path
 
@@ -80,7 +80,7 @@ class GoalEvents:
                     yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
 
     def _reached(self, chunk: MotionChunk) -> tuple[str, tuple[Metres, ...]]:
-        """What is said of a goal that was reached: also how far away others kept the agent."""
+        """The text for a reached goal, with the distance at which others kept the agent."""
         text, info = f"goal {chunk.waypoint} was reached", self._info(chunk.agent_id)
         if info.goal is None or _place(chunk) != (info.goal_revision, info.waypoint):
             return text, ()

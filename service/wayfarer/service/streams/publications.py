@@ -1,4 +1,4 @@
-"""What the readers of a session ask for, and what is published to them: chunks and events."""
+"""Requests of a session's readers, and the chunks and events published to them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from wayfarer.world.events import Event, EventKind
 
 @dataclass(frozen=True, slots=True)
 class Publication:
-    """What a session's subscribers get at one moment."""
+    """The chunks and events of one moment for a session's subscribers."""
 
     position: int  # 1, 2, 3 … per session
     chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
     events: tuple[Event, ...] = ()  # after the chunks
-    added: tuple[AgentInfo, ...] = ()  # of clips and replays: those whose first chunk this is
+    added: tuple[AgentInfo, ...] = ()  # in clips and replays, the agents whose first chunk this is
     roots: Roots | None = None  # of `chunks`, once a subscriber has asked for them
 
     @property
@@ -45,7 +45,7 @@ class SlowReader(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StreamOptions:
-    """What a subscriber asks for."""
+    """A subscriber's request."""
 
     agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
     slow_reader: SlowReader = SlowReader.DROP_OLDEST

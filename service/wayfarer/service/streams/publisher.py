@@ -61,7 +61,7 @@ class Publisher:
         return self._log(session_id).sights(chunks)
 
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
-        """Tell a session's subscribers, now and those that resume, of events of other origin."""
+        """Publishes events of other origin, also to subscribers that resume."""
         log = self._log(session_id)
         self._deliver(session_id, log, NO_CHUNKS, tuple(events))
 
@@ -85,17 +85,17 @@ class Publisher:
         self._log(session_id).awaited[agent_id] = revision, asked_at
 
     def adopt(self, record: SessionRecord) -> None:
-        """A session comes from elsewhere; some of its agents are about to end their paths."""
+        """Adopts a session from another server; some of its agents are about to end their paths."""
         goal_events = self._log(record.session_id).goal_events
         for agent in record.agents:
             goal_events.adopt(agent)
 
     def log_of(self, session_id: str) -> "SessionLog":
-        """What its streams go on with elsewhere."""
+        """The log with which its streams resume on another server."""
         return self._log(session_id).state()
 
     def restore(self, session_id: str, state: "SessionLog") -> None:
-        """Go on with a session's log from elsewhere; nobody follows it here yet."""
+        """Continues a session's log from another server, before anybody subscribes on this one."""
         self._log(session_id).restore(state)
 
     def forget_agent(self, session_id: str, agent_id: str) -> None:
@@ -167,7 +167,7 @@ class Publisher:
             return None
 
     def _put(self, deliveries: Iterable[Delivery]) -> None:
-        """On the event loop of the subscriptions. One that fails is ended; it may resume."""
+        """Runs on the subscriptions' event loop. A failing one is ended, and may resume."""
         for subscription, entry, spare in deliveries:
             try:
                 subscription.put(entry, spare)
@@ -198,7 +198,7 @@ class Publisher:
 
 @dataclass(frozen=True, slots=True)
 class SessionLog:
-    """What a session has published last."""
+    """The last publications of a session."""
 
     epoch: str
     position: int
@@ -209,7 +209,7 @@ class SessionLog:
 
 
 class _Log:
-    """One session: what it has published last, and who follows it."""
+    """One session: its last publications, and its subscriptions."""
 
     def __init__(self, resume_s: float, goal_events: GoalEvents) -> None:
         self.epoch = secrets.token_hex(8)
@@ -256,7 +256,7 @@ class _Log:
                 meter.goal_to_motion(float(chunks.scheduled_at[row]) - asked_at)
 
     def state(self) -> SessionLog:
-        """To go on elsewhere."""
+        """The log for another server."""
         held, stopping = tuple(self._ring), dict(self.goal_events.stopping)
         return SessionLog(self.epoch, self.position, self.motion, self._last_at, stopping, held)
 
@@ -326,7 +326,7 @@ class _Log:
         )
 
     def waits(self, now: float, queue_s: float) -> bool:
-        """The agents shall wait: for everybody who follows, and not for longer than all agree."""
+        """Whether agents wait: all readers hold and have stalled, within the shortest `hold_s`."""
         following = self.open()
         stalled = all(
             reader.options.slow_reader is SlowReader.HOLD and self.has_stalled(reader, queue_s)

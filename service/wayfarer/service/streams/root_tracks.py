@@ -108,7 +108,7 @@ class RootTracks:
 
 
 def _swing(rotations: NDArray[Any]) -> NDArray[np.float64]:
-    """Of rotations [A, F, 22, 4], core basis: how far forward the left leg is of the right [A, F].
+    """How far the left leg is before the right [A, F]; rotations [A, F, 22, 4], core basis.
 
     A thigh hangs along -Z; turned by the hip's (x, y, z, w), it reaches 2 (w x - y z) along +Y.
     """
@@ -124,7 +124,7 @@ def _swing(rotations: NDArray[Any]) -> NDArray[np.float64]:
 def _measured(
     chunks: MotionChunks, frame: int, legs: NDArray[np.float64], cadence: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the filter follows [A, 5] and the amplitude of the legs' swing [A], at one frame."""
+    """The filter's state [A, 5] and the amplitude of the legs' swing [A], at one frame."""
     target = np.empty((len(chunks), 5))
     target[:, :3] = chunks.translation[:, frame]
     x, y, z, w = np.moveaxis(chunks.rotations[:, frame, 0].astype(float), -1, 0)

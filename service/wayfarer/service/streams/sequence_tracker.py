@@ -1,4 +1,4 @@
-"""What a subscriber has not got: FIRST and GAP, marked on the chunks that it gets."""
+"""Marks FIRST and GAP on the chunks of a subscriber, by the chunks that it lacks."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

@@ -16,7 +16,7 @@ class Sights:
         self._by_alias: dict[int, Sight] = {}
 
     def see(self, sights: Iterable[tuple[int, Sight]]) -> None:
-        """From now on it sees these agents, by alias, so well."""
+        """Sets how well it sees these agents, by alias, from now on."""
         self._by_alias.update(sights)
 
     def forget(self, alias: int) -> None:
@@ -24,7 +24,7 @@ class Sights:
         self._by_alias.pop(alias, None)
 
     def of(self, alias: int) -> Sight:
-        """Who has not been seen yet counts as near."""
+        """An agent that has not been seen yet counts as near."""
         return self._by_alias.get(alias, Sight.NEAR)
 
 

@@ -56,7 +56,7 @@ class SubscriptionStart(NamedTuple):
 
     @property
     def replay(self) -> list[QueuedPublication]:
-        """What a subscription that resumes has missed."""
+        """The publications that a resuming subscription has missed."""
         return [entry for entry in self.held if entry.publication.position > self.position]
 
 
@@ -106,7 +106,7 @@ class Subscription:
         self.epoch = ""
         """Changes when the session's positions start again: with a restart or an import."""
         self.resumed = False
-        """The subscription goes on without a gap where `StreamOptions.resume` left off."""
+        """The subscription continues without a gap where `StreamOptions.resume` left off."""
         # These four are read by the motion thread.
         self.agent_ids = frozenset(options.agent_ids)
         self.closed = False
@@ -227,7 +227,7 @@ class Subscription:
         return waiting[-1].motion - waiting[0].motion if waiting else 0.0
 
     def _wanted(self, publication: Publication) -> Publication | None:
-        """What concerns the reader; None when nothing does."""
+        """The part for this reader; None: there is none."""
         ids = self.agent_ids
         if not ids:
             return publication
@@ -269,7 +269,7 @@ class Subscription:
         )
 
     def _next(self) -> Publication | None:
-        """What may be yielded now, opening and losses first."""
+        """The publications that may be yielded now, opening and losses first."""
         if self._opening is not None:
             opening, self._opening = self._opening, None
             return opening

@@ -92,7 +92,7 @@ class Authenticator:
     def is_good(self, caller: Caller) -> bool:
         """Whether an authenticated caller is still good: its API key has not been revoked.
 
-        Tokens and certificates are good until they expire, and calls begun with them go on.
+        Tokens and certificates are good until they expire, and calls begun with them continue.
         """
         return not caller.key or self._keys is None or self._keys.is_good(caller)
 

@@ -100,7 +100,7 @@ class IssuerKeys:
 
 
 class TokenCheck:
-    """What a token must be to stand for a caller."""
+    """Conditions under which a token stands for a caller."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The API behind both transports: sessions, agents, goals, streams, and who may use them."""
+"""The API behind both transports: sessions, agents, goals, streams, and their owners."""
 
 from wayfarer.transport.gateway.gateway import Gateway
 

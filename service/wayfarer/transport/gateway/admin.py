@@ -33,7 +33,7 @@ class AdminApi:
 
     @implements("UseModel")
     async def use_model(self, name: str, request: schema.ModelUse) -> schema.ModelUsed:
-        """Let agents be moved by a loaded model. Raises NotFound."""
+        """Moves agents with a loaded model. Raises NotFound."""
         moved = await self._context.service.use_model(name, request.move_agents)
         log.info("model in use", model=name, moved=moved, caller=current_caller().name)
         return schema.ModelUsed(moved=moved)

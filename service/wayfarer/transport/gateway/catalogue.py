@@ -1,4 +1,4 @@
-"""What the server has and allows."""
+"""Contents and limits of the server."""
 
 import asyncio
 

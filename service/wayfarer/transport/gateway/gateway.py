@@ -120,7 +120,7 @@ class Gateway:
         return ended
 
     def end_streams_of_revoked(self, is_good: Callable[[Caller], bool]) -> None:
-        """End the streams of callers who would not be let in again. To be called now and then."""
+        """Ends the streams of callers whose credentials no longer hold. Called now and then."""
         revoked = Unauthenticated("the API key of this stream has been taken back")
         if ended := self._context.book.end_streams(revoked, lambda caller: not is_good(caller)):
             log.info("streams of revoked keys ended", streams=ended)

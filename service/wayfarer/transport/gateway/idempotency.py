@@ -81,7 +81,7 @@ class IdempotencyCache:
         return result
 
     def _of_caller(self) -> OrderedDict[str, _Kept]:
-        """Replies of the present caller, without those that are too old."""
+        """Recent replies to the present caller."""
         name, now = current_caller().name, self._clock()
         kept = self._callers.setdefault(name, OrderedDict())
         self._callers.move_to_end(name)

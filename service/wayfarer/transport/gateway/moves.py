@@ -49,7 +49,7 @@ class SessionMoves:
 
     @property
     def groups(self) -> set[str]:
-        """In which a session or a scene is."""
+        """The group of a session or a scene."""
         return {group_of(name) for name in (*self.sessions, *self.scenes)}
 
     def of(self, group: str) -> list[str]:
@@ -100,7 +100,7 @@ class SessionMoves:
     async def adopt(
         self, name: str, replica: bytes, content: bytes, log_parts: Sequence[bytes]
     ) -> None:
-        """Let it live on from a copy; `content` is a scene's. Streams that come begin with a gap.
+        """Resumes it from a copy; `content` is a scene's. Streams that come begin with a gap.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
@@ -117,7 +117,7 @@ class SessionMoves:
         Raises NotFound, FailedPrecondition, Unavailable.
         """
         if not self.is_movable(name):
-            raise FailedPrecondition("its scene is in another group, and may live on another node")
+            raise FailedPrecondition("its scene is in another group, and possibly on another node")
         if is_scene(name):
             await self._context.service.scenes.freeze(name)
             return self._context.service.scenes.obstacles(name)
@@ -130,7 +130,7 @@ class SessionMoves:
             raise
 
     async def thaw(self, name: str) -> None:
-        """Let what is frozen go on here. Raises NotFound, Unavailable."""
+        """Resumes a frozen session or scene on this server. Raises NotFound, Unavailable."""
         if is_scene(name):
             self._context.service.scenes.unfreeze(name)
         else:
@@ -148,7 +148,7 @@ class SessionMoves:
         return await self._session(await moves.import_(await moves.read(live)))
 
     async def enter(self, arrival: Arrival) -> None:
-        """Let what was taken go on here. Raises NotFound, Unavailable."""
+        """Resumes a taken session or scene on this server. Raises NotFound, Unavailable."""
         if isinstance(arrival.info, SessionInfo):
             await self.thaw(arrival.info.session_id)
         self._open(arrival)
@@ -195,7 +195,7 @@ class SessionMoves:
 
 
 async def _served(call: Callable[[], Awaitable[T]]) -> T:
-    """Make a call until the motion thread has room for it: what it is for cannot be taken back."""
+    """Repeats a call until the motion thread has room for it, since its cause cannot be undone."""
     ends = asyncio.get_running_loop().time() + FULL_S
     while True:
         try:

@@ -1,4 +1,4 @@
-"""What the transport remembers of each scene: whose it is, its basis, its lease."""
+"""The transport's record of each scene: owner, basis, lease."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -42,12 +42,12 @@ class OpenScene:
 
 
 def scene_attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
-    """What the runtime keeps with a scene for the transport."""
+    """Attributes that the runtime keeps with a scene for the transport."""
     return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
 
 
 class SceneAccess:
-    """All scenes, and who may do what with them."""
+    """All scenes, and the rights of callers to them."""
 
     def __init__(self, limits: Limits, clock: Callable[[], float], residence: Residence) -> None:
         self._limits = limits
@@ -100,7 +100,7 @@ class SceneAccess:
         return [s for s in self._scenes.values() if s.owner == caller.name or caller.is_admin]
 
     def expired(self) -> list[OpenScene]:
-        """Those whose lease has ended, unless sessions are in them."""
+        """Scenes without sessions whose lease has ended."""
         now = self._clock()
         return [scene for scene in self._scenes.values() if scene.expires_at < now]
 

@@ -145,7 +145,7 @@ class SceneApi:
     async def put_obstacle(
         self, scene_id: str, name: str, request: schema.Obstacle
     ) -> schema.SceneVersion:
-        """Let it stand there, or move there.
+        """Puts an obstacle there, or moves it there.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
@@ -186,7 +186,7 @@ class SceneApi:
 
     @implements("PopulateSession")
     async def populate(self, session_id: str, request: schema.Crowd) -> schema.CrowdCame:
-        """Let people come and go. Raises NotFound, FailedPrecondition, InvalidArgument; and
+        """Makes people come and go. Raises NotFound, FailedPrecondition, InvalidArgument; and
         ResourceExhausted beyond the caller's quota.
         """
         self._context.require_ready()
@@ -228,7 +228,7 @@ class SceneApi:
     async def end_expired(self) -> None:
         """Remove the scenes whose lease has run out and that no session is in.
 
-        Those that cannot be removed now are tried again with the next call.
+        The next call tries again to remove scenes that cannot be removed now.
         """
         for scene in self._context.scenes.expired():
             try:

@@ -1,4 +1,4 @@
-"""What the transport remembers of each session: whose it is, its basis, its lease."""
+"""The transport's record of each session: owner, basis, lease."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ LEASE_S: Final = 60.0
 """Lease of a session that asks for none."""
 
 TOLD_GONE: Final = 1024
-"""A resumed stream is told about deletions among this many newest agents of its session."""
+"""A resumed stream receives deletions among this many newest agents of its session."""
 
 
 @dataclass(eq=False)
@@ -43,7 +43,7 @@ class OpenSession:
     lease_s: float
     expires_at: float  # clock's seconds, without regard to streams
     drawn: int = 0  # seeds of agents that were created, or are being created
-    last_alias: int = 0  # the greatest that the runtime has told of
+    last_alias: int = 0  # the greatest that the runtime has reported
     endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
     aliases: dict[str, int] = field(default_factory=dict)  # by agent id, without a crowd's people
     crowd: int = 0  # people who were asked for; they come and go without a call
@@ -61,7 +61,7 @@ class OpenSession:
         return self.info.spec.scene
 
     def gone(self, agents: Sequence[AgentInfo] = ()) -> list[int]:
-        """Aliases of agents that are no more, the latest ones.
+        """Aliases of the agents deleted last.
 
         `agents`: all that it has now, where some come without a call.
         """
@@ -89,12 +89,12 @@ class OpenSession:
 
 
 def attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
-    """What the runtime keeps with a session for the transport."""
+    """Attributes that the runtime keeps with a session for the transport."""
     return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
 
 
 class SessionRegistry:
-    """All open sessions, and who may do what with them."""
+    """All open sessions, and the rights of callers to them."""
 
     def __init__(
         self, limits: Limits, clock: Callable[[], float], residence: Residence | None = None
@@ -113,7 +113,7 @@ class SessionRegistry:
         Raises InvalidArgument where its attributes are not the transport's.
         """
         owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
-        self.forget(info.session_id)  # one that has just ended, and that the book still has
+        self.forget(info.session_id)  # a session that has just ended and is still registered
         session = OpenSession(
             info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
         )
@@ -179,9 +179,9 @@ class SessionRegistry:
         return [s for s in self._sessions.values() if s.owner == caller.name or caller.is_admin]
 
     def expired(self) -> list[OpenSession]:
-        """Those whose lease has ended; the leases of those with a stream go on."""
+        """Sessions whose lease has ended. A stream keeps its session's lease."""
         now = self._clock()
-        if not self._residence.holds:  # they may live on elsewhere by now
+        if not self._residence.holds:  # another node may have them by now
             return []
         for session in self._sessions.values():
             if session.holders:
@@ -248,7 +248,7 @@ class SessionRegistry:
             session.places.discard(place)
 
     def end_streams(self, error: WayfarerError, of: Callable[[Caller], bool]) -> int:
-        """End the streams of some callers; the number of those that were not ending already."""
+        """Ends the streams of some callers; returns how many were not ending already."""
         return sum(
             place.stream.end(error)
             for session in self._sessions.values()

@@ -81,9 +81,9 @@ class SessionApi:
         await finish(self._end(self._context.book.session(session_id)))
 
     async def end_expired(self) -> list[str]:
-        """End the sessions whose lease has run out; ids of those that are no more.
+        """Ends the sessions whose lease has run out; returns the ids of ended ones.
 
-        Those that cannot be ended now are tried again with the next call.
+        The next call tries again to end sessions that cannot be ended now.
         """
         ended: list[str] = []
         for session in self._context.book.expired():

@@ -126,7 +126,7 @@ def check_points(request: scene_pb2.CreateSceneRequest, where: str = "") -> None
 
 
 async def _data(requests: Pieces) -> AsyncIterator[bytes]:
-    """What the others bring. Raises InvalidArgument."""
+    """The bytes of the later messages. Raises InvalidArgument."""
     async for request in requests:
         if request.WhichOneof("payload") != "data":
             raise InvalidArgument("after `header` comes only `data`", "data")

@@ -46,10 +46,10 @@ class GrpcServer:
                 ("grpc.max_allowed_incoming_connections", connections),
                 ("grpc.max_concurrent_streams", CALLS),  # of one connection
                 ("grpc.max_connection_idle_ms", 600_000),
-                # clients reconnect now and then and so are balanced; their streams go on
+                # clients reconnect now and then and so are balanced; their streams resume
                 ("grpc.max_connection_age_ms", 3_600_000),
                 ("grpc.server_handshake_timeout_ms", 10_000),
-                ("grpc.so_reuseport", 0),  # else two servers would share a port in silence
+                ("grpc.so_reuseport", 0),  # otherwise two servers would silently share a port
                 ("grpc.max_receive_message_length", size),
                 ("grpc.max_metadata_size", 16 * 1024),
                 # find clients that vanished without a word
@@ -75,7 +75,7 @@ class GrpcServer:
             raise Unavailable(f"cannot listen for gRPC on {address}: {error}") from None
 
     async def start(self) -> None:
-        """Take calls; health is NOT_SERVING until told otherwise."""
+        """Takes calls; health is NOT_SERVING until it is set."""
         await self.set_serving(False)
         await self._server.start()
 

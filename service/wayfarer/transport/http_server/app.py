@@ -69,7 +69,7 @@ def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
         title="Wayfarer",
         version=__version__,
         description=DESCRIPTION,
-        docs_url=None,  # FastAPI's own pages run scripts from elsewhere
+        docs_url=None,  # FastAPI's own pages load scripts from other hosts
         redoc_url=None,
     )
     special = {**scene_endpoints(gateway), **clip_endpoints(gateway)}

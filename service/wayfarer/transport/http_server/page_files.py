@@ -30,7 +30,7 @@ VENDOR: Final = "vendor"
 class PageFiles(StaticFiles):
     """A folder with an index.html, whose links are made to lead to `kept/VERSION/`.
 
-    A browser keeps what lies there for ever. The page itself, and files asked for by their bare
+    A browser keeps these files without asking again. The page itself, and files asked for by bare
     names, it asks about (ETag) before it uses them again. A file that is edited makes another
     version. Where the page has a module preloaded, it gets the modules which that imports, too: a
     browser would find them one after the other.

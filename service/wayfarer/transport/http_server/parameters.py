@@ -54,7 +54,7 @@ def binary_answer(description: str) -> dict[int | str, dict[str, Any]]:
 
 
 def request_id(in_body: str, in_header: str) -> str:
-    """The one that was given. Raises InvalidArgument where they differ."""
+    """The given one of two. Raises InvalidArgument where they differ."""
     if in_body and in_header and in_body != in_header:
         raise InvalidArgument("request_id and Idempotency-Key differ; send one", "request_id")
     return in_body or in_header

@@ -100,7 +100,7 @@ async def mesh_scene(
     lease_s: Annotated[Number, Query(ge=1, description="as createScene has it")] = None,
     request_id: Annotated[str, Query(max_length=64, description="as createScene has it")] = "",
 ) -> schema.MeshScene:
-    """A dependency: what a mesh shall become. Raises InvalidArgument."""
+    """A dependency: the scene to make of a mesh. Raises InvalidArgument."""
     walkable = {
         "radius": radius,
         "step_height": step_height,

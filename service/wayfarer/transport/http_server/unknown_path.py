@@ -1,4 +1,4 @@
-"""What no route takes: 405 with all methods of the path, or 404."""
+"""Requests that no route takes: 405 with all methods of the path, or 404."""
 
 from collections.abc import Callable
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""What can be asked for in words: a small grammar, and a refusal that tells it.
+"""Requests in words: a small grammar, and a refusal that states it.
 
     walk [slowly | briskly] [forward | backward | left | right] [N m]     "walk briskly left 3 m"
     walk [slowly | briskly] to X, Z                                       "walk to 2, -1.5"

@@ -40,7 +40,7 @@ def canonical(body_name: str, gender: str = "female") -> Skeleton:
 
 
 def read(skeleton: Skeleton) -> BoneMap:
-    """Its bones. Raises InvalidArgument that names those that cannot be found."""
+    """Its bones. Raises InvalidArgument that names the missing ones."""
     if len(skeleton.joints) > MOST_JOINTS:
         raise InvalidArgument(f"{len(skeleton.joints)} joints; allowed are {MOST_JOINTS}")
     names = [joint.name for joint in skeleton.joints]

@@ -1,4 +1,4 @@
-"""What the other messages are made of."""
+"""Parts of the other messages."""
 
 import json
 from collections.abc import Mapping
@@ -87,7 +87,7 @@ class OneOf(Message):
 
     @property
     def given(self) -> tuple[str, Message]:
-        """The one that is given, and its name."""
+        """The given field, and its name."""
         return next(
             (name, value) for name, value in self if value is not None and name not in self.BESIDE
         )

@@ -25,7 +25,7 @@ export class Arrivals {
     return [url.href, this.api.access.headers];
   }
 
-  /** Let the browser have a body before the stream tells of the person. */
+  /** Loads a body before the stream introduces the person. */
   #fetchBody(agent) {
     const [url, headers] = this.mesh(agent, "low");
     fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // who is seen asks again, and tells
@@ -109,7 +109,7 @@ export class Arrivals {
     return made.agent_id;
   }
 
-  /** Let somebody who has just been created walk about, once it is seen. */
+  /** Makes a new person wander once it is seen. */
   async setOff(id) {
     const current = this.session.id;
     while (this.session.id === current) {

@@ -164,7 +164,7 @@ function roomOf({ position, index }) {
   return { vertices: upTo(position.length / 3, ROOM.vertices), corners: upTo(index.length, ROOM.corners) };
 }
 
-/** What a loaded GLB holds, as plain arrays: all its parts as one, with their materials' colours. */
+/** The contents of a loaded GLB as plain arrays: all its parts as one, with their materials' colours. */
 function bodyOf(scene, boneNames) {
   const parts = [];
   scene.traverse((node) => {

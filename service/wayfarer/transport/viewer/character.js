@@ -77,7 +77,7 @@ export class CharacterFile {
     });
   }
 
-  /** A body of its own for an agent: { object, character, height, pose(frame), hide(), remove() }. */
+  /** A separate body for an agent: { object, character, height, pose(frame), hide(), remove() }. */
   body(restOffsets) {
     const object = cloneSkinned(this.source);
     const humanoid = this.#humanoidOf(object);

@@ -171,7 +171,7 @@ export function comeText(came, count) {
   return `${came} of ${count} people came; ${local ? "this computer" : "the server"} is busy`;
 }
 
-/** A sentence about the people who come, as `Api.populate` tells of them. */
+/** A sentence about the people that come, from the answer of `Api.populate` tells of them. */
 export function crowdText({ came, waiting, reason }) {
   if (!came && !waiting) return "they leave";
   if (!waiting) return came === 1 ? "1 person is here" : `${came} people are here`;

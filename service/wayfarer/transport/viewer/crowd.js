@@ -10,7 +10,7 @@ const NEAR_SHARE = 2 / 3; // of those who may have a fine body: who just passes 
 const SWAP_SECONDS = 2; // between two who give up their fine bodies: to read another takes as long as some frames
 const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
 
-/** Who is shown; `changed()` is called when somebody comes or goes. */
+/** The people shown; `changed()` is called when somebody comes or goes. */
 export class Crowd {
   /** `heightAt(x, z, y)`: of the ground at a place. */
   constructor(stage, heightAt, mesh, changed, failed) {
@@ -36,7 +36,7 @@ export class Crowd {
     return [...this.members.values()];
   }
 
-  /** Who is shown and nearest to a place of the ground; or null. */
+  /** The shown person nearest to a place of the ground; or null. */
   nearestTo({ x, z }) {
     const gap = (person) => Math.hypot(person.x - x, person.z - z);
     return this.people.filter(({ shown }) => shown).sort((a, b) => gap(a) - gap(b))[0] ?? null;
@@ -47,7 +47,7 @@ export class Crowd {
     this.boneNames = bones.map((bone) => skeleton[bone].name);
   }
 
-  /** What a session's player tells (`SessionOptions.on`); `now()` is a local clock in seconds. */
+  /** The callbacks of a session's player (`SessionOptions.on`); `now()` is a local clock in seconds. */
   handlers(now) {
     return {
       added: (played) => this.#add(played),
@@ -95,7 +95,7 @@ export class Crowd {
     }
   }
 
-  /** "full", "reduced" or "held": how well the server has kept up of late. */
+  /** "full", "reduced" or "held": how well the server has kept up recently. */
   pressure(now) {
     if (now - this.strained.held < PRESSURE_SECONDS) return "held";
     return now - this.strained.reduced < PRESSURE_SECONDS ? "reduced" : "full";
@@ -112,7 +112,7 @@ export class Crowd {
     this.changed();
   }
 
-  /** Let an agent look like a character (`CharacterFile`), now or when it comes. */
+  /** Makes an agent look like a character (`CharacterFile`), now or when it comes. */
   dress(agentId, look) {
     this.looks.set(agentId, look);
     const person = this.people.find(({ agent }) => agent.id === agentId);

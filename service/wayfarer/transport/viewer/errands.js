@@ -1,4 +1,4 @@
-// What people are told to do: where to go, whom to follow. Throws what the server refuses.
+// Commands to people: where to go, whom to follow. Throws the server's refusals.
 
 import { onFloor } from "./client/index.js";
 import { arranged, dragHeading, escort, othersThan, recipients } from "./choices.js";
@@ -48,7 +48,7 @@ export class Errands {
     return nearest?.away < MARK ? nearest : null;
   }
 
-  /** Let a goal of somebody's path be another. */
+  /** Replaces a goal of somebody's path. */
   async changeGoal(person, number, change) {
     this.ask(); // whether anything may be asked
     const path = person.ahead.map((goal, k) => (k === number ? { ...goal, ...change } : goal));
@@ -84,7 +84,7 @@ export class Errands {
     await this.roam(idle);
   }
 
-  /** Let people walk about, until they are sent somewhere or stopped. */
+  /** Makes people wander until they are sent somewhere or stopped. */
   async roam(people) {
     await Promise.all(people.map(({ agent }) => this.roamAgent(agent.id)));
   }
@@ -197,7 +197,7 @@ export class Errands {
     await this.api.appendGoals(person.agent.id, [further]);
   }
 
-  /** Tell people something that goes on by itself: person `k` does `behaviour(k)`. */
+  /** Gives people a behaviour: person `k` does `behaviour(k)`. */
   async #busy(people, said, behaviour) {
     for (const person of people) {
       person.showPath([]);

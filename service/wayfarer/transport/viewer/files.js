@@ -4,7 +4,7 @@ import { isCharacter } from "./character.js";
 import { isLevel, readGlb } from "./glb.js";
 
 /**
- * Let a file be dropped anywhere on the page, and be chosen with `inputs`: pairs of an element and what its files are for.
+ * Accepts files that are dropped on the page, or chosen with `inputs`: pairs of an element and what its files are for.
  * `take(file, purpose)` gets it; the purpose of a dropped file is "".
  */
 export function watchFiles(inputs, take) {

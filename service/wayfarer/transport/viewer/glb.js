@@ -3,7 +3,7 @@
 const MAGIC = 0x46546c67; // "glTF"
 const JSON_CHUNK = 0x4e4f534a;
 
-/** What the JSON of a GLB's bytes holds; null where they are none. */
+/** The JSON of a GLB's bytes; null where they are none. */
 export function readGlb(bytes) {
   const view = new DataView(bytes);
   if (bytes.byteLength < 20 || view.getUint32(0, true) !== MAGIC || view.getUint32(16, true) !== JSON_CHUNK) return null;

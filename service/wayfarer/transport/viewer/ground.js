@@ -114,7 +114,7 @@ const span = (corners, axis) => [Math.min(...corners.map((c) => c[axis])), Math.
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 
-/** The point of a ray { origin, direction } so many metres on. */
+/** The point of a ray { origin, direction } at a distance in metres. */
 export function pointOn({ origin, direction }, along) {
   return {
     x: origin.x + along * direction.x, y: origin.y + along * direction.y, z: origin.z + along * direction.z,

@@ -124,7 +124,7 @@ export class History {
     return { speeds, contacts };
   }
 
-  /** Those who left longer ago than is kept. */
+  /** Forgets people that left longer ago than is kept. */
   #forget() {
     for (const [alias, track] of this.tracks) {
       if (track.times[track.slot(track.count - 1)] < this.first) this.tracks.delete(alias);

@@ -33,7 +33,7 @@ export function mention(text, kind = text) {
   setTimeout(() => line.remove(), NEWS_SECONDS * 1000);
 }
 
-/** Let the user type the key or token that the server asks for. */
+/** Asks the user for the key or token that the server needs. */
 export function askToken(reason) {
   const dialog = byId("access");
   byId("access-reason").textContent = reason;

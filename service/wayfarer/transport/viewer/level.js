@@ -70,7 +70,7 @@ export class Level {
     this.showObstacles(obstacles);
   }
 
-  /** Obstacles as they are to be, before the server has told the ground without them. */
+  /** Obstacles as requested, before the server has sent the ground without them. */
   showObstacles(obstacles) {
     this.obstacles = obstacles;
     if (!obstacles.has(this.chosen)) this.chosen = null;
@@ -238,7 +238,7 @@ class Blocks {
   }
 }
 
-/** Let a material shine by the attribute `glow` of its corners. */
+/** Makes a material shine by the attribute `glow` of its corners. */
 function glowing(shader) {
   const given = "varying float shines;\n";
   shader.vertexShader = `attribute float glow;\n${given}${shader.vertexShader}`.replace("#include <begin_vertex>", "#include <begin_vertex>\nshines = glow;");

@@ -1,4 +1,4 @@
-// What is drawn over people to see how they walk: skeletons, feet on the ground, footprints.
+// Drawings over people that show how they walk: skeletons, feet on the ground, footprints.
 
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, RingGeometry } from "./vendor/three.min.js";
 

@@ -45,7 +45,7 @@ function motionOf({ agent, played }, history, moment, count) {
   return { frames, contacts };
 }
 
-/** Text of the last frames of people; `count`: how many there are of who was there all the time. */
+/** Text of the last frames of people; `count`: the number of frames of people present all the time. */
 export async function encodePast(count, people) {
   const bones = ((people.find(({ frames }) => frames.length)?.frames[0].length ?? 7) - 3) / 4;
   const bytes = new Writer();
@@ -73,7 +73,7 @@ export async function encodePast(count, people) {
   return pack(bytes.all());
 }
 
-/** What a text holds: { count, people: [{ frames, contacts }] }. Throws in words when it holds nothing. */
+/** The contents of a text: { count, people: [{ frames, contacts }] }. Throws in words when it holds nothing. */
 export async function decodePast(text) {
   try {
     return decoded(new Reader(await unpack(text)));

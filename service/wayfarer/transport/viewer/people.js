@@ -26,7 +26,7 @@ export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, wi
   return ring;
 }
 
-/** What is seen of one agent of the session's player. */
+/** The view of one agent of the session's player. */
 export class Person {
   /** `bodies`, `trails`: all people's; `heightAt(x, z, y)`: of the ground there. */
   constructor(played, { bodies, trails, heightAt }) {
@@ -128,7 +128,7 @@ export class Person {
     this.shown = this.body !== null;
   }
 
-  /** Show goals ahead; what is reached counts again once their `revision` is known. */
+  /** Shows goals ahead; arrivals count again once their `revision` is known. */
   showPath(goals) {
     discard(this.path.children);
     this.showWay([]);
@@ -192,7 +192,7 @@ function wayLine(points, colour) {
   return new Line(geometry, new LineBasicMaterial({ color: colour }));
 }
 
-/** A ring, with an arc before it where a heading is to be faced. */
+/** A ring, with an arc before it where a heading is asked for. */
 function goalMark({ x, y = 0, z, heading }, colour) {
   const mark = new Group();
   mark.position.set(x, y, z);

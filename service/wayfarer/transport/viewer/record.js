@@ -1,4 +1,4 @@
-// What is shown, as a file: people's motion as GLB or VRM animation, the picture as WebM.
+// The picture as a file: people's motion as GLB or VRM animation, the picture as WebM.
 
 import { vrmAnimation, withMotion } from "./animated_glb.js";
 import { FRAME } from "./timeline.js";
@@ -6,7 +6,7 @@ import { FRAME } from "./timeline.js";
 const VIDEO_FPS = 30;
 const VIDEO_TYPES = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"];
 
-/** Let the user save bytes under a name. */
+/** Offers bytes to the user as a file. */
 function save(blob, name) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);

@@ -1,5 +1,5 @@
-// What a link holds: first the last seconds as somebody saw them, then a script, played in lock-step sessions of its own:
-// nobody else's people, no clock but the steps, so each time alike. Played twice, the second time otherwise, the two are
+// The contents of a link: first the last seconds as somebody saw them, then a script, played in separate lock-step sessions:
+// no other people, no clock but the steps, so it is alike each time. Played twice, the second time otherwise, the two are
 // seen over each other.
 
 import { ENCODING, PlayedAgent, frameBytes, onFloor, unpackPoses } from "./client/index.js";
@@ -153,7 +153,7 @@ export class Replay {
   }
 }
 
-/** What is shown of a replay: as MotionPlayer, of steps instead of a stream. Times are seconds from its beginning. */
+/** The player of a replay: as MotionPlayer, of steps instead of a stream. Times are seconds from its beginning. */
 class ReplayPlayer {
   /** `at`: seconds where it is shown from; `begins`: where the first chunk is. */
   constructor(on, at, begins) {
@@ -170,7 +170,7 @@ class ReplayPlayer {
     this.epoch = null;
   }
 
-  /** Somebody who is there from `since` on. */
+  /** A person present from `since` on. */
   add({ agent_id: id, alias, name, gender, betas, seed, outfit, rest_offsets: restOffsets, model, beside }, since) {
     const played = new PlayedAgent({ id, alias, name, gender, betas, seed, outfit, restOffsets, model, beside }, 3 + 4 * BONES);
     played.since = since;

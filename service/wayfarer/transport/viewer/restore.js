@@ -1,4 +1,4 @@
-// What the page knows of a session that the server has forgotten, and how it comes back.
+// The page's record of a session that the server has forgotten, and its return.
 
 const TOGETHER = 64; // people asked for in one call
 

@@ -4,7 +4,7 @@ import { byId } from "./hud.js";
 import { Film, saveMotion } from "./record.js";
 import { momentLink, shareLink, showLink } from "./share.js";
 
-/** `people()`: who is selected; `mesh(agent, detail)`: [URL of its body, headers]. */
+/** `people()`: the selected people; `mesh(agent, detail)`: [URL of its body, headers]. */
 export function saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, people }) {
   const say = (text, runs = true) => {
     byId("film").textContent = text;

@@ -28,7 +28,7 @@ const SHADED = [14, 48]; // metres around the point looked at that have shadows:
 const FAR = [45, 160]; // metres: where fog begins and ends, seen from near; farther off, farther
 const LEANING = 0.72; // of a view of all: how steep, 0 level, 1 straight down
 
-/** Of lamps and lit windows, as the time of day is. */
+/** Light of lamps and windows by the time of day. */
 export const LAMPLIGHT = new Color();
 
 /** The browser shows no 3D. */
@@ -84,7 +84,7 @@ export class Stage {
       .then(() => this.renderer.setAnimationLoop(frame));
   }
 
-  /** Make the shaders; where the browser can, the page goes on meanwhile. */
+  /** Makes the shaders, in the background where the browser can. */
   async #compile() {
     const { renderer, scene, camera } = this;
     if (renderer.extensions.has("KHR_parallel_shader_compile")) await renderer.compileAsync(scene, camera);
@@ -129,7 +129,7 @@ export class Stage {
     this.resize();
   }
 
-  /** Let the camera travel with a point of the ground, keeping its angle. */
+  /** Moves the camera with a point of the ground, at the same angle. */
   follow({ x, y, z }, seconds) {
     const share = 1 - Math.exp(-4 * seconds);
     const move = new Vector3(x, y + 0.9, z).sub(this.controls.target).multiplyScalar(share);
@@ -161,7 +161,7 @@ export class Stage {
     this.#move(new Vector3(...eye), new Vector3(...target), 1);
   }
 
-  /** Let the camera come nearer to a place and what it looks at. */
+  /** Brings the camera nearer to a place and its target. */
   glide(eye, target, share) {
     this.#move(new Vector3(eye.x, eye.y, eye.z), new Vector3(target.x, target.y, target.z), share);
     this.camera.lookAt(this.controls.target);

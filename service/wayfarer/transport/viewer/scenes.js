@@ -49,7 +49,7 @@ export function meshFormat(fileName) {
 
 /**
  * The scene that is shown. `on` has: changed(outlines) when its ground or obstacles are others than
- * before; moved(obstacles) when an obstacle is on its way; gone() when the scene is no more;
+ * before; moved(obstacles) when an obstacle is on its way; gone() when the scene has been deleted;
  * failed(error).
  */
 export class SceneBook {
@@ -93,7 +93,7 @@ export class SceneBook {
     return name;
   }
 
-  /** Shown at once, and told to the server as fast as it takes it. */
+  /** Shown at once, and sent to the server as fast as it accepts it. */
   move(name, block) {
     const { id } = this;
     this.obstacles = new Map(this.obstacles).set(name, block);
@@ -122,7 +122,7 @@ export class SceneBook {
     const outlines = outlinesOf(await this.api.sceneOutlines(id));
     if (id !== this.id) return;
     this.version = outlines.version;
-    // what is being dragged stays where the hand is
+    // the dragged crate stays where the pointer is
     for (const name of this.moving.keys()) {
       if (this.obstacles.has(name)) outlines.obstacles.set(name, this.obstacles.get(name));
     }

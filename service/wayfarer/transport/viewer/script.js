@@ -1,4 +1,4 @@
-// What a share link holds: a scene, its crates, people with their seeds and goals, and for how long. No DOM.
+// The contents of a share link: a scene, its crates, people with their seeds and goals, and for how long. No DOM.
 
 const VERSION = 1;
 const SECONDS = 30; // that a shared script is played

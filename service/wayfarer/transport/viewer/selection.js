@@ -1,4 +1,4 @@
-// Who is selected: nobody, one, several; and groups that are kept. No DOM.
+// The selected people (none, one, several), and kept groups. No DOM.
 
 export class Selection {
   /** `changed()` is called when others are selected or a group is kept. */
@@ -8,7 +8,7 @@ export class Selection {
     this.changed = changed;
   }
 
-  /** Who is meant where only one can be: the first. */
+  /** The first selected person, where there can be only one. */
   get person() {
     return this.people[0] ?? null;
   }
@@ -23,7 +23,7 @@ export class Selection {
     this.choose(this.people.includes(person) ? this.people.filter((other) => other !== person) : [...this.people, person]);
   }
 
-  /** Keep those who are selected as a group; its number. */
+  /** Keeps the selected people as a group; returns its number. */
   keep() {
     this.groups.push([...this.people]);
     this.changed();

@@ -40,7 +40,7 @@ export class PageSession {
     this.#enter(Session.join(this.api, id, this.#options(scene)));
   }
 
-  /** A script in lock-step sessions of its own (`how`: see replay.js); the one before ends. Throws ApiError. */
+  /** A script in separate lock-step sessions (`how`: see replay.js); the one before ends. Throws ApiError. */
   async replay(script, how) {
     const replay = new Replay(this.api, script, this.#options("").on, how);
     this.#enter(replay);

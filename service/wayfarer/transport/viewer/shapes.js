@@ -52,7 +52,7 @@ function addWalls({ corners, normals, lines }, { top, bottom }, number, triangul
   });
 }
 
-/** Tall blocks that overlap at one height would flicker: each has a height of its own, to a hair. */
+/** Tall blocks that overlap at one height would flicker, so their heights differ a little. */
 function lift(height, number) {
   return height > TALL ? 0.02 * (number % 5) : 0;
 }
@@ -74,7 +74,7 @@ export function outlineOf(vertices, triangles) {
   return Float32Array.from(lines);
 }
 
-/** Length along x and z, and middle, of points: what a camera should see. */
+/** Length along x and z, and middle, of the points that a camera should see. */
 export function extentOf(points) {
   const range = (axis) => points.reduce(([low, high], point) => [Math.min(low, point[axis]), Math.max(high, point[axis])], [Infinity, -Infinity]);
   const [[x0, x1], [y0, y1], [z0, z1]] = [range("x"), range("y"), range("z")];

@@ -39,7 +39,7 @@ export function momentLink(api, moment) {
   return { address: changed(href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), past: "", seconds: null };
 }
 
-/** Let the user choose what else is in it, and copy it or look at it. `models`: names of others that are loaded. */
+/** Offers a choice of further contents, and to copy the link or open it. `models`: names of others that are loaded. */
 export function showLink({ address, past, seconds }, models) {
   const shown = byId("share-address"), beside = byId("share-beside"), before = byId("share-past");
   byId("share-models").replaceChildren(...models.map((name) => new Option(name, `model:${name}`)));

@@ -41,7 +41,7 @@ export class Timeline {
     this.moment = first + (last - first) * Math.min(1, Math.max(0, share));
   }
 
-  /** So many frames on, or back. */
+  /** Moves by this number of frames. */
   step(frames) {
     this.pause();
     if (!this.live) this.#to(this.moment + frames * FRAME);

@@ -20,7 +20,7 @@ export class TimelineBar {
     byId("rate").onchange = ({ target }) => timeline.setRate(Number(target.value));
   }
 
-  /** Pause, or go on. */
+  /** Pauses or resumes. */
   toggle() {
     const { timeline } = this;
     if (timeline.live || timeline.playing) timeline.pause();

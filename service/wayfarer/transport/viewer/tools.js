@@ -1,4 +1,4 @@
-// What a click on the stage does: sends people, puts crates, says whom to follow.
+// Tools for clicks on the stage: send people, put crates, choose a leader.
 
 import { byId, tell } from "./hud.js";
 import { dragHeading, pick } from "./choices.js";
@@ -49,12 +49,12 @@ export class Tools {
     return HINTS.send;
   }
 
-  /** Say how the tool is used, to those who see the tools. */
+  /** Shows how the tool is used, where tools are shown. */
   hint() {
     byId("hint").textContent = byId("rest").hidden ? "" : HINTS[this.name];
   }
 
-  /** What a drag from here moves; null: the camera. */
+  /** The object that a drag from this point moves; null: the camera. */
   press(event) {
     if (this.name === "box" || (this.name === "send" && (event.ctrlKey || event.metaKey))) return this.#dragBox(event);
     const hit = this.level.meets(this.stage.ray(event));
@@ -79,7 +79,7 @@ export class Tools {
     return pick(this.crowd.people, ray);
   }
 
-  /** What a click on the ground does. */
+  /** Handles a click on the ground. */
   act(point, obstacle = null) {
     if (this.name === "send") this.send(point);
     else if (this.name === "crate") this.#crate(point, obstacle);

@@ -48,7 +48,7 @@ function isLow(level, { x, z }) {
   return height !== null && height < level.base + LOW;
 }
 
-/** Directions, those that turn least first. */
+/** Directions, by the size of their turn. */
 function turns() {
   return Array.from({ length: DIRECTIONS }, (_, k) => (Math.ceil(k / 2) * (k % 2 ? 1 : -1) * 2 * Math.PI) / DIRECTIONS);
 }

@@ -1,4 +1,4 @@
-// The user's own character: who walks in its shape, and which of its bones is which.
+// The user's character: the agents that walk in its shape, and its bone map.
 
 import { BONES } from "./client/index.js";
 import { CharacterFile } from "./character.js";
@@ -11,7 +11,7 @@ const WORDS = { // of bones, where the canonical name says little
   hip: "upper leg", knee: "lower leg", ankle: "foot", foot: "toes", collar: "shoulder", shoulder: "upper arm", elbow: "lower arm", wrist: "hand",
 };
 
-/** What a bone is called on the page. */
+/** The name of a bone on the page. */
 export function boneText(bone) {
   const [, side, part] = /^(?:(left|right)_)?(.*)$/.exec(bone);
   return side ? `${side} ${WORDS[part] ?? part}` : part.replace("pelvis", "hips").replace(/(\d)/, " $1");
@@ -19,7 +19,7 @@ export function boneText(bone) {
 
 export class Wardrobe {
   /**
-   * `enlist(spec)` makes an agent and resolves to its id; `walk(person)` lets somebody who has come walk;
+   * `enlist(spec)` makes an agent and resolves to its id; `walk(person)` makes a new person walk;
    * `attempt(action)` wraps what may be refused.
    */
   constructor(api, crowd, { enlist, walk, attempt }) {
@@ -41,7 +41,7 @@ export class Wardrobe {
     await this.#send();
   }
 
-  /** Let an agent of its proportions come, if there is none yet. */
+  /** Creates an agent of its proportions, if there is none yet. */
   async #send() {
     const { look } = this;
     if (look.problem || this.agentId) return;

@@ -40,11 +40,11 @@ class AgentSpec:
     foot_lock: bool = True  # feet on the floor are kept from sliding
     floor: float = 0.0  # metres; in a scene of several storeys: the one below this height
     model: str = ""  # name of the loaded motion model that moves it first; empty: the one in use
-    outfit: str = ""  # what it wears, by name; empty: what its seed chooses
+    outfit: str = ""  # name of its outfit; empty: its seed chooses
 
 
 class AgentState(StrEnum):
-    """What an agent is doing."""
+    """The activity of an agent."""
 
     STANDING = "standing"
     WALKING = "walking"
@@ -97,7 +97,7 @@ class AgentInfo:
     goal: Goal | None  # the present one of its path
     goal_revision: int  # 0 before the first goal
     created_at: float  # Unix seconds
-    waypoint: int = 0  # place of `goal` in its path, from 0; goals that are added go on counting
+    waypoint: int = 0  # place of `goal` in its path, from 0; added goals continue the count
     waypoints: int = 0  # goals of its path so far, those passed included
     model: str = ""  # the motion model that moves it
 

@@ -37,7 +37,7 @@ class BodyState:
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """What an agent wants for now; `place` None: to stand."""
+    """The present aim of an agent; `place` None: to stand."""
 
     place: Vector | None
     speed: float = 1.2
@@ -60,7 +60,7 @@ class Others(Protocol):
         ...
 
     def doing(self, agent: "Agent") -> "Behaviour | None":
-        """What an agent does now."""
+        """The present behaviour of an agent."""
         ...
 
     def place(self, agent: "Agent") -> Vector:
@@ -125,7 +125,7 @@ class BehavingAgent(Protocol):
         ...
 
     def walk_with(self, agent_id: str) -> None:
-        """Let it be of one group with another agent: they do not avoid each other."""
+        """Puts it into one group with another agent: they do not avoid each other."""
         ...
 
     def extend(self, goal: Goal) -> None:
@@ -142,7 +142,7 @@ class BehavingAgent(Protocol):
 
 
 class Behaviour:
-    """A frozen dataclass in a file of its own, with its checks and its next goals.
+    """A frozen dataclass in a separate file, with its checks and its next goals.
 
     An agent follows it until its next goal command. It makes one revision.
     """
@@ -150,7 +150,7 @@ class Behaviour:
     __slots__ = ()
 
     WALKS: ClassVar[bool] = False
-    """Its first goal is one to walk to, not one that moves before the next step."""
+    """Whether its first goal is a place to walk to, not a goal that moves before the next step."""
 
     FROM_PLACE_TO_PLACE: ClassVar[bool] = False
     """`next_goal` is asked for when the agent is on the way to its last goal."""
@@ -200,7 +200,7 @@ class Behaviour:
 
 @dataclass(slots=True)
 class Agent:
-    """What is kept of an agent beside its slot."""
+    """The record of an agent, in addition to its slot."""
 
     agent_id: str
     alias: int

@@ -90,7 +90,7 @@ DOING: Final = {
     Stage.DELIVERY: "while frames were handed to a stream",
     Stage.RESTORE: "while the session was restored",
 }
-"""For people who read an event."""
+"""Text of an event."""
 
 HOLDING: Final = frozenset(
     (Stage.WAY, Stage.STEERING, Stage.INPUTS, Stage.ENGINE, Stage.RULES, Stage.COASTING)
@@ -106,7 +106,7 @@ MEANWHILE: Final = {
     **dict.fromkeys(LOST, "nothing more comes from it; delete it"),
     Stage.BEHAVIOUR: "it stays with its present goal",
 }
-"""What an agent does while it sits a stage out."""
+"""The state of an agent while it sits a stage out."""
 
 
 class NotFiniteError(ArithmeticError):
@@ -174,7 +174,7 @@ class Faults:
         return bool(self._troubles)
 
     def take_events(self) -> list[tuple[str, Event]]:
-        """What agents and sessions are to be told since the last call, by session."""
+        """Events for agents and sessions since the last call, by session."""
         events, self._events = self._events, []
         return events
 
@@ -282,7 +282,7 @@ class Faults:
         return times
 
     def scene(self, number: int, error: Exception) -> None:
-        """A scene has a fault: the sessions in it are told.
+        """Reports a scene's fault to the sessions in it.
 
         Raises `error` where faults are not contained.
         """
@@ -291,12 +291,12 @@ class Faults:
                 self.session(session.session_id, Stage.SCENE, error)
 
     def sessions_of(self, agent_ids: Iterable[str]) -> set[str]:
-        """The sessions of those agents that are here."""
+        """The sessions of the agents that still exist."""
         agents = self._registry.agents
         return {agents[name].session_id for name in agent_ids if name in agents}
 
     def condemn(self, session_id: str) -> None:
-        """Have a session set aside that cannot go on."""
+        """Has a session set aside that cannot continue."""
         if session_id not in self.condemned:
             self.condemned.append(session_id)
 

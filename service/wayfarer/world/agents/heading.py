@@ -28,7 +28,7 @@ def heading_of(hips: Float) -> float:
 
 
 def facing_at(heading: float) -> tuple[float, float]:
-    """What a body faces at a heading."""
+    """The direction that a body faces at a heading."""
     return -sin(heading), cos(heading)
 
 

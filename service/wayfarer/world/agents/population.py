@@ -1,4 +1,4 @@
-"""Agents enter slots and leave them: new, as records of themselves, or to stand again."""
+"""Agents enter slots and leave them: new ones, recorded ones, and reset ones."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -71,7 +71,7 @@ class Population:
     def add(
         self, session: Session, specs: Sequence[AgentSpec], seeds: Sequence[Motion], now: float
     ) -> list[Agent]:
-        """Let agents begin. There must be free slots. Raises NotFound for models not loaded."""
+        """Starts agents. There must be free slots. Raises NotFound for models not loaded."""
         if not specs:
             return []
         count = len(specs)
@@ -102,7 +102,7 @@ class Population:
         self._table.rows.foot_lock[agent.slot] = agent.spec.foot_lock
 
     def move(self, agent: Agent, model: Loaded) -> bool:
-        """Let it be moved by a model from its next step on; returns whether that is another.
+        """Moves it with a model from its next step on; returns whether the model changes.
 
         Raises NotFound when the model has been unloaded.
         """
@@ -121,7 +121,7 @@ class Population:
         return self.spawner.stand(replace(spec, position=(x, y), heading=heading))
 
     def put(self, session: Session, records: Sequence[AgentRecord], now: float) -> list[Agent]:
-        """Let recorded agents go on. There must be free slots and no agents of their ids."""
+        """Resumes recorded agents. There must be free slots and no agents of their ids."""
         if not records:
             return []
         entered = self._enter(
@@ -148,7 +148,7 @@ class Population:
         slots.revised_chunk[entered] = [record.seq - 1 for record in records]
 
     def keep_schedule(self, slots: Sequence[int], shown_at: Double, now: float) -> None:
-        """Let the next chunk of each slot be shown at `shown_at` [N], Unix seconds.
+        """Schedules the next chunk of each slot at `shown_at` [N], Unix seconds.
 
         When that is past, all of them are shown later by the same number of primitives.
         """
@@ -200,7 +200,7 @@ class Population:
         return self._settle(self._registry.enter(agent), session)
 
     def _settle(self, agent: Agent, session: Session) -> Agent:
-        """Let the slot know whose it is."""
+        """Enters the agent into its slot."""
         slots = self._table.rows
         slots.agent_id[agent.slot] = agent.agent_id
         slots.alias[agent.slot] = agent.alias

@@ -1,5 +1,5 @@
 """Agents and sessions at rest: all that their motion depends on, taken out of a world and put
-into one. Both are as of the last chunk sent; what was planned beyond it is made again.
+into one. Both are as of the last chunk sent; later plans are made again.
 
 `persistence/capture.py` takes them, `Membership.put_session` and `put_agent` put them.
 """
@@ -40,9 +40,9 @@ class AgentRecord:
 
 @dataclass(slots=True)
 class LiveRows(Rows):
-    """What an agent that goes on without a pause has beside its record, a row each."""
+    """Columns of an agent that continues without a pause, in addition to its record."""
 
-    shown_at: Double  # Unix seconds at which the next chunk is to be shown
+    shown_at: Double  # Unix seconds at which the next chunk is due
     replanned: Flags  # as in slots.py, as for all below
     held: Flags
     near_since: Int

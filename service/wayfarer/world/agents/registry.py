@@ -58,7 +58,7 @@ class Registry:
 
     def add_session(self, spec: SessionSpec, now: float, admit: bool = True) -> Session:
         """Not `admit`: beyond the limit, too. Raises AlreadyExists, ResourceExhausted."""
-        # in the scene's group, since a scene and all of its sessions live on one node
+        # in the scene's group, since one node has a scene and all of its sessions
         session_id = spec.session_id or new_session_id(
             group_of(spec.scene) if spec.scene else self._new_group()
         )
@@ -98,7 +98,7 @@ class Registry:
         return self.enter(Agent(name, session.last_alias, session.session_id, spec, slot, now))
 
     def enter(self, agent: Agent) -> Agent:
-        """Enter an agent who has an id. Raises AlreadyExists."""
+        """Enters an agent that has an id. Raises AlreadyExists."""
         name, session = agent.agent_id, self.sessions[agent.session_id]
         if name in self.agents:
             raise AlreadyExists(f"agent {name!r} exists already")

@@ -1,4 +1,4 @@
-"""Room held for agents who have been let in and are still being made ready.
+"""Room held for admitted agents that are still being created.
 
 So that of several who ask at once nobody is let in twice, and all others are refused at once.
 Thread-safe.
@@ -39,7 +39,7 @@ class Reservations:
     ) -> Iterator[Reservation]:
         """Hold room until the agents are there (`release`) or the caller has given up.
 
-        `check(held)` raises when they do not fit beside what is held already.
+        `check(held)` raises when they do not fit into the remaining room.
         """
         with self._lock:
             check(self._held)
@@ -56,6 +56,6 @@ class Reservations:
                 self._held.remove(held)
 
     def all(self) -> tuple[Reservation, ...]:
-        """What is held now."""
+        """The present reservations."""
         with self._lock:
             return tuple(self._held)

@@ -1,4 +1,4 @@
-"""What a slot remembers of the way through its scene; the way's points are in `routes.py`."""
+"""A slot's columns of the way through its scene; the way's points are in `routes.py`."""
 
 from dataclasses import dataclass
 from enum import IntEnum

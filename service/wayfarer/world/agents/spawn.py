@@ -1,4 +1,4 @@
-"""The seed of an agent who stands: a natural start pose, on the floor, at a place and heading.
+"""The seed of a standing agent: a natural start pose, on the floor, at a place and heading.
 
 Both seed frames are the same, so the first primitive starts at rest.
 """

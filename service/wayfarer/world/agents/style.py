@@ -4,7 +4,7 @@ Everything follows from the noise seed, so the same seed gives the same motion.
 
     reaction   a standing agent sets off at its own one of several moments, 0.2 s apart: that needs
                no memory of when the command came, and repeated commands do not delay it
-    manner     noise of its own, which is a part of that of each of its steps
+    manner     individual noise, which is a part of the noise of each of its steps
 """
 
 from functools import lru_cache
@@ -35,7 +35,7 @@ def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
 
 
 def manner(noise_seed: Seeds) -> Float:
-    """Latents [A, 128] ~ N(0, I), one of each agent for ever."""
+    """Latents [A, 128] ~ N(0, I), constant for each agent."""
     if not len(noise_seed):
         return np.zeros((0, LATENT), np.float32)
     found = np.concatenate([_manner(seed) for seed in noise_seed.tolist()])

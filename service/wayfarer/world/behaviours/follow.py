@@ -78,7 +78,7 @@ class Follow(Behaviour):
             )
 
     def check_others(self, agent: Agent, others: Others) -> None:
-        """No circle: nobody that the leader follows, directly or not, is the agent itself."""
+        """No circle: the leader does not follow the agent, directly or not."""
         leader, passed = others.agent(self.agent_id), list[Agent]()
         while leader is not None and leader not in passed:
             passed.append(leader)

@@ -27,7 +27,7 @@ class MovingGoals:
         self._paths = paths
 
     def body(self, slot: int, other: int) -> BodyState:
-        """An agent as it will be, if it goes on so, at the moment another one is planned to."""
+        """An agent's extrapolated state at the moment that another one is planned to."""
         slots, seed = self._slots, self._slots.planned.seed
         hips = seed.translation[[slot]]
         [velocity] = moving(hips, slots.planned.gait.speed[[slot]])
@@ -53,12 +53,12 @@ class MovingGoals:
         return not agent.path[-1].stop
 
     def stand(self, agent: Agent) -> None:
-        """Let it stand where it comes to rest."""
+        """Makes it stand where it comes to rest."""
         agent.path = (*agent.path[:-1], Goal(agent.path[-1].position))
         self._put(agent, GoalColumns.empty(1))
 
     def go(self, agent: Agent, aim: Aim, place: Point3) -> None:
-        """Let it walk to a place for now, and stand there unless it is to be passed."""
+        """Makes it walk to a place for now, and stand there unless the place is to pass through."""
         gait, slot = self._slots.planned.gait, agent.slot
         row = GoalColumns.empty(1)
         row.given[:] = True

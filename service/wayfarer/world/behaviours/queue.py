@@ -95,7 +95,7 @@ class _Lines:
         return queue_place(first, number + (late if abs(late) < 1 else 0.0))
 
     def _comes_next(self, agent: Agent, name: str, end: Vector) -> bool:
-        """Whether it is at the end of the line, and the nearest of those that are not in it."""
+        """Whether it is at the end of the line, and the nearest of the agents outside of it."""
         away = dist(self._place(agent.agent_id), end)
         if away >= JOINS:
             return False
@@ -109,7 +109,7 @@ class _Lines:
         return all(away <= dist(self._place(other), end) for other in coming)
 
     def _present(self, session_id: str, name: str) -> list[str]:
-        """The line, without those who have left it."""
+        """The line, without agents that have left it."""
         line = self._lines.get((session_id, name), [])
         left = list(self._still(line, name))
         if left:

@@ -1,7 +1,7 @@
 """Runs behaviours: before each step of an agent, extends its path or moves its goal.
 
-What an agent does depends on its commands, on counters and on where other agents are planned to be,
-never on the clock.
+An agent's behaviour depends on its commands, on counters and on where other agents are planned to
+be, never on the clock.
 """
 
 from collections.abc import Callable
@@ -73,7 +73,7 @@ class BehaviourRunner:
         self._kind_state: dict[object, object] = {}  # state of kinds
 
     def doing(self, agent: Agent) -> Behaviour | None:
-        """What it does now; None: it only goes by its path."""
+        """Its present behaviour; None: it only follows its path."""
         behaviour = agent.behaviour
         if not isinstance(behaviour, Routine):
             return behaviour
@@ -190,7 +190,7 @@ class BehaviourRunner:
         return found
 
     def _give_up(self, agent: Agent) -> None:
-        """Let it go to another place."""
+        """Sends it to another place."""
         doing, slot = self.doing(agent), agent.slot
         assert doing is not None  # its slot is fed
         self.slots.memory.waited[slot], self.slots.near_since[slot] = 0, 0

@@ -11,7 +11,7 @@ from wayfarer.world.goals.path_columns import PathColumns
 
 
 class AgentPaths:
-    """Paths of a world's agents. A path is fed for ever: what was passed is forgotten."""
+    """Paths of a world's agents. A path may be extended for ever: passed goals are forgotten."""
 
     def __init__(self, slots: Slots, paths: PathColumns) -> None:
         self._slots = slots
@@ -39,7 +39,7 @@ class AgentPaths:
         return kept[: int(self._slots.planned.gait.waypoint[agent.slot]) - agent.passed + 1]
 
     def turn_to(self, agent: Agent, goals: tuple[Goal, ...], walks: bool = True) -> int:
-        """Leave the present goal for others; what is planned stays. Number of the first of them."""
+        """Replaces the goals after the present one; plans stay. Returns the first new number."""
         before = self.so_far(agent)
         self.write(agent, (*before, *goals))
         first = agent.passed + len(before)
@@ -60,7 +60,7 @@ def _on_floor(goal: Goal) -> Goal:
 
 
 def set_out(gait: Gait, row: int, waypoint: int, walks: bool) -> None:
-    """Let an agent begin its way to a goal; without one it goes on until steering stops it."""
+    """Starts an agent's way to a goal. Without one it continues until steering stops it."""
     if walks:
         gait.mode[row] = Mode.WALKING
     gait.arrived[row] = False

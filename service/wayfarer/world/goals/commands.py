@@ -1,4 +1,4 @@
-"""Goal commands: what an agent can be given, as plain frozen messages in world space."""
+"""Goal commands, as plain frozen messages in world space."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class Append:
-    """Add these goals to the end of the path; what is planned stays.
+    """Adds these goals to the end of the path; plans stay.
 
     The goals of the path keep their numbers. An agent without a path starts one; an agent that
     follows a behaviour goes on with these goals after its present one.

@@ -1,6 +1,6 @@
 """The goals that agents have ahead of them: for each slot a ring of rows, in order.
 
-Goals of a path are numbered from 0 as they were given, and go on being numbered so when more are
+Goals of a path are numbered from 0 as they were given, and keep their numbers when more are
 added to its end: *waypoint* n of a path stays waypoint n, and lies at row n modulo the ring. Those
 that the agent has passed are overwritten. Which one it is on the way to is in its gait, so it is
 thrown away with the frames that were planned for it.

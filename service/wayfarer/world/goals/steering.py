@@ -1,4 +1,4 @@
-"""What each agent does next: stand, walk, stop or turn; and what its search looks for.
+"""The next mode of each agent (stand, walk, stop, turn), and the aim of its search.
 
     STANDING ──goal──▶ WALKING ──braking distance──▶ STOPPING ──slow for 0.4 s──▶ STANDING
                           ▲──────not there after all──────┘  ▲
@@ -46,7 +46,7 @@ class Search:
     candidates: int  # K
     temperature: float = 1.0  # scale of the latent noise
     policy: float = 1.0  # share of the learned policy in the latents; 0: the prior alone
-    own: float = 0.5  # share of the noise's variance that is the agent's own for ever
+    own: float = 0.5  # share of the noise's variance that is constant for the agent
 
 
 def default_searches() -> dict[Mode, Search]:
@@ -97,16 +97,16 @@ class Steering:
     slow: float = 0.15  # below this an agent counts as slow
     slow_seconds: float = 0.4  # an agent that has been slow for this long stands
     resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
-    lookahead: float = 1.0  # a point to pass through is aimed at so far ahead, …
-    lookahead_seconds: float = 0.8  # … or as far as this × speed
-    faced: float = radians(8)  # turning ends when the heading is met within this …
-    astray: float = radians(14)  # … and begins when it is missed by more
+    lookahead: float = 1.0  # metres ahead of a point to pass through at which it is aimed at
+    lookahead_seconds: float = 0.8  # seconds of walking that replace it, where they are more
+    faced: float = radians(8)  # a turn ends within this of the heading
+    astray: float = radians(14)  # a turn begins beyond this
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
-    turn_radius: float = 0.35  # who turns on the spot aims so far off it, halfway to the heading, …
-    turn_speed: float = 0.5  # … and steps so fast: asked for no way, a body turns like a turntable
+    turn_radius: float = 0.35  # metres from the spot to the aim of a turn, halfway to the heading
+    turn_speed: float = 0.5  # m/s of its steps: without a way, a body turns like a turntable
     climbing: float = 1.5  # steps a second on stairs, where each is as long as a tread
-    strafe_speed: float = 1.2  # at most, when it faces elsewhere than where it goes, …
-    strafe_slowest: float = 0.8  # … and at least: asked for less, a body glides
+    strafe_speed: float = 1.2  # maximum speed of side steps and steps backward
+    strafe_slowest: float = 0.8  # minimum speed of these: asked for less, a body glides
 
     def with_search(
         self,
@@ -123,7 +123,7 @@ class Steering:
     def advance(self, gait: Gait, goals: GoalColumns) -> Gait:
         """Send those on who are done with their goal and have another one after it.
 
-        A goal to pass through is done with once it is reached; else an agent has to come to a
+        A goal to pass through is done with once it is reached; otherwise an agent has to come to a
         stand there, and to dwell.
         """
         dwelt = gait.slow_seconds >= self.slow_seconds + goals.dwell - 1e-3
@@ -209,9 +209,9 @@ class Steering:
 
 
 def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) -> Gait:
-    """What the step brought: the gait with its speed, and whether the goal has been reached.
+    """The gait after the step, with its speed and whether the goal has been reached.
 
-    Walkers do not go exactly as fast as the model is asked for, and each errs in a way of its own:
+    Walkers do not go exactly as fast as the model is asked for, and each has an individual error:
     the *trim* follows the error of those who walk steadily, and `Steering` asks for so much more.
 
     start [A, 3] is the last frame before the step, translation [A, F, 3] the new frames.

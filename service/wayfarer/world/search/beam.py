@@ -3,12 +3,12 @@
 
 The scheduler's search, online, chooses among candidates inside one step and never takes a choice
 back. A beam does: a primitive that looked best may lead nowhere, and a second best is still there.
-Each child is a row of its own in the engine's batch, with one candidate; steering (mode, targets,
+Each child is a separate row in the engine's batch, with one candidate; steering (mode, targets,
 weights) and gait are a node's own. With `keep=1` a plan is what the online search makes of the same
 seed with K = `children`.
 
 Reproducible: a node's noise is drawn by its agent's seed, its level and its rank, so the plan of an
-agent does not depend on who is planned beside it.
+agent does not depend on others in the search.
 """
 
 from collections.abc import Callable, Mapping

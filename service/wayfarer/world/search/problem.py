@@ -1,4 +1,4 @@
-"""What an offline search is asked and what it finds: a tree of primitives, and its paths.
+"""The problem of an offline search and its result: a tree of primitives, and its paths.
 
 A tree shares its levels with the trees that were grown beside it. Nodes point back to their parent
 and hold nothing but their own new frames; a path is put together when it is asked for.
@@ -127,7 +127,7 @@ class MotionPlan:
     rejected: Flags = field(repr=False)  # [L] over a hard limit: all that were tried were
     ending: Ending
     distance: float  # metres, hips to the last goal at the end, horizontal; NaN without a goal
-    end: Motion = field(repr=False)  # one row, from which another plan can go on
+    end: Motion = field(repr=False)  # one row, from which another plan can continue
     next_chunk: int  # number of the primitive after the last
 
     @property
@@ -138,11 +138,11 @@ class MotionPlan:
 
 @dataclass(frozen=True)
 class Tree:
-    """What was kept of one agent's tree."""
+    """The kept nodes of one agent's tree."""
 
     levels: Sequence[BeamLevel] = field(
         repr=False
-    )  # shared; deeper than `depth` where others went on
+    )  # shared; deeper than `depth` where others continued
     depth: int
     ending: Ending
     leaves: Index = field(repr=False)  # rows in level `depth - 1`; best first
