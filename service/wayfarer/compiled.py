@@ -1,7 +1,7 @@
 """Compiled rules: numba makes machine code of them, once per machine.
 
 The code is kept where the first of these can be written: NUMBA_CACHE_DIR, beside the sources, the
-user's cache folder. Where none can, it is made anew at every start. It lies in a folder of its own
+user's cache folder. Where none can, it is compiled at every start. It lies in a separate folder
 for each text of the rule's file, of the files whose rules it uses, and for the constants that it
 takes from elsewhere: numba itself would take code of another release for this one's.
 """

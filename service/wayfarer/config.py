@@ -192,7 +192,7 @@ class Settings(BaseSettings):
         default=1,
         ge=1,
         le=256,
-        description="candidate primitives tried per step; 1: what the policy draws, as people move",
+        description="candidate primitives tried per step; 1: the policy's own draw, as people move",
     )
     admission: bool = Field(
         default=True,
@@ -254,7 +254,7 @@ class Settings(BaseSettings):
         Texts, AfterValidator(lambda found: tuple(_node_host(text) for text in found))
     ] = Field(
         default=(),
-        description="hosts of nodes that are to come, which open viewers may call, e.g. "
+        description="hosts of later nodes, which open viewers may call, e.g. "
         "*.nodes.example.org; a cluster's machines need not be listed",
     )
     metrics: Literal["guarded", "open", "off"] = Field(
@@ -274,7 +274,7 @@ class Settings(BaseSettings):
         default="info", description="lowest level that is logged: debug, info, warning, error"
     )
     log_format: Literal["auto", "text", "json"] = Field(
-        default="auto", description="text, json, or auto: text on a terminal, else JSON"
+        default="auto", description="text, json, or auto: text on a terminal, otherwise JSON"
     )
     access_log: bool = Field(default=False, description="log a line for every call")
 

@@ -14,7 +14,7 @@ class Ownership(Protocol):
 
     @property
     def own(self) -> Endpoint | None:
-        """The address of this node; None: the one that its clients know."""
+        """The address of this node; None: the address that its clients know."""
         ...
 
     @property

@@ -26,7 +26,7 @@ def probe(
 ) -> None:
     """Check whether the server with these settings is ready: exit code 0, otherwise 2.
 
-    For health checks of containers and supervisors.
+    Answers health checks of containers and supervisors.
     """
     # the service checks its callers, perhaps by settings of its command line
     typer.echo(status(config_sources.load({"insecure_no_auth": True}, file)))

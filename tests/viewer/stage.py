@@ -2,6 +2,10 @@
 
 from tests.viewer.chromium import Page
 
+PEOPLE = "globalThis.wayfarer.crowd.people"
+NAMES = f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()"
+SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
+
 SIZES = ((1440, 900), (844, 390), (390, 844))
 """Of the windows in which the page is looked at: a desk's, and a phone's."""
 
@@ -62,3 +66,8 @@ def look_down(page: Page, x: float, z: float, height: float) -> None:
         f"wayfarer.stage.glide({{ x: {x}, y: {height}, z: {z} + 0.01 }},"
         f" {{ x: {x}, y: 0, z: {z} }}, 1)"
     )
+
+
+def press(page: Page, key: str) -> None:
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key=key)

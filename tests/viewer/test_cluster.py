@@ -8,13 +8,11 @@ from urllib.request import urlopen
 
 from tests.clients.cluster import RunningCluster
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.stage import NAMES, SHOWN
 
 pytestmark = needs_chromium
 
 SHARED_SERVER = False  # it starts its own
-PEOPLE = "globalThis.wayfarer.crowd.people"
-NAMES = f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()"
-SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
 CHUNKS = "globalThis.wayfarer.player.stats.chunks"
 ADD = "document.querySelector('#add-one').click()"
 

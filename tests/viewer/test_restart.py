@@ -10,13 +10,11 @@ import pytest
 
 from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.stage import NAMES, PEOPLE, SHOWN
 
 pytestmark = needs_chromium
 
 SHARED_SERVER = False  # it starts its own
-PEOPLE = "globalThis.wayfarer.crowd.people"
-NAMES = f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()"
-SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
 EYE = "wayfarer.stage.camera.position.toArray()"
 CRATES = "[...wayfarer.level.obstacles.keys()]"
 TOLD = "['messages', 'news'].map((id) => document.getElementById(id).textContent).join()"

@@ -11,15 +11,13 @@ import trimesh
 
 from tests.navigation.meshes.glb_files import LEVELS, Packer
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
-from tests.viewer.stage import look_down, on_screen
+from tests.viewer.stage import PEOPLE, look_down, on_screen, press
 from wayfarer.navigation.examples import EXAMPLES
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
 
 pytestmark = needs_chromium
 SIZE = (1280, 860)
-
-PEOPLE = "globalThis.wayfarer.crowd.people"
 
 
 @pytest.fixture
@@ -31,11 +29,6 @@ def visit(page: Page) -> Callable[[str], Page]:
         return page
 
     return visit
-
-
-def press(page: Page, key: str) -> None:
-    for kind in ("keyDown", "keyUp"):
-        page.call("Input.dispatchKeyEvent", type=kind, key=key)
 
 
 def colours(page: Page) -> float:

@@ -13,14 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from tests.clips.test_gltf_validator import TESTS, issues
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
-from tests.viewer.stage import look_down, on_screen
+from tests.viewer.stage import PEOPLE, SHOWN, look_down, on_screen, press
 
 pytestmark = needs_chromium
 SIZE = (900, 600)
 VALIDATOR = TESTS / "node_modules" / "gltf-validator"
 
-PEOPLE = "globalThis.wayfarer.crowd.people"
-SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
 PLACES = f"{PEOPLE}.map(({{ x, z }}) => [x, z])"
 LENGTH = "wayfarer.history.last - wayfarer.history.first"
 STEADY = (
@@ -96,11 +94,6 @@ def let_go(page: Page) -> Iterator[None]:
 
 def key(page: Page, kind: str, name: str) -> None:
     page.call("Input.dispatchKeyEvent", type=kind, key=name)
-
-
-def press(page: Page, name: str) -> None:
-    key(page, "keyDown", name)
-    key(page, "keyUp", name)
 
 
 def saved(folder: Path, name: str) -> bytes:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.stage import press
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
 
@@ -26,11 +27,6 @@ CROWD = "globalThis.wayfarer.crowd"
 def opened(page: Page) -> None:
     page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=")
     page.wait_for(f"globalThis.wayfarer?.stage.renderer && {CONNECTION} === 'open'", 60)
-
-
-def press(page: Page, key: str) -> None:
-    for kind in ("keyDown", "keyUp"):
-        page.call("Input.dispatchKeyEvent", type=kind, key=key)
 
 
 def hips(page: Page) -> np.ndarray:

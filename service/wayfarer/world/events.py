@@ -1,4 +1,4 @@
-"""What happens to agents, streams and the server, as subscribers learn of it."""
+"""Events of agents, streams and the server, for subscribers."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -17,7 +17,7 @@ class EventKind(StrEnum):
     GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
     UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
     BLOCKED = "blocked"  # an obstacle, or others, close the way: the agent waits until it opens
-    AGENT_LEFT = "agent_left"  # one of a crowd is no more, without a call
+    AGENT_LEFT = "agent_left"  # an agent of a crowd has left, without a call
     BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
     FAULT = "fault"  # an error in the server concerns the agent or, without one, the session
 

@@ -1,6 +1,6 @@
 """Carries out goal commands: replans, writes the path, counts the revision.
 
-A path can be extended for ever: goals that the agent has passed are forgotten when more are added,
+A path can be extended without end: passed goals are forgotten when more are added,
 and the numbers of the others stay (goals/agent_paths.py). A behaviour extends its path itself
 (behaviours/).
 """
@@ -150,7 +150,7 @@ class GoalCommands:
         return agent.passed + len(agent.path) - reached
 
     def _check_company(self, agent: Agent, behaviour: Behaviour) -> None:
-        """What a behaviour needs: others, a scene, a session that is not recorded."""
+        """The needs of a behaviour: others, a scene, a session that is not recorded."""
         session = self._registry.sessions[agent.session_id]
         parts = parts_of(behaviour)
         if session.spec.record and any(part.NEEDS_OTHERS for part, _ in parts):

@@ -74,7 +74,7 @@ class Membership:
         agents: Sequence[Agent],
         starts: Sequence[Start],
     ) -> None:
-        """Let agents that are in their slots follow their paths, and report them."""
+        """Starts agents in their slots on their paths, and reports them."""
         try:
             for agent in agents:
                 self._goals.restore(agent)
@@ -107,12 +107,12 @@ class Membership:
         examined: bool = False,
         live: LiveRows | None = None,
     ) -> Session:
-        """Let a recorded session go on: the next chunk of each agent follows its last one.
+        """Resumes a recorded session: the next chunk of each agent follows its last one.
 
         All or nothing. Not `admit`: it is let in beyond `limits.sessions`, and its agents even if
         there is no time for them.
         `examined`: `examine(record)` has been called. `live`: rows of its agents, who then wait
-        until `freeze` ends and go on as if nothing had happened. Raises InvalidArgument,
+        until `freeze` ends and continue as if nothing had happened. Raises InvalidArgument,
         AlreadyExists, ResourceExhausted, and FailedPrecondition when its scene is not here.
         """
         if not examined:
@@ -144,7 +144,7 @@ class Membership:
     # Moves to another server
 
     def freeze(self, session: Session, frozen: bool) -> bool:
-        """Plan nothing more for a session's agents, or go on; planned chunks are still sent.
+        """Stops or resumes the planning of a session's agents; planned chunks are still sent.
 
         Returns whether nothing is being made for them any more.
         """
@@ -177,13 +177,13 @@ class Membership:
     def is_settled(self, session_id: str) -> bool:
         """No chunk waits to be sent that was planned before its agent's last command.
 
-        Then the session can be taken out so that it goes on bit for bit. Raises NotFound.
+        Then the session can be taken out so that it continues bit for bit. Raises NotFound.
         """
         agents = self._registry.session(session_id).agents.values()
         return all(self._slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
 
     def put_agent(self, session_id: str, record: AgentRecord, now: float) -> Agent:
-        """Let a recorded agent go on: its next chunk follows the last one it sent.
+        """Resumes a recorded agent: its next chunk follows the last one it sent.
 
         Raises NotFound, InvalidArgument, AlreadyExists, ResourceExhausted.
         """

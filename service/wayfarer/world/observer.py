@@ -1,4 +1,4 @@
-"""What a world reports to those that keep its history: the journal and the recordings."""
+"""Reports of a world to the keepers of its history: the journal and the recordings."""
 
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
@@ -20,12 +20,12 @@ from wayfarer.world.stepping.due import Due
 Names = NDArray[np.object_]
 
 Start = AgentSpec | AgentRecord
-"""What an agent starts from: nothing but a spec, or where it was elsewhere."""
+"""The start of an agent: only a spec, or its state on another server."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """What the guard saw of a planned chunk, in whose place the agent gets up."""
+    """The guard's view of a planned chunk, in whose place the agent gets up."""
 
     agent_id: str
     seq: int
@@ -54,7 +54,7 @@ class WorldObserver(Protocol):
         ...
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
-        """A goal command was carried out; goals are those that the scene lets the agent reach."""
+        """A goal command was carried out. Its goals are moved to places in its reach."""
         ...
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:

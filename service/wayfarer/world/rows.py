@@ -117,7 +117,7 @@ class Rows:
 
 
 def columns(kind: type[Named], rows: Rows) -> Named:
-    """Some columns as a tuple, which compiled rules take: those that `kind` names."""
+    """Some columns as a tuple, which compiled rules take: the ones that `kind` names."""
     return kind(*(np.ascontiguousarray(getattr(rows, name)) for name in kind.__annotations__))
 
 

@@ -1,4 +1,4 @@
-"""What is done to chunks as they leave: bodies on the ground, parted by session.
+"""Changes of chunks as they leave: bodies on the ground, chunks by session.
 
 What fails for an agent here is left out for it: its chunk leaves as it was planned.
 """
@@ -43,7 +43,7 @@ class Sending:
         self._rules = rules
 
     def leave(self, leaving: list[Sent]) -> list[Due]:
-        """The same chunks by session, as they are to be shown."""
+        """The same chunks by session, in the order of their times."""
         found, rules = list[Due](), self._rules
         for sent in leaving:
             chunks = sent.chunks
@@ -93,7 +93,7 @@ class Sending:
             sent.chunks.translation[rows, :, 2] += floors[:, None]
 
     def _by_session(self, sent: Sent) -> list[Due]:
-        """What cannot be told whose it is is lost, and nothing more is made of it."""
+        """A chunk whose owner cannot be found is lost, and its agent is stepped no more."""
         slots, agents = self._slots, self._registry.by_slot
         self._faults.stage = Stage.SENDING
         try:

@@ -196,9 +196,9 @@ class World:
         self.slots.frozen[slots] = True
 
     def hold(self, session_id: str, until: float) -> None:
-        """Let a session's agents wait: their next frames are shown at `until` or later.
+        """Makes a session's agents wait: their next frames are shown at `until` or later.
 
-        They are not planned or sent before; nothing is lost, and sequence numbers and frames go on.
+        They are not planned or sent before. Nothing is lost; sequence numbers and frames continue.
         Other sessions are not affected. Raises NotFound.
         """
         slots = [agent.slot for agent in self.registry.session(session_id).agents.values()]
@@ -290,7 +290,7 @@ class World:
         self.members.remove(self.registry.agent(agent_id))
 
     def use_model(self, name: str) -> list[AgentInfo]:
-        """Let all agents be moved by a loaded model; what is planned stays.
+        """Moves all agents with a loaded model; plans stay.
 
         Returns the agents that another model moved before. Raises NotFound.
         """
@@ -302,7 +302,7 @@ class World:
     def give(
         self, agent_id: str, command: GoalCommand, now: float, expected: int | None = None
     ) -> int:
-        """Carry out a goal command, or one that a `WorldObserver` received; return the revision.
+        """Carries out a goal command, or one that a `WorldObserver` received; return the revision.
 
         In a scene, goals off free ground are moved to the nearest that can be reached. Raises
         NotFound, InvalidArgument that names the field, FailedPrecondition (a behaviour that cannot
@@ -322,12 +322,12 @@ class World:
 
     @property
     def scenes(self) -> SceneRegistry:
-        """Those that sessions may be in."""
+        """The scenes that sessions may be in."""
         return self._scene_context.scenery.book
 
     @property
     def guide(self) -> SceneGuide:
-        """What leads its agents through scenes."""
+        """The guide of its agents through scenes."""
         return self._scene_context.guide
 
     # Time
@@ -368,14 +368,14 @@ class World:
         return 0 if step is None else self.apply(step)
 
     def take_due(self, until: float) -> list[Due]:
-        """The planned chunks that are to be shown by `until`, by session.
+        """The planned chunks that are due by `until`, by session.
 
         A session comes again for an agent's next chunk.
         """
         return self._sending.leave(self._playback.send(self._timeline.frame(until)))
 
     def see(self, session_id: str, slots: Index, sights: Sequence[Sight] | Sight) -> None:
-        """From now on these agents of a session are seen so well: who is seen better goes first
+        """Sets how well these agents of a session are seen from now on. Agents seen better go first
         when time is short. It counts until it is said again; for new agents, `NEAR`.
 
         In a session that is recorded all are `NEAR`: a replay has no readers. Raises NotFound.
@@ -386,7 +386,7 @@ class World:
     def take_rest(self, session_id: str) -> list[Due]:
         """All that is planned for a session's agents, before its time. Raises NotFound.
 
-        What is still being made for them is lost: it would be sent after the rest.
+        Chunks still being made for them are lost, since they would be sent after the rest.
         """
         agents = self.registry.session(session_id).agents.values()
         rows = np.array([agent.slot for agent in agents], np.int64)
@@ -394,7 +394,7 @@ class World:
         return self._sending.leave(self._playback.send(np.inf, rows))
 
     def live_rows(self, session_id: str) -> LiveRows:
-        """What the agents of a frozen session go on with elsewhere. Raises NotFound."""
+        """The columns of a frozen session's agents for another server. Raises NotFound."""
         return self.members.live_rows(self.registry.session(session_id), self._shown_at)
 
     def _shown_at(self, rows: Index) -> NDArray[np.float64]:
@@ -420,7 +420,7 @@ class World:
             yield from self.tick(event)
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
-        """When the next chunk is to be sent or, unless not asked for, planned; None without any.
+        """The time at which the next chunk is sent or, if asked for, planned; None without any.
 
         Chunks are sent `early` seconds early.
         """
@@ -430,8 +430,8 @@ class World:
     def skip(self, now: float) -> Index:
         """Leave out primitives that nobody could see in time any more: how many, by `Sight`.
 
-        An agent that is late by more than a primitive goes on where it is, not where it would be:
-        what is over is not made, and no time is spent on it that others need.
+        An agent that is late by more than a primitive continues where it is, not where it would be:
+        overdue primitives are not made, and take no time from others.
         """
         return self._playback.skip(self._timeline.frame(now))
 
