@@ -19,34 +19,6 @@ async def client(server):
         yield connected
 
 
-async def test_people_arrive_at_three_goals_in_turn(client):
-    async with await client.create_session("ros") as session:
-        people = await session.create_agents(
-            *(wf.AgentSpec(seed=i, position=(i, 0, 0)) for i in range(4))
-        )
-        goals = {
-            p.agent_id: [(i, 0.6, 0), (i + 0.6, 0.6, 0), (i, 0, 0)] for i, p in enumerate(people)
-        }
-        for person in people:
-            await session.set_goal(person, goals[person.agent_id][0], speed=2.5)
-        reached = dict.fromkeys(goals, 0)
-        async with contextlib.aclosing(session.stream()) as stream, asyncio.timeout(60):
-            async for batch in stream:
-                for frames in batch:
-                    who = frames.agent.agent_id
-                    is_new = frames.goal_revision == reached[who] + 1
-                    if wf.Flag.ARRIVED not in frames.flags or not is_new:
-                        continue
-                    goal = goals[who][reached[who]]
-                    assert np.linalg.norm(frames.translation[-1, :2] - goal[:2]) < 0.4
-                    reached[who] += 1
-                    if reached[who] < 3:
-                        await session.set_goal(who, goals[who][reached[who]], speed=2.5)
-                if min(reached.values()) == 3:
-                    break
-        assert set(reached.values()) == {3}
-
-
 async def test_a_path_is_walked_with_its_controls(client):
     """Through a corner without stopping, and at the end the requested heading."""
     async with await client.create_session("unity") as session:
