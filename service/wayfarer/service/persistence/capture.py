@@ -51,7 +51,7 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
 
 
 def capture_planned(world: World, session_id: str) -> tuple[SessionPart, CapturedAgents]:
-    """A frozen session whose chunks are all sent, as its agents would go on. Raises NotFound."""
+    """A frozen session whose chunks are all sent, as its agents would continue. Raises NotFound."""
     session, crowd = capture_session(world, session_id)
     rows = np.array([agent.slot for agent in world.registry.session(session_id).agents.values()])
     motion = world.slots.planned.take(rows.astype(np.int64))
@@ -94,7 +94,7 @@ class JournalObserver:
     def planned(
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
     ) -> None:
-        """What is planned and not sent is made again after a restart."""
+        """Planned chunks that are not sent are made again after a restart."""
 
     def fell(self, falls: Sequence[Fall]) -> None:
         """Where agents stand tells as much."""

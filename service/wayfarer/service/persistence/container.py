@@ -1,4 +1,4 @@
-"""What leaves the server as opaque bytes: a JSON header and arrays, compressed, told apart by kind.
+"""Opaque bytes for outside the server: a JSON header and arrays, compressed, of several kinds.
 
     8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE" …
     2 bytes  format version        uint16, little-endian
@@ -29,7 +29,7 @@ _LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at 
 
 
 class ContainerKind(Enum):
-    """What a container holds."""
+    """The kind of a container's contents."""
 
     SNAPSHOT = b"WAYFSNAP"
     LOG = b"WAYFCLOG"
@@ -50,7 +50,7 @@ class ContainerKind(Enum):
 
 
 class Content(NamedTuple):
-    """What was put in."""
+    """The contents."""
 
     header: bytes
     arrays: bytes

@@ -36,7 +36,7 @@ class CrashLoopGuard:
         self._ended: dict[str, int] = {}  # trials during which the process has ended, by session
 
     def begin(self) -> bool:
-        """Counts a start; returns whether sessions are to be tried one after the other."""
+        """Counts a start; returns whether sessions must be tried one after the other."""
         if self._file is None:
             return False
         self._read()

@@ -124,7 +124,7 @@ class Journal:
             self._waiting.append(waiter)
         await waiter.future
 
-    # From any thread
+    # Callable from any thread
 
     def put_scene(self, kept: SceneEntry) -> None:
         """A scene is new."""
@@ -138,10 +138,10 @@ class Journal:
         """A scene is gone."""
         self._put({(kind, scene_id): None for kind in (EntryKind.SCENE, EntryKind.OBSTACLES)})
 
-    # From the motion thread
+    # Called on the motion thread
 
     def leave(self, record: SessionRecord) -> None:
-        """A session of the file cannot go on here; it stays there until its id is used again."""
+        """A session of the file cannot be resumed; it stays there until its id is used again."""
         self._left[record.session_id] = [agent.agent_id for agent in record.agents]
 
     def open_session(self, session: SessionPart) -> None:

@@ -1,4 +1,4 @@
-"""What the journal keeps of a session and its agents: values as bytes, and back."""
+"""The journal's entries of a session and its agents: values as bytes, and back."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -68,11 +68,11 @@ class Row:
 
 
 Value = BodyStamp | SessionPart | Member | Row | ScenePart | ObstaclesPart | None
-"""What an entry shall hold; None: it is gone."""
+"""The new contents of an entry; None: it is gone."""
 
 
 def encode(values: Mapping[Key, Value]) -> dict[Key, bytes | None]:
-    """The entries as bytes. One that cannot be written is logged and does not stop the others."""
+    """The entries as bytes. One that cannot be written is logged; the others are not stopped."""
     found: dict[Key, bytes | None] = {}
     for key, value in values.items():
         try:
@@ -135,7 +135,7 @@ def decode(entries: Entries, limits: Limits) -> tuple[list[SessionRecord], dict[
 
 
 def _agents(entries: Entries, limits: Limits) -> dict[str, list[AgentRecord]]:
-    """Those that are sound, by session."""
+    """The sound ones, by session."""
     found: dict[str, list[AgentRecord]] = {}
     motion = entries.of(EntryKind.MOTION)
     for name, text in entries.of(EntryKind.AGENT).items():

@@ -34,7 +34,7 @@ the disk or permissions, not the file."""
 
 
 class EntryKind(IntEnum):
-    """What an entry is about; numbers are kept in files."""
+    """The subject of an entry; numbers are kept in files."""
 
     BODY = 0
     SESSION = 1
@@ -51,7 +51,7 @@ Changes = Mapping[Key, bytes | None]
 
 @dataclass(slots=True)
 class Entries:
-    """What was found in a file."""
+    """The contents of a file."""
 
     found: dict[Key, bytes] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)  # what could not be read, in words
@@ -93,7 +93,7 @@ class JournalFile:
             )
 
     def move(self, keys: Iterable[Key], copied: Iterable[Key], folder: Path) -> None:
-        """Move entries into a journal of their own in `folder`, with copies of others.
+        """Moves entries into a separate journal in `folder`, with copies of others.
 
         Raises sqlite3.Error, ArtifactError.
         """

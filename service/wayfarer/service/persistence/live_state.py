@@ -1,4 +1,4 @@
-"""A live session as bytes: what it takes to go on elsewhere as if nothing had happened.
+"""A live session as bytes, from which another server continues as if nothing had happened.
 
 A container (container.py) in which a snapshot lies as any other, with what a snapshot has not: when
 the next chunks are due, the last seconds of publications for streams that resume, the crowd, the
@@ -115,7 +115,7 @@ class LiveSession:
 
 
 class LiveParts(NamedTuple):
-    """What a world and its streams give of a frozen session; all of one moment."""
+    """The state of a frozen session in its world and streams, all of one moment."""
 
     captured: tuple[SessionPart, CapturedAgents]
     rows: LiveRows

@@ -32,7 +32,7 @@ class _Part(BaseModel):
 
     log: LogHeader | None = None  # of the first part: its tracks are below
     overflowed: bool = False  # the log has been dropped
-    tracks: tuple[TrackPart, ...] = ()  # without a start: they go on
+    tracks: tuple[TrackPart, ...] = ()  # without a start: they continue earlier ones
 
 
 def encode_part(news: LogNews, origin: LogOrigin) -> bytes:

@@ -50,7 +50,7 @@ from wayfarer.world.record_checks import MAX_COUNT, check_agent_record
 
 MAX_CANDIDATES: Final = 256
 MAX_TIME: Final = 1e12
-"""Unix seconds: what is later, no clock shows."""
+"""Unix seconds: no clock shows a later time."""
 
 CHUNKS_PER_ENTRY: Final = 50
 """Upper bound of chunks per log entry: a log with more is refused."""
@@ -163,7 +163,7 @@ def read_log(
 
 
 def most_log_bytes(most_entries: int) -> int:
-    """Upper bound of a log with so many entries, before compression."""
+    """Upper bound of a log with this number of entries, before compression."""
     return SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
 
 
@@ -171,7 +171,7 @@ def most_log_bytes(most_entries: int) -> int:
 
 
 def poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
-    """What has rows in the arrays, in their order."""
+    """The objects with rows in the arrays, in their order."""
     starts = (start for track in tracks for start in (track.start, *track.restarts))
     return [start for start in starts if isinstance(start, AgentRecord)]
 

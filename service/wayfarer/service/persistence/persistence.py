@@ -38,7 +38,7 @@ class Persistence:
         self._meter = meter or MetricsSink()
         self._guard = CrashLoopGuard(None if journal is None else journal.folder)
         self._saving: asyncio.Task[None] | None = None
-        self._are_tried = False  # sessions and scenes, before they go on
+        self._are_tried = False  # sessions and scenes, before they are resumed
         self._records = journal.restore(limits) if journal is not None else []
         self._scenes = journal.restore_scenes() if journal is not None else []
         for lock_step in (False, True):
@@ -46,7 +46,7 @@ class Persistence:
 
     @property
     def failing(self) -> bool:
-        """What changes now would not survive the process, though it is meant to."""
+        """Present changes would not survive the process, though they should."""
         return self._journal is not None and self._journal.failing
 
     def start(self, save: Callable[[], Awaitable[None]]) -> None:

@@ -49,7 +49,7 @@ class ChunkRun:
     first: int
     candidates: int  # 0: held
     model: str  # its stamp; see models.py
-    replanned: bool = False  # in place of one that had been planned and was thrown away
+    replanned: bool = False  # in place of a planned one that was discarded
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Schedule:
     at: float  # Unix seconds
 
     def time(self, seq: int) -> float:
-        """When a chunk was to be shown."""
+        """The time at which a chunk was due."""
         return self.at + (seq - self.first) * STEP_SECONDS
 
 
@@ -187,10 +187,10 @@ UNCOPIED: Final = LogMark("", 0, {})
 
 @dataclass(frozen=True, slots=True)
 class LogNews:
-    """What is new in a log since a mark."""
+    """The news of a log since a mark."""
 
     log: CommandLog  # tracks hold what is new only
-    new_tracks: frozenset[str]  # the others go on
+    new_tracks: frozenset[str]  # the others continue earlier ones
     begins: bool  # nothing was copied before
     overflows: bool  # the log has been dropped since
     mark: LogMark
@@ -251,7 +251,7 @@ class Recordings:
         return LogNews(news, frozenset(new), begins, False, now)
 
     def go_on(self, log: CommandLog | None, session_id: str, restarted: bool) -> None:
-        """Go on with the log of a session that has come from elsewhere; None: it was dropped.
+        """Continues the log of a session from another server; None: it was dropped.
 
         `restarted`: its agents have begun here as they stood, and not as if nothing had happened.
         """

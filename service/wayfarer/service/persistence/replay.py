@@ -1,6 +1,6 @@
 """A command log played again: the same poses, bit for bit, on the same model and engine.
 
-Every agent walks in a small world of its own, stepped chunk by chunk with as many candidates as
+Every agent walks in a separate small world, stepped chunk by chunk with as many candidates as
 were tried then; commands are given right before the chunk that they first counted for.
 """
 
@@ -36,7 +36,7 @@ TOGETHER: Final = 1e-3
 
 
 def replay(log: CommandLog, make_world: Callable[[], World]) -> Iterator[Publication]:
-    """What the session published, without its events; `make_world` makes one for each agent.
+    """The session's publications, without its events; `make_world` makes one for each agent.
 
     Its chunks have the ids, numbers and times they had. Raises FailedPrecondition when they do not
     come about as the log has it, and InvalidArgument when a command of it is malformed.
@@ -53,7 +53,7 @@ Played = tuple[MotionChunk, AgentInfo | None]
 
 
 def _play(session_id: str, track: AgentTrack, make_world: Callable[[], World]) -> Iterator[Played]:
-    """From its start, and from each restart on in another world."""
+    """Plays from its start, and from each restart on in another world."""
     introduced: AgentInfo | None = None
     starts = [track.start, *track.restarts]
     firsts = [track.first, *(record.seq for record in track.restarts), track.end]

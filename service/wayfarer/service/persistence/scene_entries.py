@@ -1,4 +1,4 @@
-"""What the journal keeps of scenes: their content, and their obstacles, which change; as bytes."""
+"""The journal's entries of scenes as bytes: their content, and their obstacles, which change."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class SolidPart:
 
     @property
     def solid(self) -> Solid:
-        """What is there. Raises ValueError unless that is one."""
+        """The stored scene. Raises ValueError unless that is one."""
         [found] = [s for s in (self.box, self.cylinder, self.prism, self.ramp) if s is not None]
         return found
 
@@ -77,7 +77,7 @@ class MeshPart:
 
 @dataclass(frozen=True, slots=True)
 class ScenePart:
-    """A scene but for its obstacles."""
+    """A scene without its obstacles."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
 

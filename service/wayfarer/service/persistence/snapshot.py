@@ -154,7 +154,7 @@ def decode_session(data: bytes, body: BodyStamp, limits: Limits) -> SessionRecor
 def named_session(data: bytes) -> str:
     """Id of the session in a snapshot; empty where it says none.
 
-    Anybody may have made it, and only `decode_session` tells whether it is sound.
+    The bytes are untrusted, and only `decode_session` tells whether it is sound.
     """
     try:
         found = _SESSION_ID.search(beginning(ContainerKind.SNAPSHOT, data, NAMED_WITHIN))
@@ -167,7 +167,7 @@ def named_session(data: bytes) -> str:
 
 
 def agent_part(record: AgentRecord) -> AgentPart:
-    """What the header says of an agent."""
+    """The part of an agent in the header."""
     return AgentPart(**{part.name: getattr(record, part.name) for part in fields(AgentPart)})
 
 
@@ -264,7 +264,7 @@ def parse(model: type[M], text: bytes, kind: ContainerKind, values: int) -> M:
 
 
 def check_origin(fps: int, made_for: BodyStamp, body: BodyStamp, kind: ContainerKind) -> None:
-    """Raises FailedPrecondition when motion of that body cannot go on here."""
+    """Raises FailedPrecondition when this server cannot continue motion of that body."""
     if fps != FPS:
         raise FailedPrecondition(f"{kind.field} has {fps} frames per second; this server has {FPS}")
     if made_for != body:

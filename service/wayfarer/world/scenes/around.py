@@ -23,7 +23,7 @@ DIAGONAL: Final = sqrt(2.0)
 
 @inner
 def _sweep(room: Double, least: float, cost: Double) -> bool:
-    """Carry the costs of cells on to those beside them, in four orders; whether any has changed."""
+    """Carries costs of cells on to neighbours, in four orders; returns whether any changed."""
     rows, columns = cost.shape
     changed = False
     for order in range(4):

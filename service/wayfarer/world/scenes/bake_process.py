@@ -63,7 +63,7 @@ def bound_memory(megabytes: int) -> None:
 
 
 def bound_time(seconds: float) -> None:
-    """Let the process end by SIGXCPU once it has been busy for that much longer."""
+    """Makes the process end by SIGXCPU once it has been busy for that much longer."""
     try:
         import resource
     except ImportError:  # Windows

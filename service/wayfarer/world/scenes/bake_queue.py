@@ -1,6 +1,6 @@
-"""Bakes in a process of their own: bounded in time and memory, and nothing else waits for them.
+"""Bakes in a separate process: bounded in time and memory, and nothing else waits for them.
 
-What a bake costs is for a client's geometry to say. In the server's own process a hostile one
+A client's geometry decides the cost of a bake. In the server's own process a hostile one
 would keep the motion thread from running Python, and take memory that is not given back.
 """
 
@@ -78,7 +78,7 @@ class BakeQueue:
         except BakeWorkerError as ended:
             return self._why(ended)
         if isinstance(answer, MemoryError):
-            worker.kill()  # what it holds is given back
+            worker.kill()  # its memory is given back
             return self._too_large()
         return answer
 
@@ -161,7 +161,7 @@ class BakeWorker:
         return self._within(seconds, lambda: self._put(question))
 
     def await_answer(self, seconds: float) -> Any:
-        """What it says by itself. Raises OvenError."""
+        """The next message of the process. Raises OvenError."""
         return self._within(seconds, lambda: None)
 
     def kill(self) -> None:

@@ -24,7 +24,7 @@ IN_WAY: Final = 0.36
 """Metres from the way within which somebody stands in it."""
 
 PASSES: Final = 0.45
-"""Metres from somebody who stands at which a way around passes: shoulders are .42 m wide."""
+"""Metres between a way around and a standing person: shoulders are .42 m wide."""
 
 AROUND: Final = 8.0
 """Metres along its way after which a way around is on it again, or at its end."""
@@ -42,10 +42,10 @@ MOST: Final = 512
 """Corners of a way around."""
 
 LONGER: Final = 2.0
-"""A way around is taken up to this share of the way that it replaces …"""
+"""Maximum length of a way around, as a multiple of the way that it replaces."""
 
 BIT: Final = 1.0
-"""… and this many metres more."""
+"""Metres added to that maximum."""
 
 STOPS: Final = 1.2
 """Metres from somebody in its way at which an agent without a way around brakes: .75 m are left."""
@@ -163,7 +163,7 @@ class Detours:
         return room.astype(np.float64) - (scene.spec.walkable.radius - SLACK)
 
     def _lay(self, slot: int, points: Array, goal: Array) -> None:
-        """Let a slot go by points [P, 2], and on by the rest of its way to `goal`."""
+        """Leads a slot by points [P, 2], and then by the rest of its way to `goal`."""
         slots = self._slots
         number, floor = int(slots.scene[slot]), float(slots.footing.hips[slot])
         whole = np.column_stack([points, np.full(len(points), floor)])

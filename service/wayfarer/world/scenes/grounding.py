@@ -1,4 +1,4 @@
-"""What is sent of agents in scenes stands on the floor there: slots and chunks to `ground.py`."""
+"""Sets sent agents of scenes on the floor there: slots and chunks to `ground.py`."""
 
 from typing import Any
 

@@ -35,10 +35,10 @@ DRIFT: Final = 0.5
 """Metres that it heads to the other side for a radian of its turn: a body goes where it faces."""
 
 SEES: Final = 7.0
-"""An agent keeps to its lane while an oncoming one is less far ahead, metres, …"""
+"""Metres: an agent keeps to its lane while an oncoming one is less far ahead."""
 
 PAST: Final = -0.3
-"""… and until it is so far behind."""
+"""Metres: an agent keeps to its lane until the other is this far behind."""
 
 AGAINST: Final = 0.5
 """Cosine from which two go against each other."""

@@ -39,7 +39,7 @@ class SceneInfo:
 class Block:
     """Something that stands there, to be drawn: the outline of its top, and where its foot is."""
 
-    top: tuple[Point3, ...]  # level, but for a ramp's
+    top: tuple[Point3, ...]  # level, except a ramp's
     bottom: float
 
 
@@ -83,7 +83,7 @@ class CrowdState:
     """How a crowd is now."""
 
     came: int  # of those wanted, the ones that are there
-    waiting: int  # who have yet to come
+    waiting: int  # people still to come
     reason: str = ""  # why they have not, a sentence; empty: they are about to
 
     @property

@@ -21,7 +21,7 @@ class SessionPeople(NamedTuple):
 
     people: People
     slots: Index  # ascending
-    stand: Flags  # who stands and does not want to go anywhere
+    stand: Flags  # agents that stand and have nowhere to go
 
     def rows(self, slots: Index) -> Index:
         """Where some of them stand in `people`."""

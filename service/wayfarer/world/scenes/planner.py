@@ -150,7 +150,7 @@ class Planner:
 
 
 def moved_text(metres: float, place: Point3) -> Text:
-    """What is said of a goal that was moved."""
+    """The text for a goal that was moved."""
     return Text(
         "the goal is not on free ground; the nearest that can be reached is {} from it: {}",
         (Metres(round(metres, 2)), spot(place)),

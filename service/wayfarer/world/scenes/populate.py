@@ -51,10 +51,10 @@ LOOKS_EVERY: Final = 0.05
 """Seconds."""
 
 LATER: Final = 0.5
-"""Seconds until somebody for whom no place was found tries again …"""
+"""Seconds until a person for whom no place was found tries again."""
 
 NO_ROOM: Final = 2.0
-"""… and somebody whom the server has refused for want of room."""
+"""Seconds until a person whom the server has refused for want of room tries again."""
 
 FAULT_PAUSE: Final = 0.5
 """Seconds for which a crowd is left alone after an error; twice as many after each further one."""
@@ -114,7 +114,7 @@ class _Person:
 
     spec: AgentSpec
     wander: Wander
-    stay: float  # seconds; inf: for ever
+    stay: float  # seconds; inf: without end
 
 
 class Crowds:
@@ -155,12 +155,12 @@ class Crowds:
         self._crowds[session_id] = CrowdPeople(crowd, now, leaves_at=stay)
 
     def copy(self, session_id: str) -> CrowdPeople | None:
-        """The session's crowd as it is now, to go on elsewhere; None: it has none."""
+        """The session's present crowd, for another server; None: it has none."""
         people = self._crowds.get(session_id)
         return people and replace(people, leaves_at=dict(people.leaves_at))
 
     def put(self, session_id: str, people: CrowdPeople) -> None:
-        """Go on with a crowd from elsewhere, whose people are here."""
+        """Resumes a crowd from another server, whose people are on this one."""
         self._crowds[session_id] = people
 
     def state(self, session_id: str) -> CrowdState:
@@ -174,7 +174,7 @@ class Crowds:
         return CrowdState(came, wanted - came, people.waits if came < wanted else "")
 
     def tend(self, now: float) -> list[Agent]:
-        """Let people come and go; returns those that have gone."""
+        """Makes people come and go; returns the ones that have gone."""
         gone: list[Agent] = []
         self._faults.now = now
         for session_id in list(self._crowds):
@@ -252,7 +252,7 @@ class Crowds:
         places: list[tuple[float, float]],
         now: float,
     ) -> tuple[float, float] | None:
-        """Let the next one come. Returns the place; None: there was no place or no room."""
+        """Creates the next person. Returns the place; None: there was no place or no room."""
         person = drawn_person(people.crowd, people.come, scene, places)
         if person is None:
             people.come += 1  # other draws the next time

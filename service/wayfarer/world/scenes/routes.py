@@ -28,7 +28,7 @@ class Routes:
         self._along = np.zeros((0, 16))
 
     def lay(self, slot: int, points: Array, revision: int, waypoint: int) -> None:
-        """Let a slot go by points [P, 3] to a goal of its path."""
+        """Leads a slot by points [P, 3] to a goal of its path."""
         self._reserve(len(points))
         steps = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
         along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -98,7 +98,7 @@ class Routes:
         if slots <= len(self._along) and points <= width:
             return
         wider = width if points <= width else 1 << (points - 1).bit_length()
-        # What is padded is the last point again.
+        # The padding repeats the last point.
         self._points = np.pad(self._points, ((0, 0), (0, wider - width), (0, 0)), "edge")
         self._along = np.pad(self._along, ((0, 0), (0, wider - width)), "edge")
         more = slots - len(self._along)

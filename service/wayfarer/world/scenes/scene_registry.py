@@ -1,6 +1,6 @@
 """The scenes of a server: baked once for equal content, changed version by version.
 
-A scene never changes (`navigation/scene.py`); what changes is which version a name stands for. So
+A scene never changes (`navigation/scene.py`); its name comes to stand for another version. So
 readers on any thread take the version there is and keep it for as long as they like. Bakes and
 changes take milliseconds to seconds: they belong on a worker thread.
 """
@@ -89,7 +89,7 @@ class SceneListener(Protocol):
 
 
 class SceneRegistry:
-    """Scenes by id. Thread-safe; of all methods only those that say so take time."""
+    """Scenes by id. Thread-safe. Methods that take time say so."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class SceneRegistry:
     # Life of a scene
 
     def create(self, source: SceneSource, now: float) -> SceneInfo:
-        """Bake it, unless one of equal content is here. Takes time.
+        """Bakes it, unless there is one of equal content. Takes time.
 
         Raises InvalidArgument that names the field, ResourceExhausted.
         """
@@ -136,7 +136,7 @@ class SceneRegistry:
         *,
         told: bool = True,
     ) -> None:
-        """Let a scene that was kept be here again, also beyond `limits.scenes`: people are in it.
+        """Restores a kept scene, also beyond `limits.scenes`: people are in it.
         Takes time. Raises as `create` and `put` do.
 
         Not `told`: the listener has not heard of it.
@@ -176,7 +176,7 @@ class SceneRegistry:
                 self._diary.drop_scene(scene_id)
 
     def put(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Let an obstacle stand there, or move there. Takes time.
+        """Puts an obstacle there, or moves it there. Takes time.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
@@ -194,7 +194,7 @@ class SceneRegistry:
         return self._find(scene_id).scene
 
     def current(self, scene_ids: Iterable[str]) -> Mapping[str, Scene]:
-        """The present versions of those that are still here."""
+        """The present versions of the scenes that still exist."""
         return {name: self._kept[name].scene for name in scene_ids if name in self._kept}
 
     def kept(self, scene_id: str) -> SceneEntry:

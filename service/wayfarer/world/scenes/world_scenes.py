@@ -60,7 +60,7 @@ class WorldScenes:
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
         """Take up new versions; slots that are in scenes which have one.
 
-        `failed(number, error)`: agents go on in that scene as it was.
+        `failed(number, error)`: agents continue in that scene as it was.
         """
         changed = []
         for name, scene in self.book.current(self._numbers).items():
