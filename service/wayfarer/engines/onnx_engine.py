@@ -70,7 +70,7 @@ class OnnxEngine(WarmEngine):
     def _open(models: ModelFolder, gender: str) -> onnxruntime.InferenceSession:
         path = models.graph("step", gender, SEED_FRAMES)
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1  # see lanes.py
+        options.intra_op_num_threads = 1  # see row_partitioner.py
         # each session's own would keep the most that any call has taken: 40 MB, and no faster
         options.enable_cpu_mem_arena = False
         session = open_session(path, options)

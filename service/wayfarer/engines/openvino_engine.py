@@ -153,7 +153,7 @@ class OpenVinoEngine(WarmEngine):
     ) -> "openvino.CompiledModel":
         options: dict[str, Any] = {
             "INFERENCE_PRECISION_HINT": "f32",  # except where the network states it
-            "NUM_STREAMS": self._partitioner.count,  # each of one thread, see lanes.py
+            "NUM_STREAMS": self._partitioner.count,  # each of one thread
             "INFERENCE_NUM_THREADS": self._partitioner.count,
             "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
         }
