@@ -7,11 +7,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from types import TracebackType
 from typing import Self
 
 import httpx
+import pytest
 
+needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="pip install '.[cluster]'")
 FREE_PORTS = ("--http-port", "0", "--grpc-port", "0")
 LIGHT = {
     "WAYFARER_CANDIDATES": "2",

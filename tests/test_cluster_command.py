@@ -5,16 +5,17 @@ import sys
 
 import pytest
 
-from wayfarer.cluster_command import _on_daemon
 from wayfarer.errors import InvalidArgument
+
+ray_cluster = pytest.importorskip("wayfarer.cluster.ray_cluster", exc_type=ImportError)
 
 ENDS = """
 import asyncio, time
-from wayfarer.cluster_command import _on_daemon
+from wayfarer.cluster.ray_cluster import on_daemon
 from wayfarer.serve import run
 
 async def work():
-    asked = asyncio.create_task(_on_daemon(lambda: time.sleep(600)))
+    asked = asyncio.create_task(on_daemon(lambda: time.sleep(600)))
     await asyncio.sleep(0.1)
     asked.cancel()
     await asyncio.wait([asked])
@@ -33,4 +34,4 @@ async def test_what_ray_refuses_is_told():
         raise InvalidArgument("no")
 
     with pytest.raises(InvalidArgument, match="no"):
-        await _on_daemon(refuse)
+        await ray_cluster.on_daemon(refuse)

@@ -129,7 +129,7 @@ def test_a_command_that_does_it_is_found_out(environment, tmp_path):
 def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, tmp_path):
     record, state = tmp_path / "trace", tmp_path / "state"
     with Service(
-        *("--workers", "2", "--state-dir", str(state), "--engine", "auto"),
+        *("--state-dir", str(state), "--engine", "auto"),
         before=strace(record),
         environment=environment,
     ) as service:

@@ -75,15 +75,12 @@ def _group(help_text: str) -> typer.Typer:
     )
 
 
-def _command(
-    parent: typer.Typer, name: str, target: str, help_text: str, hidden: bool = False
-) -> None:
+def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> None:
     """Make `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
 
     @parent.command(
         name,
         help=help_text,
-        hidden=hidden,
         add_help_option=False,  # --help is for the target, which knows its options
         context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     )
@@ -128,9 +125,6 @@ def _whole(
 
 _command(
     app, "serve", "wayfarer.serve:serve_command", "Start the server: gRPC, HTTP and the viewer."
-)
-_command(
-    app, "node", "wayfarer.serve:node_command", "For `serve --workers` and `cluster`.", hidden=True
 )
 _command(app, "cluster", "wayfarer.cluster_command:app", "Run many servers as one service, on Ray.")
 _command(app, "probe", "wayfarer.probe:probe", "Check whether the server on this machine is ready.")

@@ -15,7 +15,7 @@ import webbrowser
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import structlog
 import typer
@@ -23,9 +23,9 @@ from rich.console import Console
 
 from wayfarer import __version__, config_sources
 from wayfarer.assembly import fingerprint, model_folder, runtime, with_engine
-from wayfarer.cluster.messages import NodePlan
-from wayfarer.cluster.node_agent import joined, read_plan, tenancy_of
+from wayfarer.cluster.node_agent import joined, tenancy_of
 from wayfarer.cluster.plans import check_state
+from wayfarer.cluster.ray_environment import encrypt_ray, guard_own_ray
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.errors import Unavailable
@@ -37,6 +37,9 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
 from wayfarer.transport.server_options import ServerOptions
+
+if TYPE_CHECKING:  # Ray takes seconds to import
+    from wayfarer.cluster.actors import NodeActor
 
 log = structlog.get_logger(__name__)
 
@@ -50,6 +53,8 @@ M_ARENA_MAX: Final = -8
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
+NODE: Final = "wayfarer.serve:serve_node"
+
 OPTIONS: Final = (
     *("host", "http_port", "grpc_port", "root_path", "model", "engine", "threads", "workers"),
     "pin_workers",
@@ -59,26 +64,31 @@ OPTIONS: Final = (
 """Settings that the command line knows."""
 
 
-async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bool = False) -> None:
+async def serve(
+    settings: Settings, node: "NodeActor | None" = None, shows_page: bool = False
+) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
-    As a node of several (`plan`), or as the whole server. Raises Unavailable when the motion loop
-    has failed for good, so that a supervisor restarts the process.
+    As a `node` of several, or as the whole server. Raises Unavailable when the motion loop has
+    failed for good, so that a supervisor restarts the process.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
     share_heaps()
     stop, failed = asyncio.Event(), asyncio.Event()
     loop = asyncio.get_running_loop()
-    for sign in SIGNALS:
-        loop.add_signal_handler(sign, stop.set)
-    if plan is None:
-        warn_if_open(settings)
     clock = steady_clock()
     operation = ServerOptions.from_settings(settings)
-    if hasattr(signal, "SIGHUP"):
-        loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
+    reload = operation.guard.authenticator.reload
+    if node:
+        node.listen(stop.set, reload)
+    else:
+        for sign in SIGNALS:
+            loop.add_signal_handler(sign, stop.set)
+        if hasattr(signal, "SIGHUP"):
+            loop.add_signal_handler(signal.SIGHUP, reload)
+        warn_if_open(settings)
     folder = model_folder(settings)
-    tenancy = tenancy_of(plan, fingerprint(folder)) if plan else None
+    tenancy = tenancy_of(node.plan, fingerprint(folder)) if node else None
     ownership: Ownership = tenancy or SingleNode()
 
     def ended() -> None:
@@ -92,19 +102,20 @@ async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bo
     try:
         await server.start()
         beside: AbstractAsyncContextManager[None] = nullcontext()
-        if plan and tenancy:
-            beside = joined(plan, tenancy, gateway, server.ports, stop.set)
+        if node and tenancy:
+            beside = joined(node.plan, node.directory(), tenancy, gateway, server.ports, stop.set)
         async with beside:
             if shows_page:  # it says that the server is starting, and goes on by itself
                 open_page(server.http_url)
             await server.until_ready()
             settle()
-            if plan:
+            if node:
                 log.info("node ready", http=server.http_url, grpc=server.grpc_address)
+                node.ready()
             else:
                 announce(settings, server.http_url, server.grpc_address)
             await stop.wait()
-            if plan is None:  # a node receives several signals to end
+            if node is None:
                 for sign in SIGNALS:
                     loop.remove_signal_handler(sign)  # one more ends the process at once
             log.info("draining", streams=gateway.streams)
@@ -114,6 +125,11 @@ async def serve(settings: Settings, plan: NodePlan | None = None, shows_page: bo
     if failed.is_set():
         raise Unavailable("the motion loop has failed, and the server ends; its log tells why")
     log.info("stopped")
+
+
+def serve_node(node: "NodeActor") -> None:
+    """Be one node of several."""
+    run(serve(node.plan.settings, node))
 
 
 def warn_if_open(settings: Settings) -> None:
@@ -236,28 +252,21 @@ def serve_command(
     if settings.workers == 1:
         run(serve(settings, shows_page=shows_page))
         return
-    from wayfarer.cluster.one_machine import serve_nodes
-
     model_folder(settings)
     warn_if_open(settings)
     settings = with_engine(settings)
+    guard_own_ray()
+    encrypt_ray(settings.peer_tls)
+    from wayfarer.cluster.entry_process import OneMachine
 
     def ready(http_url: str, grpc_address: str) -> None:
         announce(settings, http_url, grpc_address)
         if shows_page:
             open_page(http_url)
 
-    run(serve_nodes(settings, ready))
-
-
-def node_command() -> None:
-    """One node of several; its keeper starts it, and tells it on stdin what it is."""
-    plan = read_plan()
-    settings = plan.settings
-    configure_logging(settings.log_level, settings.log_format, node=plan.name)
-    if plan.cores and hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, plan.cores)
-    run(serve(settings, plan))
+    with OneMachine(settings, NODE) as nodes:
+        run(nodes.run(ready))
+    log.info("stopped")
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:

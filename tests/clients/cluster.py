@@ -2,80 +2,107 @@
 
 import asyncio
 import contextlib
-import os
-import signal
-import threading
+import json
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 
-from tests.cluster.local import LocalCluster
+import httpx
+import psutil
+import pytest
+
+from tests.cluster.local import LocalCluster, listening
 
 
 class RunningCluster:
-    """A `LocalCluster` in its own thread; a context manager."""
+    """A `LocalCluster` in a process of its own, since a process has one Ray; a context manager."""
 
     def __enter__(self):
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-        self._cluster = LocalCluster(nodes=2)
-        self._call(self._cluster.__aenter__())
-        self.url = self._cluster.entry.http_url
-        self.grpc_address = self._cluster.entry.grpc_address
+        pytest.importorskip("ray")
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.clients.cluster"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        self.url, self.grpc_address = self._until_ready()
         return self
 
-    def __exit__(self, *_):
-        self._call(self._cluster.__aexit__())
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
+    def _until_ready(self):
+        for line in self._process.stdout:
+            if line.startswith('["http'):
+                return json.loads(line)
+        pytest.fail("the cluster did not start")
 
-    def _call(self, work):
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+    def __exit__(self, *_):
+        self._process.communicate(timeout=60)
+
+    def _states(self):
+        return httpx.get(f"{self.url}/v1/cluster").raise_for_status().json()["nodes"]
 
     def nodes(self):
         """Names of the nodes that run now, by their addresses."""
-        return self._urls(self._call(self._cluster.directory.status()))
-
-    @staticmethod
-    def _urls(status):
-        return {f"http://127.0.0.1:{node.node.http_port}": node.node.name for node in status.nodes}
+        return {f"http://127.0.0.1:{one['node']['http_port']}": one["node"]["name"]
+                for one in self._states()}  # fmt: skip
 
     def kill(self, url):
         """Kill the node at this address at once; it is restarted at another address."""
-        os.kill(self._cluster.keeper(self.nodes()[url]).pid, signal.SIGKILL)
+        port = int(url.rpartition(":")[2])
+        for one in psutil.Process(self._process.pid).children(recursive=True):
+            if port in listening(one):
+                one.kill()
 
     def until_replaced(self, url):
         """Wait until another node replaces the killed one at this address."""
-        self._call(self._until_replaced(url))
+        self._until(lambda states: url not in self.nodes() and ready(states) == 2)
 
-    async def _until_replaced(self, url):
-        ready = self._cluster.ready
-        await self._cluster.until(lambda s: url not in self._urls(s) and ready(s) == 2)
+    def _until(self, good, seconds=120):
+        ends_at = time.monotonic() + seconds
+        while not good(states := self._states()):
+            assert time.monotonic() < ends_at, states
+            time.sleep(0.05)
+        return states
 
     @contextlib.contextmanager
     def drained_meanwhile(self):
         """Drain the node of the first agent that comes; its session moves to the other one."""
         with ThreadPoolExecutor() as pool:
-            done = pool.submit(self._call, self._drain())
+            done = pool.submit(self._drain)
             yield
             done.result(timeout=30)
 
-    async def _drain(self):
+    def _drain(self):
         """A new node takes its place."""
-        name = await self._walked_on()
-        await self._cluster.directory.drain(name)
-        await self._cluster.until(lambda s: name not in [node.node.name for node in s.nodes])
-        await self._cluster.add_node()
+        name = self._walked_on()
+        httpx.post(f"{self.url}/v1/cluster/nodes/{name}/drain").raise_for_status()
+        self._until(lambda states: name not in [one["node"]["name"] for one in states])
+        self._process.stdin.write("add\n")
+        self._process.stdin.flush()
 
-    async def _walked_on(self):
+    def _walked_on(self):
         """The name of the node with agents, once they walk, and clients that test a lost connection
         have done so.
         """
-        cluster = self._cluster
-        status = await cluster.until(lambda s: cluster.ready(s) == 2 and any(map(busy, s.nodes)))
-        await asyncio.sleep(2.5)
-        return next(node.node.name for node in status.nodes if busy(node))
+        states = self._until(lambda states: ready(states) == 2 and any(map(busy, states)))
+        time.sleep(2.5)
+        return next(one["node"]["name"] for one in states if busy(one))
 
 
-def busy(node):
-    return node.load.agents > 0
+def busy(state):
+    return state["load"]["agents"] > 0
+
+
+def ready(states):
+    return sum(one["load"]["ready"] and one["lease_left_s"] > 0 for one in states)
+
+
+async def run():
+    """A cluster that gets one more node for each line, until there are none."""
+    async with LocalCluster(nodes=2) as cluster:
+        sys.stdout.write(json.dumps([cluster.entry.http_url, cluster.entry.grpc_address]) + "\n")
+        sys.stdout.flush()
+        while await asyncio.to_thread(sys.stdin.readline):
+            cluster.add_node()
+
+
+if __name__ == "__main__":
+    asyncio.run(run())

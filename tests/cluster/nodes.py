@@ -1,8 +1,11 @@
 """Nodes and directories as the tests of this folder make them."""
 
+import asyncio
+
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad, Registration
 from wayfarer.cluster.tenancy import Tenancy
+from wayfarer.errors import Unavailable
 
 LEASE = 2.0
 
@@ -21,12 +24,26 @@ def info(name, fingerprint="a", capacity=100, number=None):
     )
 
 
+class Link:
+    """To a directory in this process, that is `away` for a while."""
+
+    def __init__(self, rules):
+        self.directory = Directory(rules, 1)
+        self.away = False
+
+    async def call(self, verb, *told):
+        await asyncio.sleep(0)
+        if self.away:
+            raise Unavailable("the directory is away")
+        return getattr(self.directory, verb)(*told)
+
+
 class Bench:
     """A directory and nodes on one clock; every message arrives at once."""
 
     def __init__(self, names=(), generation=1000, settled=True, **rules):
         self.now = 100.0
-        self.directory = Directory(LeaseRules(LEASE, **rules), self.now, generation, seed=1)
+        self.directory = Directory(LeaseRules(LEASE, **rules), generation, lambda: self.now, seed=1)
         self.nodes = {}
         self.present = {}
         self.loads = {}
@@ -57,11 +74,11 @@ class Bench:
             node = self.nodes[name]
             if not node.registered:
                 told = node.registration(self.loads[name], self.present[name])
-                answers[name] = self.directory.register(told, self.now)
+                answers[name] = self.directory.register(told)
                 node.take_registered(answers[name], told, self.now)
             else:
                 renewal = node.renewal(self.loads[name], self.present[name])
-                answers[name] = self.directory.renew(renewal, self.now)
+                answers[name] = self.directory.renew(renewal)
                 node.take_renewed(answers[name], renewal, self.now)
         return answers
 

@@ -1,9 +1,7 @@
-"""Three nodes, each a process of its own, over real gRPC: what clients see of a cluster."""
+"""Three nodes on Ray: what clients see of a cluster."""
 
 import asyncio
-import os
 import shutil
-import signal
 import subprocess
 import time
 from pathlib import Path
@@ -12,11 +10,12 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.cluster.local import LocalCluster, lines
+from tests.cluster.local import LocalCluster
+from tests.serving import needs_ray
 from wayfarer.ids import group_of
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, Goal
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, needs_ray]
 
 
 class Watcher:
@@ -104,9 +103,8 @@ class Stepped:
         assert np.allclose(np.diff(self.steps, axis=0), (1, 0.2)), self.steps
 
 
-async def test_people_live_on_whatever_happens_to_a_node(tmp_path, record_testsuite_property):
-    said = tmp_path / "nodes.log"
-    async with LocalCluster(log=said) as cluster, Client(cluster.entry.grpc_address) as client:
+async def test_people_live_on_whatever_happens_to_a_node(record_testsuite_property):
+    async with LocalCluster() as cluster, Client(cluster.entry.grpc_address) as client:
         corners = [(-3, 0, -3), (3, 0, -3), (3, 0, 310), (-3, 0, 310)]
         field = await client.scenes.create([Floor(corners)])
         version = field.message.version
@@ -137,8 +135,9 @@ async def test_people_live_on_whatever_happens_to_a_node(tmp_path, record_testsu
             await all_go_on()
             name, ends_at = await with_the_scene(cluster, watched), time.monotonic() + 120
             while time.monotonic() < ends_at:
-                if [name] == [line["node"] for line in lines(said.read_text())
-                              if line.get("event") == "scene copied"][-1:]:  # fmt: skip
+                copied = [(line["timestamp"], line["node"]) for line in cluster.said()
+                          if line.get("event") == "scene copied"]  # fmt: skip
+                if name == max(copied, default=("", ""))[1]:
                     return
                 await asyncio.sleep(0.2)
             pytest.fail(f"{name} has not copied its scene")
@@ -146,7 +145,7 @@ async def test_people_live_on_whatever_happens_to_a_node(tmp_path, record_testsu
         await settle()
         await kill(cluster, watched, record_testsuite_property)
         await settle()
-        await stop_for_long(cluster, watched, said)
+        await stop_for_long(cluster, watched)
         await settle()
         await drain(cluster, watched, record_testsuite_property)
         await all_go_on()
@@ -196,8 +195,9 @@ async def kill(cluster, watched, record_testsuite_property):
     await asyncio.sleep(1.5)  # all have been copied to the neighbour since they began to walk
     for one in watched:
         one.clear()
+    victim = await cluster.process(name)
     killed_at = time.monotonic()
-    os.kill(cluster.keeper(name).pid, signal.SIGKILL)
+    victim.kill()
     for one in watched:
         await one.goes_on(10)
     for one in there:
@@ -216,23 +216,23 @@ def settled(status):
     return status.counters.get("adopted", 0) + status.counters.get("lost", 0)
 
 
-async def stop_for_long(cluster, watched, said):
+async def stop_for_long(cluster, watched):
     name = await with_the_scene(cluster, watched)
     there = living_on(cluster, name, watched)
-    pid = cluster.keeper(name).pid
+    process = await cluster.process(name)
     assert there
-    os.kill(pid, signal.SIGSTOP)
+    process.suspend()
     # its groups are adopted; one in which a session came and went at once has nobody ("lost")
-    status = await cluster.directory.status()
+    status = await cluster.status()
     wanted = settled(status) + next(n.groups for n in status.nodes if n.node.name == name)
     await cluster.until(lambda s: settled(s) == wanted)
-    os.kill(pid, signal.SIGCONT)
+    process.resume()
     await cluster.until(lambda s: name in [n.node.name for n in s.nodes])
     for one in there:
         one.clear()
     for one in watched:
         await one.goes_on()
-    logged = list(lines(said.read_text()))
+    logged = list(cluster.said())
     ended = [line["until"] for line in logged
              if line.get("event") == "lease ended" and line["node"] == name]  # fmt: skip
     assert ended, "it knows that its lease has ended"

@@ -49,7 +49,7 @@ def test_groups_without_sessions_are_given_back():
     bench.present["n0"].clear()
     bench.beat()
     assert bench.nodes["n0"].epoch(named(group)) == 0
-    assert bench.directory.status(bench.now).nodes[0].groups == 0
+    assert bench.directory.status().nodes[0].groups == 0
     bench.present["n0"].add(group)  # as by a snapshot of what lived there
     bench.beat()
     assert bench.directory.node_for(group).name == "n0" and bench.nodes["n0"].epoch(named(group))
@@ -62,7 +62,7 @@ def test_a_report_whose_answer_was_lost_is_repeated_and_changes_nothing():
     for _ in range(2):
         told = bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"])
         assert set(told.held) == {group}
-        answers.append(bench.directory.renew(told, bench.now))
+        answers.append(bench.directory.renew(told))
     assert answers[0].epochs == answers[1].epochs != {}
     bench.beat()
     told = [bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"]).held for _ in range(SHARES)]
@@ -74,10 +74,11 @@ def test_a_report_that_comes_after_its_successor_is_not_heard():
     node = bench.nodes["n0"]
     old = node.renewal(NodeLoad(agents=1), ())
     new = node.renewal(NodeLoad(agents=2), ())
-    bench.directory.renew(new, bench.now)
-    answer = bench.directory.renew(old, bench.now + 1)
+    bench.directory.renew(new)
+    bench.now += 1
+    answer = bench.directory.renew(old)
     assert answer.lease_s == 0
-    assert bench.directory.status(bench.now).agents == 2
+    assert bench.directory.status().agents == 2
 
 
 @pytest.mark.parametrize("gap", [0.005, 0.05, 0.5])
@@ -93,7 +94,7 @@ def test_placement_spreads_sessions_that_hold_nobody_yet(gap):
                 bench.loads[name] = NodeLoad(sessions=placed[name])
                 bench.beat(name)
                 reports_at[name] = bench.now + 0.25
-        placed[bench.directory.place(bench.now).name] += 1
+        placed[bench.directory.place().name] += 1
     assert max(placed.values()) - min(placed.values()) <= 4, placed
 
 
@@ -101,13 +102,13 @@ def test_sessions_that_were_placed_and_never_made_are_forgotten():
     bench = Bench(["n0", "n1"])
     bench.directory.drain("n1")
     for _ in range(5):
-        assert bench.directory.place(bench.now).name == "n0"
+        assert bench.directory.place().name == "n0"
     bench.add("n2")
     bench.loads["n2"] = NodeLoad(sessions=3)
     bench.beat()
-    assert bench.directory.place(bench.now).name == "n2"
+    assert bench.directory.place().name == "n2"
     bench.later(2.5, "n0", "n1", "n2")
-    assert bench.directory.place(bench.now).name == "n0"
+    assert bench.directory.place().name == "n0"
 
 
 def test_placement_prefers_free_capacity_not_few_people():
@@ -115,32 +116,32 @@ def test_placement_prefers_free_capacity_not_few_people():
     bench.add("n1", capacity=1000)
     bench.loads |= {"n0": NodeLoad(agents=50, sessions=5), "n1": NodeLoad(agents=60, sessions=6)}
     bench.beat()
-    assert bench.directory.place(bench.now).name == "n1"
+    assert bench.directory.place().name == "n1"
 
 
 def test_a_create_sent_twice_goes_to_the_same_node():
     bench = Bench(["n0", "n1", "n2"])
-    assert len({bench.directory.place(bench.now, "digest").name for _ in range(9)}) == 1
+    assert len({bench.directory.place("digest").name for _ in range(9)}) == 1
 
 
 def test_nothing_is_placed_where_nothing_is_taken():
     bench = Bench()
     with pytest.raises(Unavailable, match="none is registered"):
-        bench.directory.place(bench.now)
+        bench.directory.place()
     bench.add("n0")
     bench.loads["n0"] = NodeLoad(ready=False)
     bench.beat()
     with pytest.raises(Unavailable, match="1 starting or full"):
-        bench.directory.place(bench.now)
+        bench.directory.place()
 
 
 def test_only_nodes_of_one_model_get_new_sessions():
     bench = Bench(["n0", "n1"])
     bench.add("n2", fingerprint="b")
-    assert {bench.directory.place(bench.now).name for _ in range(30)} == {"n0", "n1"}
+    assert {bench.directory.place().name for _ in range(30)} == {"n0", "n1"}
     bench.directory.drain("n0")
     bench.add("n3", fingerprint="b")
-    assert {bench.directory.place(bench.now).name for _ in range(30)} == {"n2", "n3"}
+    assert {bench.directory.place().name for _ in range(30)} == {"n2", "n3"}
 
 
 def test_replicas_go_to_a_neighbour_with_the_same_model_that_stays():
@@ -225,7 +226,7 @@ def test_a_drained_node_moves_what_it_has_and_is_done():
     while not (answer := bench.beat("n0")["n0"]).done:
         assert answer.orders and answer.draining
         for order in answer.orders:
-            epoch = bench.directory.transfer(order.group, "n0", order.epoch, order.to, bench.now)
+            epoch = bench.directory.transfer(order.group, "n0", order.epoch, order.to)
             bench.nodes["n0"].moved(order.group)
             bench.present["n0"].discard(order.group)
             bench.nodes[order.to].came(order.group, epoch)
@@ -251,17 +252,17 @@ def test_a_transfer_needs_owner_and_epoch_as_they_are():
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
-    directory, now = bench.directory, bench.now
+    directory = bench.directory
     for owner, wrong in (("n1", epoch), ("n0", epoch - 1)):
         with pytest.raises(Aborted):
-            directory.transfer(group, owner, wrong, "n1", now)
+            directory.transfer(group, owner, wrong, "n1")
     with pytest.raises(FailedPrecondition, match="another model"):
-        directory.transfer(group, "n0", epoch, "n2", now)
-    new = directory.transfer(group, "n0", epoch, "n1", now)
+        directory.transfer(group, "n0", epoch, "n2")
+    new = directory.transfer(group, "n0", epoch, "n1")
     assert new > epoch
-    assert directory.transfer(group, "n0", epoch, "n1", now) == new, "the answer was lost"
+    assert directory.transfer(group, "n0", epoch, "n1") == new, "the answer was lost"
     with pytest.raises(Aborted):  # it has not heard that n1 has taken it
-        directory.transfer(group, "n0", epoch, "n0", now)
+        directory.transfer(group, "n0", epoch, "n0")
     assert directory.counters["moved"] == 1
 
 
@@ -270,11 +271,11 @@ def test_an_owner_that_keeps_a_group_takes_the_offer_back():
     group = bench.new_session("n0")
     bench.beat()
     epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
-    kept = directory.transfer(group, "n0", epoch, "n0", bench.now)
-    assert kept > epoch and directory.transfer(group, "n0", epoch, "n0", bench.now) == kept
+    kept = directory.transfer(group, "n0", epoch, "n0")
+    assert kept > epoch and directory.transfer(group, "n0", epoch, "n0") == kept
     with pytest.raises(Aborted):
-        directory.transfer(group, "n0", epoch, "n1", bench.now)
-    assert directory.transfer(group, "n0", kept, "n1", bench.now) > kept
+        directory.transfer(group, "n0", epoch, "n1")
+    assert directory.transfer(group, "n0", kept, "n1") > kept
 
 
 def test_a_directory_that_does_not_know_all_decides_no_move():
@@ -282,18 +283,18 @@ def test_a_directory_that_does_not_know_all_decides_no_move():
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
-    given = bench.directory.transfer(group, "n0", epoch, "n1", bench.now)
+    given = bench.directory.transfer(group, "n0", epoch, "n1")
     bench.nodes["n1"].came(group, given)
     bench.present = {"n0": {group}, "n1": {group}}
     bench.nodes["n0"].moving(group)
-    bench.directory = Directory(LeaseRules(LEASE), bench.now, generation=given + 1000, seed=1)
+    bench.directory = Directory(LeaseRules(LEASE), given + 1000, lambda: bench.now, seed=1)
     bench.beat()  # fenced
     bench.beat("n0")
     with pytest.raises(Unavailable):
-        bench.directory.transfer(group, "n0", epoch, "n0", bench.now)
+        bench.directory.transfer(group, "n0", epoch, "n0")
     bench.later(LEASE * DRIFT + 0.5, "n1", "n0")
     with pytest.raises(Aborted, match="n1's"):
-        bench.directory.transfer(group, "n0", epoch, "n0", bench.now)
+        bench.directory.transfer(group, "n0", epoch, "n0")
 
 
 def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
@@ -301,14 +302,14 @@ def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
     group = bench.new_session("n0")
     bench.beat()
     epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
-    directory.transfer(group, "n0", epoch, "n1", bench.now)
+    directory.transfer(group, "n0", epoch, "n1")
     directory._nodes["n1"].keepers = ("n2",)
     directory.ended("n1")
     with pytest.raises(Unavailable, match="adopted by n2"):
-        directory.transfer(group, "n0", epoch, "n0", bench.now)
+        directory.transfer(group, "n0", epoch, "n0")
     bench.nodes["n2"].failed(group)
     bench.beat("n2")
-    assert directory.transfer(group, "n0", epoch, "n0", bench.now) > epoch
+    assert directory.transfer(group, "n0", epoch, "n0") > epoch
     assert not bench.beat("n0")["n0"].orders and not directory.counters["lost"]
 
 
@@ -331,7 +332,7 @@ def test_what_is_left_from_an_earlier_time_does_not_stand_for_a_replica():
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
-    bench.directory.transfer(group, "n0", epoch, "n1", bench.now)
+    bench.directory.transfer(group, "n0", epoch, "n1")
     bench.directory.ended("n1")  # n0, which has not heard that, is to adopt it
     bench.nodes["n0"].registered = False
     answer = bench.beat("n0")["n0"]
@@ -343,7 +344,7 @@ def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_mean
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
-    bench.directory = Directory(LeaseRules(LEASE), bench.now, generation=epoch + 1000, seed=1)
+    bench.directory = Directory(LeaseRules(LEASE), epoch + 1000, lambda: bench.now, seed=1)
     answers = bench.beat()
     assert all(answer.fenced for answer in answers.values())
     bench.nodes["n0"]._until = bench.now + 1.0  # the old lease still held
@@ -359,13 +360,14 @@ def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_mean
 
 
 def test_of_two_claimants_the_greater_epoch_is_right():
-    directory = Directory(LeaseRules(LEASE), 0.0, generation=1)
-    silent = directory.register(registration("n0", held={"7": 5}, leased=False), 0.1)
+    now = 0.0
+    directory = Directory(LeaseRules(LEASE), 1, lambda: now)
+    silent = directory.register(registration("n0", held={"7": 5}, leased=False))
     assert silent.lease_s == 0  # its lease had ended: another may be the owner
-    directory.register(registration("n1", held={"7": 9}, leased=True), 0.2)
-    late = directory.register(
-        registration("n0", held={"7": 5}, leased=False, count=2), LEASE * DRIFT + 0.1
-    )
+    now = 0.2
+    directory.register(registration("n1", held={"7": 9}, leased=True))
+    now = LEASE * DRIFT + 0.1
+    late = directory.register(registration("n0", held={"7": 5}, leased=False, count=2))
     assert late.lost == ("7",) and late.lease_s == LEASE
     assert directory.node_for("7").name == "n1"
 
@@ -461,7 +463,7 @@ def test_a_node_that_was_silent_gets_back_what_it_keeps():
     group = bench.new_session("n0")
     bench.beat()
     bench.later(2 * LEASE, "n1")
-    assert [one.node.name for one in bench.directory.status(bench.now).nodes] == ["n1"]
+    assert [one.node.name for one in bench.directory.status().nodes] == ["n1"]
     assert bench.beat("n0")["n0"].fenced
     bench.beat("n0")
     assert bench.nodes["n0"].may_step() and not bench.nodes["n0"].lost
@@ -474,11 +476,11 @@ def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
     bench.present["n0"] = {one}
     bench.add("n0")
     assert bench.nodes["n0"].leased and bench.nodes["n0"].epoch(named(one)) > 0
-    assert not bench.directory.status(bench.now).settled
+    assert not bench.directory.status().settled
     bench.present["n1"] = {one, two}  # it was moving when all were killed
     bench.add("n1")
     assert bench.nodes["n1"].lost == {one}
-    assert bench.directory.status(bench.now).settled
+    assert bench.directory.status().settled
 
 
 def test_rendezvous_moves_only_what_it_must():
@@ -494,16 +496,16 @@ def test_status_counts_room():
     bench = Bench(["n0", "n1"])
     bench.loads["n0"] = NodeLoad(agents=30, sessions=2)
     bench.beat()
-    status = bench.directory.status(bench.now)
+    status = bench.directory.status()
     assert (status.capacity, status.agents) == (200, 30)
     bench.loads["n0"] = NodeLoad(agents=30, sessions=2, fits=40)  # it has measured
     bench.loads["n1"] = NodeLoad(fits=400)  # its limits allow 100
     bench.beat()
-    assert bench.directory.status(bench.now).capacity == 140
+    assert bench.directory.status().capacity == 140
     bench.directory.drain("n1")
-    assert bench.directory.status(bench.now).capacity == 40
+    assert bench.directory.status().capacity == 40
 
 
 def test_unknown_nodes_are_fenced():
-    assert Bench().directory.renew(renewal("n9"), 200.0).fenced
+    assert Bench().directory.renew(renewal("n9")).fenced
     assert info("n9").name == "n9"

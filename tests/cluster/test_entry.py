@@ -8,14 +8,12 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from tests.cluster.local import SECRET, Link
-from tests.cluster.nodes import info
+from tests.cluster.nodes import Link, info
 from tests.transport.auth.test_keys import FILE, STUDIO
 from tests.transport.fakes import opened
 from tests.transport.samples import MODEL
 from wayfarer import errors
 from wayfarer.cluster.directory import LeaseRules
-from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.messages import LeaseRenewal, NodeLoad, Registration
@@ -27,6 +25,7 @@ from wayfarer.transport.server_options import ServerOptions
 from wayfarer_client import Client, NotFound, PermissionDenied, Unavailable
 
 GROUP = "0123456789ab"
+SECRET = "s" * 32
 
 
 class Rig:
@@ -34,14 +33,13 @@ class Rig:
 
     async def __aenter__(self):
         self.link = Link(LeaseRules(600.0))
-        self.link.service._directory._settled_at = 0.0
-        directory = DirectoryClient(self.link)
+        self.link.directory._settled_at = 0.0
         self.nodes = [await self.node(name) for name in ("n1", "n2")]
         for node in self.nodes:
-            await directory.register(Registration(node=node, count=1))
+            self.link.directory.register(Registration(node=node, count=1))
         settings = Settings(http_port=0, grpc_port=0, drain_s=0.2)
         self.stopped = asyncio.Event()
-        self.entry = Entry(settings, directory, SECRET, self.stopped.set)
+        self.entry = Entry(settings, self.link, SECRET, self.stopped.set)
         await self.entry.start()
         self.http = httpx.AsyncClient(base_url=self.entry.http_url)
         async with asyncio.timeout(10):
@@ -60,7 +58,7 @@ class Rig:
     async def owned(self, node):
         """Id of a session of this node."""
         told = LeaseRenewal(name=node.name, count=2, load=NodeLoad(), held={GROUP: 0})
-        await DirectoryClient(self.link).renew(told)
+        self.link.directory.renew(told)
         return session_id(GROUP)
 
 
@@ -105,7 +103,7 @@ async def test_who_was_made_a_moment_ago_is_found():
         for count, node in enumerate(rig.nodes, start=2):
             group = f"{count:012x}"
             told = LeaseRenewal(name=node.name, count=count, load=NodeLoad(), held={group: 0})
-            await DirectoryClient(rig.link).renew(told)
+            rig.link.directory.renew(told)
             found = await rig.http.get(f"/v1/sessions/{session_id(group)}")
             assert found.json()["endpoint"]["grpc_port"] == node.grpc_port
 
@@ -243,7 +241,7 @@ async def test_who_may_not_is_told_nothing(tmp_path):
     keys = tmp_path / "keys.toml"
     keys.write_text("")
     settings = Settings(http_port=0, grpc_port=0, auth={"keys_file": keys}, drain_s=0.2)
-    entry = Entry(settings, DirectoryClient(Link()), SECRET, lambda: None)
+    entry = Entry(settings, Link(LeaseRules()), SECRET, lambda: None)
     await entry.start()
     async with httpx.AsyncClient(base_url=entry.http_url) as http:
         for verb, path in (("GET", "/v1/cluster"), ("POST", "/v1/sessions")):

@@ -83,18 +83,16 @@ class Pair:
             return self.losses.pop(0)
         return None
 
-    async def transfer(self, told):
-        self.asked.append(told.to)
+    async def call(self, verb, *told):
+        if verb != "transfer":
+            return getattr(self.bench.directory, verb)(*told)
+        self.asked.append(told[-1])
         if self.loses("question"):
             raise Unavailable("the directory does not answer")
-        args = told.group, told.owner, told.epoch, told.to
-        epoch = self.bench.directory.transfer(*args, self.bench.now)
+        epoch = self.bench.directory.transfer(*told)
         if self.loses("answer"):
             raise Unavailable("the directory does not answer")
         return epoch
-
-    async def place(self, request):
-        return self.bench.directory.place(self.bench.now)
 
     async def take(self, node, owner, group, epoch, live):
         if self.loses("take"):
@@ -142,13 +140,13 @@ def test_whatever_is_lost_during_a_move_one_node_has_the_session(losses, owner, 
 def test_what_cannot_be_known_stays_frozen_and_the_owner_may_move_it_again():
     pair = Pair(["take"] + ["question"] * 20)
     seen = []
-    question = pair.transfer
+    question = pair.call
 
-    async def transfer(told):
+    async def call(*told):
         seen.append(pair.moves["n1"].frozen[pair.name])
-        return await question(told)
+        return await question(*told)
 
-    pair.transfer = transfer
+    pair.call = call
     pair.move()
     assert seen == [True] * 21 and pair.owner == "n1"
     pair.move()
@@ -159,7 +157,7 @@ def test_who_has_withdrawn_an_offer_keeps_the_session_though_all_of_it_has_come(
     pair = Pair()
     n1, n2 = pair.bench.nodes.values()
     epoch = n1.epoch(pair.name)
-    pair.bench.directory.transfer(pair.group, "n1", epoch, "n1", pair.bench.now)
+    pair.bench.directory.transfer(pair.group, "n1", epoch, "n1")
     with pytest.raises(Unavailable, match="does not give"):
         virtual_time.run(pair.agents["n2"].take("n1", pair.group, epoch, {pair.name: b"live"}))
     assert pair.moves["n2"].taken and not pair.moves["n2"].frozen and not n2.epoch(pair.name)
@@ -212,7 +210,8 @@ def test_without_room_all_of_a_group_is_handed_on_to_a_node_that_has_some():
     left, orders = {}, []
 
     class Three(Pair):
-        async def place(self, request):
+        async def call(self, verb, *told):
+            assert verb == "place"
             self.bench.add("n3")
             return there
 

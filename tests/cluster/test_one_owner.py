@@ -15,13 +15,14 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import info
 from wayfarer.cluster import node_agent
 from wayfarer.cluster.directory import Directory, LeaseRules
-from wayfarer.cluster.node_agent import ANSWER_S, NodeAgent
+from wayfarer.cluster.node_agent import NodeAgent
 from wayfarer.cluster.peer import CALL_S, Replicas
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import AlreadyExists, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
 
 TICK = 0.05
+ANSWER_S = 2.0  # at least CALL_S of actors.py
 LEASE = 5.0  # a lost answer costs ANSWER_S of it
 NODES = 4
 SECONDS = 150
@@ -118,7 +119,6 @@ class Node:
         self.moves, self.replicas = Moves(self), Replicas(lambda: sim.now)
         self.tenancy = Tenancy(info(name), lambda: sim.now)
         self.replication = SimpleNamespace(neighbour="")
-        self._turn = asyncio.Lock()  # of the link to the directory
         gateway = SimpleNamespace(
             moves=self.moves, started=True, alive=True, streams=0, loop_stats=self._stats
         )
@@ -161,38 +161,23 @@ class Node:
                     to.replicas.keep(self.name, name, b"state")
                 to.replicas.renew(self.name, set(self.moves.open))
 
-    # The directory, as DirectoryClient over KeeperLink
+    # The directory, as RayLink
 
-    async def register(self, told):
-        return await self._ask(lambda d: d.register(told, self.sim.now))
-
-    async def renew(self, told):
-        answer = await self._ask(lambda d: d.renew(told, self.sim.now))
-        self.sim.seen["fenced"] += answer.fenced
-        return answer
-
-    async def transfer(self, told):
-        return await self._ask(
-            lambda d: d.transfer(told.group, told.owner, told.epoch, told.to, self.sim.now)
-        )
-
-    async def place(self, request):
-        return await self._ask(lambda d: d.place(self.sim.now))
-
-    async def _ask(self, call):
-        async with self._turn:
+    async def call(self, verb, *told):
+        await self.awake()
+        answer = self.sim.sent(lambda: getattr(self.sim.directory, verb)(*told))
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                result, error = await answer
+        except TimeoutError:
+            raise Unavailable("the directory does not answer") from None
+        finally:
             await self.awake()
-            answer = self.sim.sent(lambda: call(self.sim.directory))
-            try:
-                async with asyncio.timeout(ANSWER_S):
-                    result, error = await answer
-            except TimeoutError:
-                raise Unavailable("the directory does not answer") from None
-            finally:
-                await self.awake()
-            if error is not None:
-                raise error
-            return result
+        if error is not None:
+            raise error
+        if verb == "renew":
+            self.sim.seen["fenced"] += result.fenced
+        return result
 
     # Other nodes, as Peers
 
@@ -259,7 +244,9 @@ class Sim:
         return lost
 
     def restart(self):
-        self.directory = Directory(self.rules, self.now, int(self.now * 1e6), self.random.random())
+        self.directory = Directory(
+            self.rules, int(self.now * 1e6), lambda: self.now, self.random.random()
+        )
 
     def start(self):
         name = f"n{self.started}"
@@ -267,7 +254,7 @@ class Sim:
         self.nodes[name] = Node(self, name)
 
     def kill(self, name):
-        """The keeper sees the end of its process at once."""
+        """Its next life tells at once."""
         node = self.nodes.pop(name)
         for task in (*node.tasks, *node.agent._busy.values()):
             task.cancel()

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import signal
 
 import grpc
 import pytest
@@ -10,8 +9,10 @@ import pytest
 from tests.certificates import Authority
 from tests.cluster.local import SECRET, LocalCluster
 from tests.cluster.nodes import info
+from tests.serving import needs_ray
 from wayfarer import cluster_command
 from wayfarer.cluster.peer import Peers, PeerServer, Replicas
+from wayfarer.cluster.ray_environment import encrypt_ray
 from wayfarer.config import PeerTls, Settings
 from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.transport.tls import peer_tls
@@ -53,10 +54,10 @@ class OnlyTheAuthority:
 
 
 @pytest.mark.slow
-async def test_three_nodes_with_certificates(own, other, tmp_path):
-    said = tmp_path / "nodes.log"
+@needs_ray
+async def test_three_nodes_with_certificates(own, other):
     async with (
-        LocalCluster(log=said, peer_tls=own.model_dump()) as cluster,
+        LocalCluster(peer_tls=own.model_dump()) as cluster,
         Client(cluster.entry.grpc_address) as client,
     ):
         session = await client.create_session(lease=900)
@@ -72,7 +73,7 @@ async def test_three_nodes_with_certificates(own, other, tmp_path):
         await refused(node, "x" * 32, peer_tls(own), "not a node of this cluster")
 
         await asyncio.sleep(2)  # it has been copied, over TLS
-        os.kill(cluster.keeper(node.name).pid, signal.SIGKILL)
+        (await cluster.process(node.name)).kill()
         await cluster.until(lambda status: status.counters.get("adopted", 0) == 1)
         assert len(await session.agents()) == 1
 
@@ -135,8 +136,8 @@ def test_rays_links_have_the_same_files(own, monkeypatch):
     for name in [name for name in os.environ if name.startswith("RAY_")]:
         monkeypatch.delenv(name)
     monkeypatch.setattr(os, "environ", dict(os.environ))
-    cluster_command._encrypt_ray(PeerTls())
+    encrypt_ray(PeerTls())
     assert "RAY_USE_TLS" not in os.environ
-    cluster_command._encrypt_ray(own)
+    encrypt_ray(own)
     assert os.environ["RAY_USE_TLS"] == "1"
     assert os.environ["RAY_TLS_CA_CERT"] == str(own.ca)

@@ -1,16 +1,15 @@
 """A recorded session whose node is killed goes on being recorded, after what was before."""
 
 import asyncio
-import os
-import signal
 
 import numpy as np
 import pytest
 
 from tests.cluster.local import LocalCluster
+from tests.serving import needs_ray
 from wayfarer_client import AgentSpec, Client, Goal
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, needs_ray]
 
 
 class Seen:
@@ -53,7 +52,7 @@ async def test_the_log_of_a_session_outlives_its_node():
             await asyncio.sleep(2.5)  # it is copied
             view = cluster.entry.finder._view
             name = view.owner(session.session_id).name
-            os.kill(cluster.keeper(name).pid, signal.SIGKILL)
+            (await cluster.process(name)).kill()
             async with asyncio.timeout(60):
                 while seen.gaps < gaps:
                     await asyncio.sleep(0.05)

@@ -5,6 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from tests.serving import needs_ray
 from wayfarer.cli import app
 
 
@@ -22,7 +23,9 @@ def measured(tmp_path, monkeypatch, workers="1", **options):
     return json.loads(path.read_text())
 
 
-@pytest.mark.parametrize(("transport", "workers"), [("grpc", "1"), ("websocket", "2")])
+@pytest.mark.parametrize(
+    ("transport", "workers"), [("grpc", "1"), pytest.param("websocket", "2", marks=needs_ray)]
+)
 def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, workers):
     options = {"agents": 2, "slow": 1, "vanishing": 1, "transport": transport}
     found = measured(tmp_path, monkeypatch, workers, **options)

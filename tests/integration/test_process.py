@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 import wayfarer_client as wf
-from tests.serving import post
+from tests.serving import needs_ray, post
 
 COMMAND = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
 ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
@@ -123,7 +123,9 @@ def bakeries(service: Process) -> list[psutil.Process]:
     return [one for one in below if "wayfarer.world.scenes.bake_process" in one.cmdline()]
 
 
-@pytest.mark.parametrize(("sign", "workers"), [(signal.SIGTERM, 2), (signal.SIGKILL, 1)])
+@pytest.mark.parametrize(
+    ("sign", "workers"), [pytest.param(signal.SIGTERM, 2, marks=needs_ray), (signal.SIGKILL, 1)]
+)
 def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
     with serve(*ANY_PORTS, "--workers", str(workers)) as service:
         assert not bakeries(service)

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 import signal
 import socket
 from collections.abc import Callable
@@ -13,7 +12,9 @@ import psutil
 import pytest
 
 import wayfarer_client as wf
-from tests.serving import Service
+from tests.serving import Service, needs_ray
+
+pytestmark = needs_ray
 
 TWO = ("--workers", "2", "--engine", "onnxruntime")
 
@@ -53,16 +54,31 @@ class Watch:
 
 
 def nodes(service: Service) -> list[psutil.Process]:
-    """Its children, in the order in which they were started."""
-    return sorted(psutil.Process(service.process.pid).children(), key=lambda one: one.pid)
+    """Their processes."""
+    below = psutil.Process(service.process.pid).children(recursive=True)
+    return [one for one in below if "NodeActor" in " ".join(one.cmdline())]
 
 
-async def home(service: Service, session: wf.Session) -> int:
-    """Number of its node, from the entry."""
+async def endpoint(service: Service, session: wf.Session) -> dict[str, int]:
+    """Of its node, from the entry."""
     async with httpx.AsyncClient() as http:
         answer = await http.get(f"{service.url}/v1/sessions/{session.session_id}")
     assert answer.status_code == 421
-    return answer.json()["endpoint"]["worker"]
+    found: dict[str, int] = answer.json()["endpoint"]
+    return found
+
+
+async def home(service: Service, session: wf.Session) -> int:
+    """Number of its node."""
+    return (await endpoint(service, session))["worker"]
+
+
+async def kill(service: Service, session: wf.Session) -> None:
+    """Its node."""
+    port = (await endpoint(service, session))["http_port"]
+    for one in nodes(service):
+        if port in [found.laddr.port for found in one.net_connections()]:
+            one.kill()
 
 
 async def people(session: wf.Session) -> list[str]:
@@ -97,7 +113,7 @@ async def test_two_nodes_are_one_server_whose_sessions_outlive_a_kill_and_a_rest
             for one in watched.values():
                 await one.goes_on()
             late = [(await one.create_agents(wf.AgentSpec()))[0] for one in there]
-            nodes(service)[killed].kill()
+            await kill(service, sessions[0])
             for one in there:  # acknowledged commands are on disk, and wait for their node
                 assert late[there.index(one)].agent_id in await people(one)
             for one in there:
@@ -151,7 +167,7 @@ async def neighbours_take_over(service: Service) -> None:
         await watch.goes_on(10)
         await asyncio.sleep(1.5)  # all is copied to the neighbour, the scene first
         before = await home(service, session)
-        os.kill(nodes(service)[before].pid, signal.SIGKILL)
+        await kill(service, session)
         await watch.goes_on(10)
         await watch.has_a_gap()
         assert await home(service, session) != before

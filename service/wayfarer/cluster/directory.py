@@ -1,4 +1,4 @@
-"""Who owns which group: leases, epochs, placement, adoption, drains. No clock, no network, no Ray.
+"""Who owns which group: leases, epochs, placement, adoption, drains. No network, no Ray.
 
 The rules, on which "never two owners" rests:
 
@@ -17,13 +17,14 @@ The rules, on which "never two owners" rests:
   notice it within seconds.
 
 Owner of a group without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
-answers that there is nothing. Times are seconds on any clock that never goes back.
+answers that there is nothing. The clock: seconds, never back.
 """
 
 import hashlib
 import random
+import time
 from collections import Counter, OrderedDict, deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -105,16 +106,21 @@ class Directory:
     """One for a cluster. Not thread-safe."""
 
     def __init__(
-        self, rules: LeaseRules, now: float, generation: int, seed: int | None = None
+        self,
+        rules: LeaseRules,
+        generation: int,
+        clock: Callable[[], float] = time.monotonic,
+        seed: int | None = None,
     ) -> None:
         """`generation`: greater than that of any directory before; microseconds since 1970 are.
 
         Epochs begin there, so that they go on growing when a directory is started again.
         """
         self.rules = rules
+        self._clock = clock
         self.counters: Counter[str] = Counter()
         self._generation = self._epoch = generation
-        self._settled_at = now + rules.lease_s * DRIFT
+        self._settled_at = clock() + rules.lease_s * DRIFT
         self._nodes: dict[str, _Node] = {}
         self._groups: dict[str, _Entry] = {}
         self._version = 0
@@ -127,15 +133,15 @@ class Directory:
 
     # ---- nodes
 
-    def register(self, told: Registration, now: float) -> Answer:
+    def register(self, told: Registration) -> Answer:
         """Enter a node and what it holds. It may come again at any time."""
-        self.expire(now)
+        self.expire()
         name = told.node.name
-        if not (self._settled(now) or told.leased or self.rules.nodes) and told.held:
+        if not (self._settled() or told.leased or self.rules.nodes) and told.held:
             return Answer()  # who of two claimants is right is known once all have come
         node = self._nodes.get(name)
         if node is None:
-            node = self._nodes[name] = _Node(told.node, told.load, now)
+            node = self._nodes[name] = _Node(told.node, told.load, self._clock())
             self._nodes_changed()
             self._came.add(told.node.number)
             for group in self._waiting.pop(told.node.number, ()):
@@ -166,11 +172,11 @@ class Directory:
                 self._disown(group)
         node.used = used | {s for s in node.used - used if s in self._groups}
         node.load = told.load
-        return self._answer(node, now, (0, 0), tuple(lost), epochs)
+        return self._answer(node, (0, 0), tuple(lost), epochs)
 
-    def renew(self, told: LeaseRenewal, now: float) -> Answer:
+    def renew(self, told: LeaseRenewal) -> Answer:
         """Prolong a node's lease, take its reports, give it its orders."""
-        self.expire(now)
+        self.expire()
         node = self._nodes.get(told.name)
         if node is None:
             return Answer(fenced=True)
@@ -198,7 +204,7 @@ class Directory:
                 self._pass_on(group, to)
         compared = {*told.held, *share_of(node.used, told.count)} & node.used
         epochs = {s: self._groups[s].epoch for s in compared if not self._is_adopted(s)}
-        return self._answer(node, now, told.seen, tuple(lost), epochs)
+        return self._answer(node, told.seen, tuple(lost), epochs)
 
     def ended(self, name: str) -> None:
         """A node's process is known to have ended: the keepers of its replicas adopt its groups, or
@@ -222,8 +228,14 @@ class Directory:
                 entry.keepers = (*node.keepers, *giver)
             self._pass_on(group)
 
-    def expire(self, now: float) -> None:
+    def replaced(self, place: str) -> None:
+        """A node is started again: the one before, of the same name but for its end, has ended."""
+        for name in [name for name in self._nodes if name.rpartition("-")[0] == place]:
+            self.ended(name)
+
+    def expire(self) -> None:
         """Fence the nodes whose lease has ended."""
+        now = self._clock()
         for node in [n for n in self._nodes.values() if n.lease_until <= now]:
             self.counters["expired"] += 1
             self.ended(node.info.name)
@@ -243,7 +255,7 @@ class Directory:
             )
         node.draining = True
 
-    def transfer(self, group: str, owner: str, epoch: int, to: str, now: float) -> int:
+    def transfer(self, group: str, owner: str, epoch: int, to: str) -> int:
         """Give a group to `to`, if `owner` still has it with this epoch; its new epoch.
 
         `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group:
@@ -252,9 +264,9 @@ class Directory:
         Raises Aborted when the group has another owner or epoch, FailedPrecondition; Unavailable
         while that is not known: ask again.
         """
-        self.expire(now)
+        self.expire()
         entry, target, source = self._groups.get(group), self._nodes.get(to), self._nodes.get(owner)
-        if target is None or not self._settled(now):
+        if target is None or not self._settled():
             raise Unavailable("not all nodes have come back to the directory; ask again")
         has = entry is not None and entry.owner == to and entry.epoch != epoch
         if entry is not None and has and (owner == to or entry.before == (owner, epoch)):
@@ -284,13 +296,14 @@ class Directory:
 
     # ---- new sessions
 
-    def place(self, now: float, request: str = "") -> NodeInfo:
+    def place(self, request: str = "") -> NodeInfo:
         """The node for a new session or scene: the freer of two drawn at random.
 
         `request`: a digest of the client's request id and name; the same one gets the same node.
         Raises Unavailable.
         """
-        self.expire(now)
+        self.expire()
+        now = self._clock()
         known = self._nodes.get(self._placed.get(request, ""))
         if request and known is not None:
             return known.info
@@ -347,11 +360,11 @@ class Directory:
     def _answer(
         self,
         node: _Node,
-        now: float,
         seen: tuple[int, int],
         lost: tuple[str, ...],
         epochs: dict[str, int],
     ) -> Answer:
+        now = self._clock()
         node.lease_until = now + self.rules.lease_s * DRIFT
         self._choose_keeper(node)
         return Answer(
@@ -369,7 +382,7 @@ class Directory:
         adoptions = [group for group in node.used if self._is_adopted(group)]
         for group in sorted(adoptions):
             yield NodeOrder(kind="adopt", group=group, epoch=self._groups[group].epoch)
-        if not (node.draining and self._settled(now)):
+        if not (node.draining and self._settled()):
             return
         able = [n for n in self._able(now) if n is not node and self._alike(n, node)]
         if not able:
@@ -396,9 +409,10 @@ class Directory:
             nodes=self._infos() if whole or self._nodes_version > version else None,
         )
 
-    def status(self, now: float) -> Status:
+    def status(self) -> Status:
         """At a glance."""
-        self.expire(now)
+        self.expire()
+        now = self._clock()
         nodes = tuple(
             NodeState(
                 node=node.info,
@@ -412,17 +426,17 @@ class Directory:
         )
         return Status(
             generation=self._generation,
-            settled=self._settled(now),
+            settled=self._settled(),
             nodes=nodes,
             counters=dict(self.counters),
         )
 
     # ---- groups
 
-    def _settled(self, now: float) -> bool:
+    def _settled(self) -> bool:
         if self.rules.nodes:
             return len(self._came) >= self.rules.nodes
-        return now >= self._settled_at
+        return self._clock() >= self._settled_at
 
     def _pass_on(self, group: str, first: str = "") -> None:
         """To `first`, or the next node that may have a replica; without any, what lived there is

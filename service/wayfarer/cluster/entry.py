@@ -25,10 +25,9 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.every_node import Calls, EveryNode
 from wayfarer.cluster.group_map import GroupMap, endpoint
-from wayfarer.cluster.messages import NodeInfo, Status
+from wayfarer.cluster.messages import DirectoryLink, NodeInfo, Status
 from wayfarer.cluster.peer import Peers
 from wayfarer.cluster.routes import (
     METHODS,
@@ -83,7 +82,7 @@ VERBS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
 class NodeFinder:
     """Which node takes a call, as far as is known here."""
 
-    def __init__(self, directory: DirectoryClient) -> None:
+    def __init__(self, directory: DirectoryLink) -> None:
         self._directory = directory
         self._view = GroupMap()
         self._looking = asyncio.Lock()
@@ -111,9 +110,9 @@ class NodeFinder:
                 return
             self._looked_at = time.monotonic()
             with contextlib.suppress(WayfarerError):
-                status = await self._directory.status()
+                status: Status = await self._directory.call("status")
                 # after the status: who reads there that nodes are ready finds them in the view
-                self._view.take(await self._directory.changes(self._view.seen))
+                self._view.take(await self._directory.call("changes", self._view.seen))
                 self.status = status
                 self._heard_at = time.monotonic()
 
@@ -149,7 +148,8 @@ class NodeFinder:
             if self.away:
                 raise Unavailable("the cluster's directory is away: nothing new is made until then")
             digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
-            return await self._directory.place(digest)
+            placed: NodeInfo = await self._directory.call("place", digest)
+            return placed
         if kind == "named" and self._view.owner(text) is None:
             if self.away:  # it may live all the same
                 raise Unavailable("the cluster's directory is away: what is new is not found yet")
@@ -162,7 +162,7 @@ class NodeFinder:
 
     async def drain(self, name: str) -> None:
         """See `Directory.drain`."""
-        await self._directory.drain(name)
+        await self._directory.call("drain", name)
 
 
 class Entry:
@@ -171,7 +171,7 @@ class Entry:
     def __init__(
         self,
         settings: Settings,
-        directory: DirectoryClient,
+        directory: DirectoryLink,
         secret: str,
         stop: Callable[[], None],
     ) -> None:

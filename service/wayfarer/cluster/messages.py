@@ -7,7 +7,7 @@ A *group* is a scene with its sessions, or a session alone: the first digits of 
 """
 
 import json
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
@@ -36,6 +36,16 @@ def heard(answer: str | bytes) -> Any:
     return found["value"]
 
 
+class DirectoryLink(Protocol):
+    """A way to the directory."""
+
+    async def call(self, verb: str, *told: Any) -> Any:
+        """`Directory`'s method of this name. Raises what it raises, and Unavailable when the
+        directory is away.
+        """
+        ...
+
+
 class ClusterMessage(BaseModel):
     """Base of all; unknown fields are refused."""
 
@@ -52,7 +62,7 @@ class NodeQuestion(ClusterMessage):
 
 
 class NodePlan(ClusterMessage):
-    """What a node process is to be: its keeper writes it to its stdin, as one line."""
+    """What a node is to be."""
 
     name: str
     number: int
@@ -62,36 +72,11 @@ class NodePlan(ClusterMessage):
     settings: Settings
 
 
-class NodeCall(ClusterMessage):
-    """What a node asks the directory, through its keeper: a line on its stdout."""
-
-    number: int
-    method: str
-    body: str
-
-
-class NodeReply(ClusterMessage):
-    """The directory's answer, or that there is none: a line on the node's stdin."""
-
-    number: int
-    body: str = ""
-    problem: str = ""
-
-
-class Transfer(ClusterMessage):
-    """A group has a new owner, or its owner keeps it; see `Directory.transfer`."""
-
-    group: str
-    owner: str
-    epoch: int
-    to: str
-
-
 class NodeInfo(ClusterMessage):
     """What does not change while a node lives."""
 
     name: str
-    number: int  # of its keeper, from 0
+    number: int  # of its plan, from 0
     host: str  # empty: clients call it at the host at which they called the entry
     grpc_port: int
     http_port: int

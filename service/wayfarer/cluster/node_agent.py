@@ -4,25 +4,20 @@ loop.
 
 import asyncio
 import contextlib
-import os
-import sys
 from collections.abc import AsyncIterator, Callable, Iterable
 from typing import Any, Final
 
 import structlog
 
-from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import (
     Answer,
-    NodeCall,
+    DirectoryLink,
     NodeInfo,
     NodeLoad,
     NodeOrder,
     NodePlan,
-    NodeReply,
-    Transfer,
 )
 from wayfarer.cluster.peer import CONTENT, LOOPBACK, KeptReplica, Peers, PeerServer, Replicas
 from wayfarer.cluster.replication import Replication
@@ -30,7 +25,6 @@ from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import (
     Aborted,
     FailedPrecondition,
-    InvalidArgument,
     NotFound,
     ResourceExhausted,
     Unavailable,
@@ -46,9 +40,6 @@ log = structlog.get_logger(__name__)
 RENEW_S: Final = 0.25
 """Between renewals: several in the length of any lease."""
 
-ANSWER_S: Final = 2.0
-"""How long an answer is waited for before the directory is asked again."""
-
 ADOPT_S: Final = 600.0
 """How long an adoption waits for room, if no other node has any."""
 
@@ -56,57 +47,6 @@ HAND_ON_S: Final = 3.0
 """Between offers of what waits to another node."""
 
 STATS_S: Final = 1.0
-LINE_BYTES: Final = 16 * 1024 * 1024
-
-
-class KeeperLink:
-    """To the directory through the keeper: stdout and stdin. One call at a time."""
-
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._reader, self._writer = reader, writer
-        self._turn = asyncio.Lock()
-        self._number = 0
-        self.lost = asyncio.Event()
-
-    @classmethod
-    async def open(cls) -> "KeeperLink":
-        """Over this process's own pipes."""
-        loop = asyncio.get_running_loop()
-        reader = asyncio.StreamReader(LINE_BYTES)
-        await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-        transport, protocol = await loop.connect_write_pipe(
-            asyncio.streams.FlowControlMixin, os.fdopen(sys.stdout.fileno(), "wb", 0)
-        )
-        return cls(reader, asyncio.StreamWriter(transport, protocol, None, loop))
-
-    async def call(self, method: str, body: str) -> str:
-        """Raises Unavailable."""
-        async with self._turn:
-            self._number += 1
-            line = NodeCall(number=self._number, method=method, body=body).model_dump_json()
-            try:
-                async with asyncio.timeout(ANSWER_S):
-                    self._writer.write(line.encode() + b"\n")
-                    await self._writer.drain()
-                    reply = await self._reply()
-            except TimeoutError:
-                raise Unavailable("the directory does not answer") from None
-            except (ConnectionError, RuntimeError):  # uvloop's, for a pipe that is closed
-                self.lost.set()
-                raise Unavailable("the keeper of this node has ended") from None
-        if reply.problem:
-            raise Unavailable(reply.problem)
-        return reply.body
-
-    async def _reply(self) -> NodeReply:
-        """To the latest call; one that comes late is for an earlier one."""
-        while True:
-            line = await self._reader.readline()
-            if not line:
-                raise ConnectionError
-            reply = NodeReply.model_validate_json(line)
-            if reply.number == self._number:
-                return reply
 
 
 class NodeAgent:
@@ -116,7 +56,7 @@ class NodeAgent:
         self,
         tenancy: Tenancy,
         gateway: Gateway,
-        directory: DirectoryClient,
+        directory: DirectoryLink,
         peers: Peers,
         replicas: Replicas,
         replication: Replication,
@@ -201,11 +141,11 @@ class NodeAgent:
 
         Asks until the directory answers: what the group has is frozen here, so it can wait.
         """
-        told = Transfer(group=group, owner=owner, epoch=epoch, to=self._tenancy.node.name)
+        told = group, owner, epoch, self._tenancy.node.name
         while True:
             try:
                 if self._tenancy.registered:  # else the directory does not count with this node
-                    return await self._directory.transfer(told)
+                    return int(await self._directory.call("transfer", *told))
             except (Aborted, FailedPrecondition) as error:
                 log.warning("a group has another owner", group=group, reason=str(error))
                 return None
@@ -220,14 +160,13 @@ class NodeAgent:
         sent_at = boot_clock()
         if not tenancy.registered:
             if not self._gateway.started:  # what it has kept is not there yet
-                await self._directory.status()  # its keeper hears that it lives
                 return
             registration = tenancy.registration(load, self._moves.groups)
-            answer = await self._directory.register(registration)
+            answer = await self._directory.call("register", registration)
             heard = tenancy.take_registered(answer, registration, sent_at)
         else:
             renewal = tenancy.renewal(load, self._moves.groups)
-            answer = await self._directory.renew(renewal)
+            answer = await self._directory.call("renew", renewal)
             heard = tenancy.take_renewed(answer, renewal, sent_at)
         if answer.fenced:
             log.error("the directory has given this node up; it comes back without what it lost")
@@ -334,7 +273,7 @@ class NodeAgent:
         """Leave these replicas with the node that has the most room; its name, or "" for none."""
         own = self._tenancy.node
         try:
-            node = await self._directory.place("")
+            node = await self._directory.call("place")
             if node.name == own.name or node.fingerprint != own.fingerprint:
                 return ""
             for name, one in kept.items():
@@ -395,6 +334,7 @@ class NodeAgent:
 @contextlib.asynccontextmanager
 async def joined(
     plan: NodePlan,
+    directory: DirectoryLink,
     tenancy: Tenancy,
     gateway: Gateway,
     ports: tuple[int, int],
@@ -403,7 +343,6 @@ async def joined(
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
     tls = peer_tls(plan.settings.peer_tls)
     replicas, peers = Replicas(), Peers(plan.secret, tls)
-    link = await KeeperLink.open()
 
     async def take(owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
         await agent.take(owner, group, epoch, live)
@@ -417,13 +356,11 @@ async def joined(
         update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
     )
     replication = Replication(tenancy, gateway.moves, peers)
-    directory = DirectoryClient(link)
     agent = NodeAgent(tenancy, gateway, directory, peers, replicas, replication, stop)
     await server.start()
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(replication.running(), name="replicas"),
-        asyncio.create_task(_until_orphaned(link, stop), name="keeper"),
     ]
     try:
         yield
@@ -438,26 +375,6 @@ async def joined(
 def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
     found = kept.get(scene_id + CONTENT)
     return found.state if found else b""
-
-
-async def _until_orphaned(link: KeeperLink, stop: Callable[[], None]) -> None:
-    """Without a keeper nobody renews the lease: end."""
-    await link.lost.wait()
-    stop()
-
-
-def read_plan() -> NodePlan:
-    """What the keeper has written. Raises InvalidArgument when it is none."""
-    line = bytearray()
-    # byte by byte: what follows is for the event loop's reader
-    while not line.endswith(b"\n") and (byte := os.read(sys.stdin.fileno(), 1)):
-        line += byte
-    try:
-        return NodePlan.model_validate_json(bytes(line))
-    except ValueError:
-        raise InvalidArgument(
-            "a node is started by `wayfarer serve` or `wayfarer cluster`, not by hand"
-        ) from None
 
 
 def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:

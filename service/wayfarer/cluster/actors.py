@@ -1,0 +1,202 @@
+"""What Ray runs for a cluster: the directory, and a node on each machine. Ray starts these actors
+again when their processes have ended.
+"""
+
+import asyncio
+import contextlib
+import faulthandler
+import os
+import pkgutil
+import secrets
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from functools import partial
+from typing import Any, Final
+
+import structlog
+
+from wayfarer.cluster.directory import Directory, LeaseRules
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.cluster.ray_settings import ray
+from wayfarer.errors import Unavailable, WayfarerError
+from wayfarer.logs import configure_logging
+
+log = structlog.get_logger(__name__)
+
+NAMESPACE: Final = "wayfarer"
+DIRECTORY: Final = "directory"
+
+CALL_S: Final = 1.5
+"""For an answer of the directory."""
+
+HANGS_S: Final = 15.0
+"""Seconds without a turn of the event loop after which a node that was ready ends."""
+
+BEAT_S: Final = 1.0
+PAUSE_S: Final = 5.0
+"""Before a node that has failed is started again."""
+
+
+class RayLink:
+    """To the directory's actor. Implements `DirectoryLink`."""
+
+    def __init__(self, directory: Any) -> None:
+        self._directory = self._first = directory
+        """Where Ray has it for this process alone, it ends once the first handle is let go."""
+        self._finding = threading.Thread()
+
+    @classmethod
+    def find(cls) -> "RayLink":
+        """By name: a handle of it that is sent elsewhere gets no answers. Raises Unavailable."""
+        try:
+            return cls(ray.get_actor(DIRECTORY, NAMESPACE))
+        except (ValueError, ray.exceptions.RayError):
+            raise Unavailable("no directory runs on this Ray cluster") from None
+
+    async def call(self, verb: str, *told: Any) -> Any:
+        """See `DirectoryLink`."""
+        try:
+            asked = getattr(self._directory, verb).remote(*told).future()
+            return await asyncio.wait_for(asyncio.wrap_future(asked), CALL_S)
+        except (TimeoutError, ray.exceptions.RayError) as error:
+            cause = getattr(error, "cause", None)
+            if isinstance(cause, WayfarerError):
+                raise cause from None
+            self._find_again()
+            raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
+
+    def _find_again(self) -> None:
+        """If Ray has started it again, and its head as well, an earlier handle gets no answer ever.
+
+        It runs on a thread, since Ray waits for its head.
+        """
+        if not self._finding.is_alive():
+            self._finding = threading.Thread(target=self._find, name="directory", daemon=True)
+            self._finding.start()
+
+    def _find(self) -> None:
+        with contextlib.suppress(ValueError, ray.exceptions.RayError):
+            self._directory = ray.get_actor(DIRECTORY, NAMESPACE)
+
+
+class DirectoryActor(Directory):
+    """One for a cluster. Started again, it knows nothing, and is told by the nodes."""
+
+    def __init__(self, rules: LeaseRules, digest: str) -> None:
+        """`digest`: of the cluster's secret, which this process need not know."""
+        with warnings.catch_warnings(action="ignore"):  # Ray's, of what it calls itself
+            again = ray.get_runtime_context().was_current_actor_reconstructed
+        if again:
+            rules = replace(rules, nodes=0)  # leases of the one before may hold
+        super().__init__(rules, time.time_ns() // 1000)
+        self._digest = digest
+
+    def digest(self) -> str:
+        """Of the secret that the cluster was started with."""
+        return self._digest
+
+
+class NodeActor:
+    """A node: a whole server on a thread of this process, with its own event loop.
+
+    Each life has a name of its own. One that hangs ends itself.
+    """
+
+    def __init__(self, plan: NodePlan, serve: str) -> None:
+        """`serve`: "module:function", which runs the server of this node to its end.
+
+        Ray calls this on the process's main thread, which alone gets signals.
+        """
+        self.plan = plan.model_copy(update={"name": f"{plan.name}-{secrets.token_hex(3)}"})
+        self._place, self._serve = plan.name, serve
+        configure_logging(plan.settings.log_level, plan.settings.log_format, node=self.plan.name)
+        self._started = Future[None]()
+        self._ended = threading.Event()
+        self._stopping = threading.Event()
+        self._all_end = False
+        self._tell_stop: Callable[[], Any] = lambda: None
+        self._tell_reload: Callable[[], Any] = lambda: None
+        signal.signal(signal.SIGTERM, lambda *_: self._ask_to_stop())
+        signal.signal(signal.SIGHUP, lambda *_: self.reload())
+        threading.Thread(target=self._run, name="node", daemon=True).start()
+
+    # What it is asked from elsewhere; each on a thread of Ray's
+
+    def until_ready(self) -> None:
+        """Return once it takes calls. Raises what its start raised."""
+        self._started.result()
+
+    def stop(self) -> None:
+        """Drain; return when its server has ended. Nobody adopts anything: all end."""
+        self._all_end = True
+        self._ask_to_stop()
+        self._ended.wait()
+
+    def reload(self) -> None:
+        """Read the keys again."""
+        self._tell_reload()
+
+    # What its server calls, on its own thread
+
+    def directory(self) -> RayLink:
+        """Raises Unavailable."""
+        return RayLink.find()
+
+    def listen(self, stop: Callable[[], None], reload: Callable[[], None]) -> None:
+        """Let calls and signals do this, on the running event loop."""
+        tell = asyncio.get_running_loop().call_soon_threadsafe
+        self._tell_reload, self._tell_stop = partial(tell, reload), partial(tell, stop)
+        if self._stopping.is_set():
+            stop()
+
+    def ready(self) -> None:
+        """It takes calls. If the event loop hangs from now on, the process ends.
+
+        Not before: what is compiled or loaded at a start takes as long as it takes.
+        """
+        self._started.set_result(None)
+        loop = asyncio.get_running_loop()
+
+        def beat() -> None:
+            faulthandler.dump_traceback_later(HANGS_S, exit=True, file=2)
+            loop.call_later(BEAT_S, beat)
+
+        beat()
+
+    def _ask_to_stop(self) -> None:
+        self._stopping.set()
+        with contextlib.suppress(RuntimeError):  # its loop is closed
+            self._tell_stop()
+
+    @staticmethod
+    def _tell(verb: str, name: str) -> None:
+        with contextlib.suppress(WayfarerError):  # else a lease tells
+            asyncio.run(RayLink.find().call(verb, name))
+
+    def _run(self) -> None:
+        if self.plan.cores and hasattr(os, "sched_setaffinity"):
+            os.sched_setaffinity(0, self.plan.cores)  # this thread, and those that it starts
+        try:
+            self._tell("replaced", self._place)
+            pkgutil.resolve_name(self._serve)(self)
+            faulthandler.cancel_dump_traceback_later()
+        except Exception as error:
+            if isinstance(error, WayfarerError):
+                log.error("node ended", reason=str(error), again_in_s=PAUSE_S)
+            else:
+                log.exception("node ended", again_in_s=PAUSE_S)
+            if not self._started.done():
+                self._started.set_exception(error)
+            self._ended.set()
+            time.sleep(PAUSE_S)
+            os._exit(1)
+        self._ended.set()
+        if not self._all_end:
+            self._tell("ended", self.plan.name)
+        # it has ended of its own will: who covers this machine again gives it a new node
+        ray.kill(ray.get_runtime_context().current_actor, no_restart=True)

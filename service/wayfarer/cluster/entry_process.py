@@ -1,0 +1,128 @@
+"""What `serve --workers` and `wayfarer cluster` run in their own process: an entry, and beside it
+what starts the nodes.
+"""
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager
+from typing import Final
+
+import structlog
+
+from wayfarer.cluster.directory import LeaseRules
+from wayfarer.cluster.entry import Entry
+from wayfarer.cluster.messages import DirectoryLink, NodePlan
+from wayfarer.cluster.plans import node_plans
+from wayfarer.cluster.ray_cluster import RayCluster, on_daemon
+from wayfarer.config import Settings
+
+log = structlog.get_logger(__name__)
+
+LEASE_S: Final = 10.0
+"""On one machine: the end of a node's process is known at once, only a hang by its lease."""
+
+LOOK_S: Final = 2.0
+"""Seconds between looks at Ray's head."""
+
+READY_S: Final = 0.1
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+class OneMachine:
+    """`wayfarer serve --workers N`: a Ray of its own with N nodes. A context manager."""
+
+    def __init__(self, settings: Settings, serve: str) -> None:
+        """`serve`: see `NodeActor`."""
+        self._settings, self._serve = settings, serve
+        self._plans = node_plans(settings)
+        self._secret = self._plans[0].secret
+
+    def __enter__(self) -> "OneMachine":
+        self._ray = RayCluster(self._secret)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        leave(self._ray)
+
+    async def run(self, announce: Callable[[str, str], None]) -> None:
+        """Until SIGINT, SIGTERM or AdminService.Drain.
+
+        `announce` gets the HTTP URL and the gRPC address once all nodes are ready.
+        Raises Unavailable when a port is taken, or a node cannot start.
+        """
+        keep = self._settings.state_dir is not None
+        link = self._ray.directory(LeaseRules(LEASE_S, nodes=len(self._plans), keep=keep))
+        nodes = _started(self._ray, self._plans, self._serve)
+        await enter(self._settings, link, self._secret, self._ray, nodes, announce)
+
+
+@contextlib.asynccontextmanager
+async def _started(ray: RayCluster, plans: list[NodePlan], serve: str) -> AsyncIterator[None]:
+    """Have the nodes of a machine run, and all be ready."""
+    for plan in plans:
+        ray.keep(plan, serve)
+    await ray.until_ready()
+    yield
+
+
+async def enter(
+    settings: Settings,
+    link: DirectoryLink,
+    secret: str,
+    ray: RayCluster,
+    beside: AbstractAsyncContextManager[None],
+    announce: Callable[[str, str], None],
+) -> None:
+    """Run an entry until a signal comes. `beside`: entered first; meanwhile, a signal ends that."""
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    for sign in SIGNALS:
+        loop.add_signal_handler(sign, stop.set)
+    entry = Entry(settings, link, secret, stop.set)
+
+    def reload() -> None:
+        entry.reload()
+        ray.reload()
+
+    loop.add_signal_handler(signal.SIGHUP, reload)
+
+    async def work() -> None:
+        async with beside:
+            while not entry.finder.ready:
+                await asyncio.sleep(READY_S)
+            announce(entry.http_url, entry.grpc_address)
+            await asyncio.Event().wait()
+
+    await entry.start()
+    stopping = asyncio.create_task(stop.wait(), name="stop")
+    watching = asyncio.create_task(_watch_head(ray, entry), name="head")
+    working = asyncio.create_task(work(), name="work")
+    try:
+        await asyncio.wait((stopping, working), return_when=asyncio.FIRST_COMPLETED)
+        if working.done():
+            working.result()  # raises
+        log.info("draining")
+        entry.drain()
+    finally:
+        for task in (stopping, watching, working):
+            task.cancel()
+        await asyncio.wait((stopping, watching, working))
+        await entry.stop()
+
+
+def leave(ray: RayCluster) -> None:
+    """At the end of a command, whose process ignores signals from then on."""
+    for sign in SIGNALS:  # a second one would leave nodes behind
+        signal.signal(sign, signal.SIG_IGN)
+    ray.close()
+
+
+async def _watch_head(ray: RayCluster, entry: Entry) -> None:
+    """Run until cancelled: report to the entry whether Ray's head answers."""
+    while True:
+        answers = await on_daemon(ray.head_answers)
+        if answers == (entry.finder.head is False):  # it was otherwise
+            log.warning("Ray's head answers again" if answers else "Ray's head is away")
+        entry.finder.head = answers
+        await asyncio.sleep(LOOK_S)

@@ -1,0 +1,267 @@
+"""A cluster's actors (actors.py), as one who may start them sees them."""
+
+import asyncio
+import atexit
+import contextlib
+import hashlib
+import socket
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, Final, TypeVar
+
+import structlog
+
+from wayfarer.cluster.actors import DIRECTORY, NAMESPACE, DirectoryActor, NodeActor, RayLink
+from wayfarer.cluster.directory import LeaseRules
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.cluster.ray_settings import NodeAffinitySchedulingStrategy, ray
+from wayfarer.errors import InvalidArgument, Unavailable
+
+log = structlog.get_logger(__name__)
+
+T = TypeVar("T")
+
+LOCAL_ADDRESS: Final = "127.0.0.2"
+"""Of Ray on one machine: at 127.0.0.1 it waits for ever."""
+
+OBJECT_BYTES: Final = 80 * 1024 * 1024
+"""Ray's least: nothing is kept in its store."""
+
+STARTS: Final = 4
+"""Ray starts as many processes at a time as it is told that there are cores."""
+
+START_S: Final = 30.0
+"""For the first answer of the directory, which may be starting."""
+
+LEAVE_S: Final = 8.0
+"""Ray is left within 2 s; within 7 s if its head has ended, and never if its head hangs."""
+
+TRIES: Final = 2
+"""Of a Ray of its own: it gives up after 30 s, as on a machine with much other work."""
+
+FIND_S: Final = 3.0
+"""For a connection to Ray's head, before Ray itself looks for it."""
+
+GRACE_S: Final = 5.0
+"""Beyond what a node takes at most to drain."""
+
+CALLS: Final = 16
+"""That a node answers at a time, each on a thread."""
+
+FOREVER: Final = -1
+ALIVE: Final = 0  # of GcsNodeInfo.GcsNodeState
+
+
+class RayCluster:
+    """Calls of Ray block: not on an event loop."""
+
+    def __init__(self, secret: str, address: str = "") -> None:
+        """`address`: of a Ray cluster; empty: one of its own on this machine, which ends with it.
+        `secret`: what the cluster's nodes show each other.
+
+        Raises Unavailable.
+        """
+        self._digest = hashlib.sha256(secret.encode()).hexdigest()
+        self._own = not address
+        self._nodes: dict[str, Any] = {}
+        self._drain_s = 0.0
+        self._folder = contextlib.ExitStack()
+        if address:
+            _find(address)
+        for tries_left in reversed(range(TRIES if self._own else 1)):
+            try:
+                self._init(address)
+                break
+            except Exception as error:  # many kinds: also of tokens, and of slow machines
+                self._folder.close()
+                if not tries_left:
+                    where, told = address or "this machine", (str(error).splitlines() or [""])[-1]
+                    raise Unavailable(f"no Ray cluster at {where}: {told}") from None
+                ray.shutdown()
+        self._head = ray.get_runtime_context().gcs_address
+        self.logs: str = _worker().node.get_logs_dir_path()
+        """Folder of what this machine's actors write."""
+
+    def _init(self, address: str) -> None:
+        common: dict[str, Any] = {"namespace": NAMESPACE, "configure_logging": False}
+        if address:
+            ray.init(address, log_to_driver=False, **common)
+            return
+        ray.init(
+            "local",
+            num_cpus=STARTS,
+            _node_ip_address=LOCAL_ADDRESS,
+            _temp_dir=self._folder.enter_context(_folder()),
+            include_dashboard=False,
+            object_store_memory=OBJECT_BYTES,
+            **common,
+        )
+        outputs = ray._private.ray_logging.global_worker_stdstream_dispatcher
+        outputs.remove_handler("ray_print_logs")  # which writes a prefix before each line
+        outputs.remove_handler("wayfarer")  # of a Ray before
+        outputs.add_handler("wayfarer", _print)
+
+    def directory(self, rules: LeaseRules) -> RayLink:
+        """Start it, unless it runs. Raises InvalidArgument, Unavailable."""
+        if not self._own and _runs(DIRECTORY):
+            log.info("directory runs already, with the lease that it was started with")
+            return self.find_directory()
+        # with a CPU, so that it is never on the head, with which it would be away
+        options = self._life() | {"num_cpus": 0.01}
+        actor = ray.remote(DirectoryActor).options(name=DIRECTORY, **options)
+        return RayLink(actor.remote(rules, self._digest))
+
+    def find_directory(self) -> RayLink:
+        """The one that runs. Raises Unavailable; InvalidArgument where its secret is another."""
+        try:
+            found = ray.get_actor(DIRECTORY)
+        except ValueError:
+            raise Unavailable(
+                "no directory runs on this Ray cluster; start it with `wayfarer cluster start`"
+            ) from None
+        try:
+            digest: Any = ray.get(found.digest.remote(), timeout=START_S)
+        except ray.exceptions.RayError as error:
+            raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
+        if digest != self._digest:
+            raise InvalidArgument(
+                "WF_CLUSTER_SECRET differs from that which the cluster was started with"
+            )
+        return RayLink(found)
+
+    def head_answers(self) -> bool:
+        """Whether somebody listens at Ray's head. When nobody does, this process reads its logs and
+        errors no more, because Ray's threads would ask an absent head again without any pause.
+        """
+        try:
+            _find(self._head)
+        except Unavailable:
+            _worker().threads_stopped.set()
+            return False
+        return True
+
+    def machines(self) -> dict[str, str]:
+        """Ray's nodes that may work: address by id. Raises Unavailable."""
+        try:  # `ray.nodes()` ends this process where a new head has forgotten the old one's state
+            found = _worker().gcs_client.get_all_node_info(timeout=FIND_S)
+        except ray.exceptions.RayError as error:
+            raise Unavailable(f"Ray's head does not tell its machines: {error}") from None
+        return {
+            one.hex(): told.node_manager_address
+            for one, told in found.items()
+            if told.state == ALIVE and told.resources_total.get("CPU", 0) > 0
+        }
+
+    def keep(self, plan: NodePlan, serve: str, machine: str = "") -> None:
+        """Have a node run, unless it does. `serve`: see `NodeActor`. `machine`: Ray's id; empty:
+        any.
+        """
+        if plan.name in self._nodes:
+            return
+        options = self._life()
+        if machine:
+            options["scheduling_strategy"] = NodeAffinitySchedulingStrategy(machine, soft=False)
+        actor = ray.remote(NodeActor).options(name=plan.name, max_concurrency=CALLS, **options)
+        if not self._own and _runs(plan.name):
+            log.info(
+                "a node runs already, with the options that it was started with; drain it to give "
+                "it others",
+                node=plan.name,
+            )
+        self._nodes[plan.name] = actor.remote(plan, serve)
+        self._drain_s = plan.settings.drain_s
+
+    async def until_ready(self) -> None:
+        """Of all nodes. Raises Unavailable when one has ended before it was."""
+        for number, node in enumerate(self._nodes.values()):
+            try:
+                await asyncio.wrap_future(node.until_ready.remote().future())
+            except ray.exceptions.RayError as error:
+                why = getattr(error, "cause", error)
+                raise Unavailable(f"node {number} ended while it was starting: {why}") from None
+
+    def reload(self) -> None:
+        """Let all nodes read their keys again."""
+        for node in self._nodes.values():
+            node.reload.remote()
+
+    def close(self) -> None:
+        """Leave Ray, whether it answers or not. If it is its own, first let its nodes drain, then
+        end it.
+        """
+        if self._own and self._nodes:
+            asked = {node.stop.remote(): name for name, node in self._nodes.items()}
+            patience = 2 * self._drain_s + GRACE_S
+            _, late = ray.wait(list(asked), num_returns=len(asked), timeout=patience)
+            if late:
+                log.error("nodes killed: they did not end", nodes=[asked[one] for one in late])
+        processes = ray._private.worker._global_node
+        leaving = threading.Thread(target=ray.shutdown, name="leave Ray", daemon=True)
+        leaving.start()
+        leaving.join(LEAVE_S)
+        if leaving.is_alive():
+            atexit.unregister(ray.shutdown)  # which Ray has put there, and would wait, too
+            if self._own and processes is not None:
+                processes.kill_all_processes(check_alive=False, allow_graceful=False)
+        self._folder.close()
+
+    def _life(self) -> dict[str, Any]:
+        """Options of an actor: it needs no core, is started again, and is one of its name."""
+        life = {} if self._own else {"lifetime": "detached"}
+        return {"num_cpus": 0, "max_restarts": FOREVER, "get_if_exists": True, **life}
+
+
+async def on_daemon(work: Callable[[], T]) -> T:
+    """Run on a thread whose end the process does not wait for: Ray may never answer it."""
+    done = Future[T]()
+    done.set_running_or_notify_cancel()  # a call that cannot be stopped must not be cancelled
+
+    def run_it() -> None:
+        try:
+            done.set_result(work())
+        except Exception as error:
+            done.set_exception(error)
+
+    threading.Thread(target=run_it, name="Ray", daemon=True).start()
+    return await asyncio.wrap_future(done)
+
+
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    """Of Ray's files. A short path: it has sockets."""
+    return tempfile.TemporaryDirectory(prefix="wf", dir="/tmp", ignore_cleanup_errors=True)
+
+
+def _print(data: dict[str, Any]) -> None:
+    """Lines that an actor has written; Ray's own are in its files."""
+    if data.get("actor_name"):
+        print(
+            *data["lines"], sep="\n", file=sys.stderr if data["is_err"] else sys.stdout, flush=True
+        )
+
+
+def _worker() -> Any:
+    """Ray's own state of this process; that it offers no other way is seen in tests."""
+    return ray._private.worker.global_worker
+
+
+def _runs(name: str) -> bool:
+    """An actor of this name is there."""
+    try:
+        ray.get_actor(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _find(address: str) -> None:
+    """Raises Unavailable at once where nothing listens: Ray itself tries for minutes."""
+    host, _, port = address.rpartition(":")
+    if "://" in host or not (host and port.isdecimal()):  # as `auto`
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), FIND_S).close()
+    except OSError as error:
+        raise Unavailable(f"no Ray cluster at {address}: {error.strerror or error}") from None

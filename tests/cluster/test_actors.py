@@ -1,0 +1,69 @@
+"""A node's actor, without Ray: its server is a function of this module."""
+
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+pytest.importorskip("ray")
+
+START = """
+import asyncio, sys, time
+from wayfarer.cluster import actors
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.config import Settings
+from wayfarer.errors import Unavailable
+
+actors.PAUSE_S, actors.HANGS_S, actors.BEAT_S = 0.0, 0.5, 0.1
+
+class Kill:
+    @staticmethod
+    def get_runtime_context(): return Kill
+    current_actor = None
+    @staticmethod
+    def kill(actor, no_restart): print("gone", flush=True)
+    @staticmethod
+    def get_actor(*_): raise ValueError
+    exceptions = actors.ray.exceptions
+
+actors.ray = Kill
+
+async def work(node):
+    stop = asyncio.Event()
+    node.listen(stop.set, lambda: print("read again", flush=True))
+    {work}
+
+def serve(node):
+    asyncio.run(work(node))
+
+sys.modules["played"] = sys.modules["__main__"]
+plan = NodePlan(name="node0", number=0, host="", secret="s" * 32, settings=Settings())
+node = actors.NodeActor(plan, "played:serve")
+{then}
+"""
+
+
+def played(work, then):
+    """What a process says and how it ends, whose node does this `work`, asked for that `then`."""
+    code = START.format(work=textwrap.indent(work, "    ").strip(), then=then)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_it_drains_by_a_call_or_a_signal_and_is_not_started_again():
+    work = "node.ready()\nawait stop.wait()\nprint('drained', flush=True)"
+    for asks in ("node.stop()", "import os, signal; os.kill(os.getpid(), signal.SIGTERM)"):
+        then = f"node.until_ready(); node.reload(); {asks}; node._ended.wait(); time.sleep(0.3)"
+        code, said = played(work, then)
+        assert code == 0 and said.split("\n")[:3] == ["read again", "drained", "gone"], said
+
+
+def test_a_start_that_fails_ends_the_process_as_failed():
+    code, said = played("raise Unavailable('the port is taken')", "time.sleep(30)")
+    assert code == 1 and "the port is taken" in said
+
+
+def test_a_node_that_hangs_ends_and_says_where():
+    code, said = played("node.ready()\ntime.sleep(30)", "time.sleep(30)")
+    assert code == 1 and "Timeout" in said and "in work" in said
