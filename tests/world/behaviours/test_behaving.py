@@ -160,8 +160,7 @@ def test_keeping_away_from_a_place_and_minding_nothing_far_off():
 
 
 def test_a_queue_lines_up_and_moves_up():
-    """Where nobody avoids the others: among those, the last may have to wait beside its place."""
-    world, names = populated(4, spec=SessionSpec("s", avoid=False))  # in a row along X
+    world, names = populated(4)  # in a row along X
     queue = Queue("till", (0.0, 5.0), heading=0.0, spacing=0.8)
     for name in names:
         world.give(name, queue, 0.0)

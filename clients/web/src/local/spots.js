@@ -43,6 +43,10 @@ function choose(people, self, aims, clear, room) {
     return other.stands || theirs < mine - KEEPS || (theirs <= mine + KEEPS && other.number < self.number);
   });
   const by = (/** @type {Seen} */ other) => (apart(other.aims.asked, goal) < SHARED ? APART : STRANGERS);
+  if (mine > RADIUS && !others.some((other) => apart(claim(other), goal) < by(other))) {
+    aims.spot = goal;
+    return;
+  }
   if (!taken.some((other) => apart(claim(other), aims.spot) - by(other) < -SLACK)) return;
   aims.spot = freeSpot(place, goal, others.map((other) => ({ spot: claim(other), by: by(other) })), clear, room) ?? aims.spot;
 }

@@ -1,6 +1,7 @@
 """Where agents stop that share a goal: each at a spot of its own, as near to it as others let it.
 
-An agent keeps its spot until somebody stands there, or somebody goes there who is nearer to it.
+An agent keeps its spot until somebody stands there, or somebody goes there who is nearer to it, or
+the goal becomes free before it has got to its spot.
 """
 
 from collections.abc import Callable
@@ -165,7 +166,7 @@ def next_taken(
     which are then in `claims`. Who is far from its goal gets that as its spot.
     """
     for row in range(begin, len(people)):
-        me, taken, count = people[row], False, 0
+        me, taken, free, count = people[row], False, True, 0
         if not concerned[row]:
             continue
         if apart(them.position, me, asked, row) > NEAR:
@@ -188,10 +189,13 @@ def next_taken(
             before = theirs < mine - KEEPS or (
                 theirs <= mine + KEEPS and them.number[other] < them.number[me]
             )
+            free = free and apart(claim, other, asked, row) >= claims.apart[count]
             gap = apart(claim, other, spot, row) - claims.apart[count]
             taken = taken or ((stands or before) and gap < -SLACK)
             count += 1
-        if taken:
+        if free and mine > RADIUS:  # who stays where it is has settled
+            spot[row] = asked[row]
+        elif taken:
             return row, count
     return len(people), 0
 
