@@ -98,6 +98,7 @@ def test_a_contract_that_does_not_fit_is_refused(tmp_path, old, new, message):
     [
         ('"floor_origin": true, ', "", 1),
         (', "clearance"', "", 2),
+        ('"manner": 8, ', "", 3),
     ],
 )
 def test_a_model_of_an_earlier_build_is_refused_with_its_cure(tmp_path, old, new, made_with):
@@ -105,7 +106,7 @@ def test_a_model_of_an_earlier_build_is_refused_with_its_cure(tmp_path, old, new
         load(write_folder(tmp_path / "tiny", **{old: new}))
     text = str(error.value)
     assert "\n" not in text and "step_" in text
-    assert f"earlier build of Wayfarer (model format {made_with}; this build has 3)" in text
+    assert f"earlier build of Wayfarer (model format {made_with}; this build has {FORMAT})" in text
     assert "`wayfarer export`" in text
 
 

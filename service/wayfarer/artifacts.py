@@ -34,7 +34,7 @@ ASSETS: Final = Path(__file__).parent / "assets"
 """The shipped body, models and start poses."""
 
 SCHEMA: Final = 1
-FORMAT: Final = 3
+FORMAT: Final = 4
 """Format of the models that this build makes and reads. Models do not state it: it follows from
 what they lack, see `format_of`, which gets a line whenever a contract or a graph's inputs change.
 """
@@ -93,6 +93,7 @@ class Contract:
     markers: int
     marker_names_sha256: str
     latent: int
+    manner: int
     betas: int
     body: str
     gender: str
@@ -147,6 +148,7 @@ def contract_for(file: str, model: str, body: BodyIdentity, floor_origin: bool =
         markers=spec.MARKERS,
         marker_names_sha256=names_sha256(body.marker_names),
         latent=spec.LATENT,
+        manner=spec.MANNER,
         betas=spec.BETAS,
         body=body.body,
         gender=graph.gender,
@@ -163,7 +165,7 @@ def format_of(contract: Mapping[str, Any]) -> int:
     terms = contract.get("terms")
     if contract.get("kind") == "step" and isinstance(terms, list) and "clearance" not in terms:
         return 2  # its graphs know no obstacles
-    return FORMAT
+    return FORMAT if "manner" in contract else 3
 
 
 def contract_to_json(contract: Contract) -> str:
@@ -176,7 +178,7 @@ def contract_from_json(text: str, where: str) -> Contract:
     values = _json_object(text, f"{where}: metadata {METADATA_KEY!r}")
     known = {f.name for f in fields(Contract)}
     # a contract that lacks anything else is not an earlier one but damaged
-    if known - set(values) <= {"floor_origin"} and (found := format_of(values)) < FORMAT:
+    if known - set(values) <= {"floor_origin", "manner"} and (found := format_of(values)) < FORMAT:
         raise ArtifactError(
             f"{where}: is of an earlier build of Wayfarer (model format {found}; this build has "
             f"{FORMAT}): export its training runs again with `wayfarer export`, or use the model "

@@ -28,6 +28,9 @@ MARKERS: Final = 67
 LATENT: Final = 128
 """Size of the CVAE latent z, which is also the policy's action."""
 
+MANNER: Final = 8
+"""Numbers of an agent's manner: how it moves whatever it does."""
+
 BETAS: Final = 10
 """Body shape coefficients per gender."""
 

@@ -22,7 +22,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_at, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
-from wayfarer.world.agents.style import manner, sets_off
+from wayfarer.world.agents.style import manner, own_noise, sets_off
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.legs import KNEES, Legs, measure_legs, pose_legs
 from wayfarer.world.output.quaternion import multiply
@@ -77,9 +77,8 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(port, tmp_path):
     file = tmp_path / "seeds.json"
     file.write_text(json.dumps([str(seed) for seed in seeds]))
     found = port("random", file)
-    np.testing.assert_allclose(
-        [one["manner"] for one in found], manner(seeds), rtol=1e-6, atol=1e-7
-    )
+    for name, drawn in (("own", own_noise(seeds)), ("manner", manner(seeds))):
+        np.testing.assert_allclose([one[name] for one in found], drawn, rtol=1e-6, atol=1e-7)
     assert [one["mirrored"] for one in found] == is_mirrored(seeds).tolist()
     noise = latents(seeds, np.full(len(seeds), 7), 1)[:, 0]
     np.testing.assert_allclose([one["noise"] for one in found], noise, rtol=1e-6, atol=1e-7)

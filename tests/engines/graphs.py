@@ -7,7 +7,16 @@ import pytest
 
 from wayfarer import artifacts
 from wayfarer.artifacts import GRAPHS, METADATA_KEY, WEIGHTS, BodyIdentity
-from wayfarer.spec import BETAS, LATENT, MARKERS, NEW_FRAMES, OBSTACLES, POSED_JOINTS, SEED_FRAMES
+from wayfarer.spec import (
+    BETAS,
+    LATENT,
+    MANNER,
+    MARKERS,
+    NEW_FRAMES,
+    OBSTACLES,
+    POSED_JOINTS,
+    SEED_FRAMES,
+)
 from wayfarer.terms import TERMS
 
 onnx = pytest.importorskip("onnx", reason="makes the graphs; the extra `train` brings it")
@@ -28,6 +37,7 @@ STEP_INPUTS = {
     "term_weights": ["A", len(TERMS)],
     "policy": ["A"],
     "noise": ["A", "K", LATENT],
+    "manner": ["A", MANNER],
     "obstacles": ["A", OBSTACLES, 7],
 }
 STEP_OUTPUTS = {

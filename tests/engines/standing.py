@@ -5,7 +5,7 @@ import numpy as np
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.engines.engine import StepInputs, no_obstacles
 from wayfarer.model_bundle import START_POSES
-from wayfarer.spec import BETAS, GENDERS, LATENT
+from wayfarer.spec import BETAS, GENDERS, LATENT, MANNER
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
@@ -41,5 +41,6 @@ def standing_inputs(gender: str, agents: int, candidates: int = 1, seed: int = 1
         term_weights=np.tile(np.array(weights(WALK), floats), (agents, 1)),
         policy=np.ones(agents, floats),
         noise=random.normal(size=(agents, candidates, LATENT)).astype(floats),
+        manner=random.normal(size=(agents, MANNER)).astype(floats),
         obstacles=no_obstacles(agents),
     )

@@ -3,7 +3,7 @@ import torch
 
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.policy import LOG_STD, Condition, Gaussian, GoalPolicy
-from wayfarer.spec import LATENT, MARKERS
+from wayfarer.spec import LATENT, MANNER, MARKERS
 from wayfarer.terms import TERMS
 
 AGENTS = 5
@@ -15,6 +15,7 @@ def asked(count=AGENTS):
         target_speed=torch.rand(count),
         facing=torch.zeros(count, 2),
         term_weights=torch.rand(count, len(TERMS)),
+        manner=torch.randn(count, MANNER),
     )
 
 

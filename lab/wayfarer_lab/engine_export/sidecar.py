@@ -36,6 +36,7 @@ AXES: Final = {
     "term_weights": "person, term (order: terms)",
     "policy": "person",
     "noise": "person, candidate, latent",
+    "manner": "person, number",
     "obstacles": "person, obstacle, ax ay bx by vx vy radius",
     "translation": "person, frame (in order of time), x y z",
     "rotations": "person, frame, joint (order: joints), x y z w",
@@ -52,6 +53,7 @@ UNITS: Final = {
     "term_weights": "1",
     "policy": "1, 0 to 1",
     "noise": "1",
+    "manner": "1",
     "obstacles": "m and m/s",
     "contacts": "0 or 1",
 }
@@ -73,6 +75,7 @@ MEANINGS: Final = {
     "noise": "128 numbers from N(0, 1), new ones for each step, times the mode's `temperature`. "
     "For people who differ: sqrt(1 - own) times new ones + sqrt(own) times 128 numbers that each "
     "person keeps for ever; `own` is the mode's",
+    "manner": "8 numbers from N(0, 1) that a person keeps for ever: how it moves whatever it does",
     "obstacles": "what is near, as lines from a to b with a radius that move evenly; a radius "
     "below 0 is none",
     "translation": "hips joint in the 8 new frames, 40 a second",

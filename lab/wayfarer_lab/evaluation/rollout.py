@@ -19,7 +19,7 @@ from wayfarer.motion.marker_body import MarkerBody, Shaped
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
-from wayfarer.spec import BETAS, GENDERS, LATENT
+from wayfarer.spec import BETAS, GENDERS, LATENT, MANNER
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.evaluation.outcome import REACHED
@@ -254,6 +254,7 @@ def advance(
         term_weights=torch.tensor(weights(WALK)).expand(count, -1),
         policy=torch.ones(count),  # counts only where the step has one
         noise=noise,
+        manner=torch.zeros(count, MANNER),
         obstacles=no_obstacles(count),
     )
     return result

@@ -5,20 +5,25 @@ it had .2, .5 and 1 s later are the question (`motion/trajectory.py`), and the p
 what it did is the answer. The seeds are those of the service: the predictor goes on from its own
 bodies, led by posterior codes and, in some rows, by the policy itself, whose errors the posterior
 of the recorded future then takes back (DAgger; Ross et al. 2011).
+
+What tells people apart beside the way is their *manner*: a few numbers of each recorded person, and
+of each style that a person acts, which are learnt with the policy and spread as N(0, I). An agent
+draws its own from there.
 """
 
+import math
 from pathlib import Path
 
 import torch
 from pydantic import BaseModel, ConfigDict
-from torch import Tensor
+from torch import Tensor, nn
 
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.frame import Frame, canonical_frame, to_local
 from wayfarer.motion.policy import Gaussian, TrajectoryPolicy
 from wayfarer.motion.predictor import Posterior
 from wayfarer.motion.trajectory import HORIZONS, Asked
-from wayfarer.spec import FPS, GENDERS, LATENT, PRIMITIVE_FRAMES, SEED_FRAMES
+from wayfarer.spec import FPS, GENDERS, LATENT, MANNER, PRIMITIVE_FRAMES, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, PairedSampler
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
@@ -27,6 +32,9 @@ from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_policy, loa
 
 SMOOTHING = 0.12
 """Seconds, standard deviation: paths without the sway of a step, as a service asks for them."""
+
+BLUR = 0.5
+"""Standard deviation of the noise of a recorded manner."""
 
 STRIDE = PRIMITIVE_FRAMES - SEED_FRAMES
 
@@ -57,6 +65,25 @@ class CloningConfig(BaseModel):
         "other": 0.06,
     }  # share of draws, see dataset.group_of
     seed: int = 0
+
+
+class Manners(nn.Module):
+    """The manner of each recorded actor.
+
+    Those of a batch have mean 0 and variance 1, of which `BLUR`² is noise: so draws from N(0, I)
+    lie among them.
+    """
+
+    def __init__(self, actors: int) -> None:
+        super().__init__()
+        self.places = nn.Embedding(actors, MANNER)
+        self.even = nn.BatchNorm1d(MANNER, affine=False)
+        nn.init.normal_(self.places.weight, std=0.05)  # only relations count; small ones move fast
+
+    def forward(self, actors: Tensor) -> Tensor:
+        """Manners [B, 8] of actors [B]."""
+        own: Tensor = self.even(self.places(actors))
+        return math.sqrt(1 - BLUR**2) * own + BLUR * torch.randn_like(own)
 
 
 class Hindsight:
@@ -110,7 +137,9 @@ class CloningTrainer:
             if start
             else TrajectoryPolicy(config.hidden)
         )
-        self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
+        self.manners = Manners(int(train.actor.max()) + 1)
+        learns = [*self.policy.parameters(), *self.manners.parameters()]
+        self.optimizer = torch.optim.Adam(learns, lr=config.rate, fused=True)
         self.lengths = (config.rollout, max(1, config.rollout // 3))
         self.samplers = {n: PairedSampler(train, self._window(n)) for n in self.lengths}
         self.trial = PairedSampler(validation, self._window(self.lengths[-1]))
@@ -123,9 +152,12 @@ class CloningTrainer:
         return SEED_FRAMES + (primitives - 1) * STRIDE + max(HORIZONS)
 
     def losses(
-        self, data: tuple[Frames, Hindsight], starts: Tensor, primitives: int
+        self, data: tuple[Frames, Hindsight], starts: Tensor, primitives: int, manner: Tensor
     ) -> list[Tensor]:
-        """KL(posterior ‖ policy) per latent dimension, by primitive; rows as of `PairedSampler`."""
+        """KL(posterior ‖ policy) per latent dimension, by primitive; rows as of `PairedSampler`.
+
+        `manner` [B, 8] is that of the rows.
+        """
         frames, hindsight = data
         within = torch.arange(PRIMITIVE_FRAMES)
         begin = starts[:, None] + within[:SEED_FRAMES]
@@ -143,12 +175,12 @@ class CloningTrainer:
             asked = hindsight.asked(at + SEED_FRAMES - 1, hips[:, -1, :2], frame)
             blurred = Asked(*(a + self.config.noise * torch.randn_like(a) for a in asked))
             with half_precision():
-                answer = self.policy.lead(seed, blurred)
+                answer = self.policy.lead(seed, blurred, manner)
             found.append(divergence(posterior, answer))
             if p + 1 == primitives:
                 break
             with torch.no_grad():
-                latent = self._latent(posterior, seed, asked)
+                latent = self._latent(posterior, seed, asked, manner)
                 with half_precision():
                     guess = self.predictor.decode(seed, latent[:, None])[:, 0].float()
                 step = self.serving.follow(frames, starts, markers, guess, hips, rotations)
@@ -157,9 +189,9 @@ class CloningTrainer:
                 rotations = step.rotations[:, -SEED_FRAMES:]
         return found
 
-    def _latent(self, posterior: Posterior, seed: Tensor, asked: Asked) -> Tensor:
+    def _latent(self, posterior: Posterior, seed: Tensor, asked: Asked, manner: Tensor) -> Tensor:
         """What leads on [B, 128]: the recording or, in some rows, the policy."""
-        answer = self.policy.lead(seed, asked)
+        answer = self.policy.lead(seed, asked, manner)
         noise = torch.randn(len(seed), LATENT, device=seed.device)
         by_policy = answer.mean + torch.exp(answer.log_std) * noise
         own = torch.rand(len(seed), 1, device=seed.device) < self.config.own
@@ -172,7 +204,9 @@ class CloningTrainer:
             group["lr"] = cosine_rate(self.config.rate, self.run.step, self.config.steps)
         primitives = self.lengths[int(torch.rand(()) < 0.35)]
         starts = self.samplers[primitives].draw(self.config.batch)
-        loss = torch.stack([kl.mean() for kl in self.losses(self.train, starts, primitives)]).mean()
+        manner = self.manners(self.train[0].actor[starts])
+        found = self.losses(self.train, starts, primitives, manner)
+        loss = torch.stack([kl.mean() for kl in found]).mean()
         self.optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
@@ -181,10 +215,11 @@ class CloningTrainer:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """The divergence on people of the validation."""
+        """The divergence on people of the validation, whose manner nobody knows."""
         state = torch.get_rng_state()
         torch.manual_seed(1)
-        losses = self.losses(self.validation, self.trial.draw(512), self.lengths[-1])
+        manner = torch.zeros(512, MANNER)
+        losses = self.losses(self.validation, self.trial.draw(512), self.lengths[-1], manner)
         torch.set_rng_state(state)
         return {"val/kl": float(torch.stack([kl.mean() for kl in losses]).mean())}
 
@@ -214,5 +249,6 @@ def train_cloning(
 ) -> bool:
     """Train or resume in `folder`. True when all steps are done."""
     trainer = CloningTrainer(config, train, validation)
-    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer)
+    others = {"manners": trainer.manners}
+    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer, others)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.primitive import StepResult
-from wayfarer.spec import FPS, SEED_FRAMES
+from wayfarer.spec import FPS, MANNER, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
@@ -26,6 +26,7 @@ class TrainingCrowd:
     translation: Tensor  # [A, S, 3]
     rotations: Tensor  # [A, S, 22, 4]
     betas: Tensor  # [A, 10]
+    manner: Tensor  # [A, 8]
 
     @property
     def place(self) -> Tensor:
@@ -60,6 +61,7 @@ class TrainingCrowd:
             translation=result.translation[:, -seed:],
             rotations=result.rotations[:, -seed:],
             betas=self.betas,
+            manner=self.manner,
         )
 
     def broken(self) -> Tensor:
@@ -92,4 +94,5 @@ class CrowdSampler:
         recorded = self.soles[rows].amin(-1)
         lift = recorded - markers[..., 2].amin((-1, -2))
         up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
-        return TrainingCrowd(markers + up[:, None], hips + up, rotations, betas)
+        manner = torch.randn(count, MANNER)
+        return TrainingCrowd(markers + up[:, None], hips + up, rotations, betas, manner)

@@ -17,6 +17,7 @@ from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Candidate
+from wayfarer.spec import MANNER
 from wayfarer.terms import TERMS, WALK, weights
 from wayfarer_lab.training import reward
 from wayfarer_lab.training.dataset import random_betas
@@ -158,6 +159,7 @@ class GoalEnvironment:
             target_speed=agents.target_speed,
             facing=(agents.facing[:, None] @ frame.rotation[:, :2, :2])[:, 0],
             term_weights=agents.term_weights,
+            manner=torch.zeros(len(seed), MANNER),  # the paper's policy has none
         )
         return State(seed, condition)
 
@@ -187,6 +189,7 @@ class GoalEnvironment:
             term_weights=agents.term_weights,
             policy=torch.zeros(len(latents)),  # with one candidate, the latent is the noise itself
             noise=latents[:, None],
+            manner=torch.zeros(len(latents), MANNER),
             obstacles=no_obstacles(len(latents)),
         )
         outcome = self._outcome(step, agents, result.translation, result.rotations)

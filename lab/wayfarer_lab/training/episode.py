@@ -97,9 +97,9 @@ def simulate(
     of_all = reward.goal(closest, task.area, task.reached).expand(primitives, -1)
     seeds, *fields = zip(*samples, strict=True)
     seed = torch.cat([padded(s, max(x.shape[1] for x in seeds)) for s in seeds])
-    goal, speed, facing, weights, latent, mean, log_std = map(torch.cat, fields)
+    *asked, latent, mean, log_std = map(torch.cat, fields)
     return Episode(
-        state=State(seed, Condition(goal, speed, facing, weights)),
+        state=State(seed, Condition(*asked)),
         latent=latent,
         policy=Gaussian(mean, log_std),
         values=values,

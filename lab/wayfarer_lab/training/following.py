@@ -27,7 +27,6 @@ from wayfarer.spec import FPS, GENDERS, LATENT, MARKERS, SEED_FRAMES, STEP_SECON
 from wayfarer_lab.training.cloning import load_trajectory_policy
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
-from wayfarer_lab.training.foot_lock import TrainingFootLock
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
 from wayfarer_lab.training.rotation import matrix_from_quaternion
@@ -191,12 +190,11 @@ class FollowingTrainer:
         self.cloned = copy.deepcopy(self.policy).requires_grad_(False)
         self.predictor = load_predictor(Path(config.predictor), SEED_FRAMES).requires_grad_(False)
         self.predictor.uses_prior = self.predictor.has_learned_prior
-        serving = Serving(config.regressors)
-        self.steps = dict(zip(GENDERS, serving.steps, strict=True))
+        self.serving = Serving(config.regressors)
+        bodies = {g: step.body for g, step in zip(GENDERS, self.serving.steps, strict=True)}
         self.sites = Sites.from_names(load_body("anny52", GENDERS[0]).marker_names)
-        self.samplers = {g: CrowdSampler(train, s.body) for g, s in self.steps.items()}
-        self.trials = {g: CrowdSampler(validation, s.body) for g, s in self.steps.items()}
-        self.locks = {g: TrainingFootLock(load_body("anny52", g)) for g in GENDERS}
+        self.samplers = {g: CrowdSampler(train, body) for g, body in bodies.items()}
+        self.trials = {g: CrowdSampler(validation, body) for g, body in bodies.items()}
         self.crowds = {g: s.draw(config.agents) for g, s in self.samplers.items()}
         self.orders = {g: draw_orders(c.place, c.facing) for g, c in self.crowds.items()}
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
@@ -217,17 +215,16 @@ class FollowingTrainer:
             facing = (orders.facing[:, None] @ turn)[:, 0]
             asked = asked_of(seed.flatten(2), local, orders.speed, facing)
         with half_precision():
-            answer = self.policy.lead(seed.flatten(2), asked)
-            before = self.cloned.lead(seed.flatten(2), asked)
+            answer = self.policy.lead(seed.flatten(2), asked, crowd.manner)
+            before = self.cloned.lead(seed.flatten(2), asked, crowd.manner)
         latent = answer.mean + torch.exp(answer.log_std) * torch.randn(count, LATENT)
         with half_precision():
             future = self.predictor.decode(seed.flatten(2), latent[:, None])[:, 0].float()
         markers = future.unflatten(-1, (MARKERS, 3))
         with torch.no_grad():
-            made = self.steps[gender].follow(
-                crowd.markers, hips, rotations, crowd.betas, future.detach()
+            made = self.serving.made(
+                GENDERS.index(gender), crowd.markers, hips, rotations, crowd.betas, future.detach()
             )
-            made = self.locks[gender].apply(crowd, made)
         own = to_world(frame, markers[:, -SEED_FRAMES:].flatten(1, 2))
         own = own.unflatten(1, (SEED_FRAMES, MARKERS))
         after = TrainingCrowd(
@@ -235,6 +232,7 @@ class FollowingTrainer:
             translation=made.translation[:, -SEED_FRAMES:],
             rotations=made.rotations[:, -SEED_FRAMES:],
             betas=crowd.betas,
+            manner=crowd.manner,
         )
         return after, costs_of(seed, markers, asked, self.sites), away(answer, before)
 

@@ -1,4 +1,6 @@
-"""The service's foot lock (`wayfarer.world.output.footlock`) for crowds in training."""
+"""The service's foot lock (`wayfarer.world.output.footlock`) for bodies in training."""
+
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -8,20 +10,28 @@ from wayfarer.body.model import BodyModel
 from wayfarer.motion.primitive import Settled
 from wayfarer.world.output.footlock import Planted, leg_shares, lock_feet
 from wayfarer.world.output.legs import Legs, measure_legs
-from wayfarer_lab.training.crowd import TrainingCrowd
+
+REMEMBERED = 4096
+"""Shapes whose legs are kept."""
 
 
 class TrainingFootLock:
-    """Locks the feet of bodies of one gender. Legs of shapes are measured once."""
+    """Locks the feet of bodies of one gender. Legs of a shape are measured once."""
 
     def __init__(self, body: BodyModel) -> None:
-        self.body = body
         self.shares = leg_shares(body.marker_names)
-        self._known: dict[bytes, Legs] = {}
 
-    def apply(self, before: TrainingCrowd, made: Settled) -> Settled:
-        """The crowd's step after the service's foot lock. It has no gradient."""
-        hips, turns = (_array(v) for v in (before.translation, before.rotations))
+        @lru_cache(REMEMBERED)
+        def legs(shape: bytes) -> Legs:
+            return measure_legs(body, np.frombuffer(shape, np.float32))
+
+        self._legs = legs
+
+    def apply(self, hips: Tensor, rotations: Tensor, betas: Tensor, made: Settled) -> Settled:
+        """The step that bodies [A] made, after the service's foot lock. It has no gradient.
+
+        hips [A, S, 3] and rotations [A, S, 22, 4] are of the seed, world space; betas [A, 10].
+        """
         step = Planted(
             _array(made.rotations),
             _array(made.next_seed_markers),
@@ -29,9 +39,9 @@ class TrainingFootLock:
         )
         locked = lock_feet(
             np.ones(len(hips), np.bool_),
-            self._legs(before.betas),
+            Legs.join([self._legs(row.tobytes()) for row in _array(betas)]),
             self.shares,
-            (hips, turns),
+            (_array(hips), _array(rotations)),
             _array(made.translation),
             step,
         )
@@ -39,15 +49,6 @@ class TrainingFootLock:
             rotations=torch.from_numpy(locked.rotations),
             next_seed_markers=torch.from_numpy(locked.markers),
         )
-
-    def _legs(self, betas: Tensor) -> Legs:
-        shapes = [row.tobytes() for row in _array(betas)]
-        known = {
-            shape: self._known.get(shape) or measure_legs(self.body, np.frombuffer(shape, "f4"))
-            for shape in shapes
-        }
-        self._known = known  # shapes of agents that have left are forgotten
-        return Legs.join([known[shape] for shape in shapes])
 
 
 def _array(values: Tensor) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:

@@ -10,7 +10,7 @@ from wayfarer.motion.policy import Condition, Gaussian, Policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.spec import BETAS, LATENT, MARKERS, OBSTACLES, SEED_FRAMES
+from wayfarer.spec import BETAS, LATENT, MANNER, MARKERS, OBSTACLES, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer_lab.training.rotation import matrix_from_rotvec, quaternion_from_matrix
 
@@ -55,9 +55,15 @@ class _Act(nn.Module):
         self.policy = policy
 
     def forward(
-        self, seed: Tensor, goal: Tensor, target_speed: Tensor, facing: Tensor, weights: Tensor
+        self,
+        seed: Tensor,
+        goal: Tensor,
+        target_speed: Tensor,
+        facing: Tensor,
+        term_weights: Tensor,
+        manner: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        return self.policy(seed, Condition(goal, target_speed, facing, weights))
+        return self.policy(seed, Condition(goal, target_speed, facing, term_weights, manner))
 
 
 def policy_graph(policy: Policy) -> ExportGraph:
@@ -68,6 +74,7 @@ def policy_graph(policy: Policy) -> ExportGraph:
         "target_speed": torch.rand(3),
         "facing": nn.functional.normalize(torch.randn(3, 2), dim=-1),
         "term_weights": torch.rand(3, len(TERMS)),
+        "manner": torch.randn(3, MANNER),
     }
     return ExportGraph(_Act(policy), inputs, Gaussian._fields, dict.fromkeys(inputs, ("rows",)))
 
@@ -109,6 +116,7 @@ def step_inputs(agents: int, candidates: int, generator: torch.Generator) -> dic
         "term_weights": torch.rand(agents, len(TERMS), generator=generator),
         "policy": torch.rand(agents, generator=generator),
         "noise": normal(agents, candidates, LATENT),
+        "manner": normal(agents, MANNER),
         "obstacles": _obstacles(offset[:, 0, :, :2], generator),
     }
 

@@ -17,6 +17,7 @@ from wayfarer.motion.primitive import PrimitiveStep, Settled
 from wayfarer.motion.quality import CONTACT_HEIGHT, Sites
 from wayfarer.spec import FPS, GENDERS, MARKERS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames, PairedSampler, in_halves
+from wayfarer_lab.training.foot_lock import TrainingFootLock
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import REPRESENTATIONS, Markers, Name, Whose
@@ -41,6 +42,7 @@ class PredictorConfig(BaseModel):
     velocity_weight: float = 3.0  # λ of Eq. 1
     floor_origin: bool = True
     learned_prior: bool = True  # False: N(0, I), as in the paper
+    head_weight: float = 1.0  # of the five markers of the head: too few, it hardly turns
     slide_weight: float = 0.0  # of soles that move while the recorded ones rest, not in the paper
     at_once: Literal[1, 2, 4, 8] = 1  # frames that a step of the decoder finds
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
@@ -68,15 +70,28 @@ def guess_primitive(model: MarkerPredictor, seed: Tensor, future: Tensor) -> tup
     return guess, torch.sqrt(1 + kl * kl) - 1
 
 
-def marker_terms(made: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
-    """The terms of Eq. 1 of markers [B, F, 201]: places and their change from frame to frame.
+def marker_terms(made: Tensor, truth: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
+    """The terms of Eq. 1 of markers [B, F, 201]: places and their change from frame to frame, with
+    weights [201] whose mean is 1.
 
     The step from the last seed frame to the first new one counts too, which GAMMA's code leaves
     out: it is the seam that viewers see. Both begin at the same seed.
     """
-    error = made - truth
+    error = (made - truth) * weights
     change = torch.diff(error, dim=1, prepend=torch.zeros_like(error[:, :1]))
     return error.abs().mean(), change.abs().mean()
+
+
+HEAD = ("ARIEL", "LFHD", "LBHD", "RFHD", "RBHD")
+
+
+def marker_weights(head: float) -> Tensor:
+    """Weights [201] of the numbers of a frame, those of the head `head` times the others'; their
+    mean is 1.
+    """
+    names = load_body("anny52", GENDERS[0]).marker_names
+    weights = torch.tensor([head if name in HEAD else 1.0 for name in names])
+    return (weights / weights.mean()).repeat_interleave(3)
 
 
 class Terms(NamedTuple):
@@ -114,6 +129,7 @@ class Serving:
             raise InvalidArgument(f"no run of a regressor for {missing}", "regressors")
         self.seed_frames, self.floor_origin = seed_frames, floor_origin
         self.steps = [self._step(Path(regressors[gender]), gender) for gender in GENDERS]
+        self.locks = [TrainingFootLock(load_body("anny52", gender)) for gender in GENDERS]
 
     def _step(self, run: Path, gender: str) -> PrimitiveStep:
         model = load_body("anny52", gender)
@@ -135,13 +151,29 @@ class Serving:
         hips: Tensor,  # [B, S, 3] world
         rotations: Tensor,  # [B, S, 22, 4]
     ) -> Settled:
-        """The bodies behind the markers of `future`; rows as a `PairedSampler` draws them."""
+        """The bodies behind the markers of `future`, feet locked; rows as a `PairedSampler` has
+        them.
+        """
 
-        def of_gender(step: PrimitiveStep, rows: slice) -> Settled:
+        def of_gender(gender: int, rows: slice) -> Settled:
             betas = frames.betas[starts[rows]]
-            return step.follow(seed[rows], hips[rows], rotations[rows], betas, future[rows])
+            return self.made(gender, seed[rows], hips[rows], rotations[rows], betas, future[rows])
 
-        return Settled(*in_halves(self.steps, of_gender, len(starts)))
+        return Settled(*in_halves(range(len(GENDERS)), of_gender, len(starts)))
+
+    @torch.no_grad()
+    def made(
+        self,
+        gender: int,  # index in `GENDERS`
+        seed: Tensor,
+        hips: Tensor,
+        rotations: Tensor,
+        betas: Tensor,  # [B, 10]
+        future: Tensor,
+    ) -> Settled:
+        """As `follow`, of bodies of one gender."""
+        found = self.steps[gender].follow(seed, hips, rotations, betas, future)
+        return self.locks[gender].apply(hips, rotations, betas, found)
 
 
 class PredictorTrainer:
@@ -168,6 +200,7 @@ class PredictorTrainer:
         )
         sites = Sites.from_names(load_body("anny52", GENDERS[0]).marker_names)
         self.soles = torch.tensor(sites.left_sole + sites.right_sole)
+        self.weights = marker_weights(config.head_weight)
         self.run: TrainingRun | None = None
 
     def representation(self) -> Markers:
@@ -245,7 +278,7 @@ class PredictorTrainer:
             with half_precision():
                 guess, kl = self.guess(self.model, given, future)
             made = kind.markers(guess, whose)
-            reconstruction, velocity = marker_terms(made, told.markers[:, s:])
+            reconstruction, velocity = marker_terms(made, told.markers[:, s:], self.weights)
             if (beside := kind.beside(guess)) and (true := kind.beside(future)):
                 reconstruction = reconstruction + (beside.places - true.places).abs().mean()
                 off = (beside.velocities - true.velocities).abs().mean()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wayfarer.engines.engine import StepInputs, no_obstacles
-from wayfarer.spec import BETAS, LATENT, MARKERS, POSED_JOINTS, SEED_FRAMES
+from wayfarer.spec import BETAS, LATENT, MANNER, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
 
@@ -22,5 +22,6 @@ def dummy_inputs(agents: int, candidates: int) -> StepInputs:
         term_weights=np.zeros((agents, len(TERMS)), np.float32),
         policy=np.zeros(agents, np.float32),
         noise=np.zeros((agents, candidates, LATENT), np.float32),
+        manner=np.zeros((agents, MANNER), np.float32),
         obstacles=no_obstacles(agents),
     )

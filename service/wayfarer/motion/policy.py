@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.layers import Gru
 from wayfarer.motion.trajectory import HORIZONS, Asked, asked_of
-from wayfarer.spec import FPS, LATENT, MARKERS
+from wayfarer.spec import FPS, LATENT, MANNER, MARKERS
 from wayfarer.terms import POLICY_TERMS
 
 HIDDEN = 512
@@ -38,6 +38,7 @@ class Condition(NamedTuple):
     target_speed: Tensor  # [A] m/s
     facing: Tensor  # [A, 2] horizontal unit vector, or zero: the way to the goal
     term_weights: Tensor  # [A, T]
+    manner: Tensor  # [A, 8] ~ N(0, I): whose way to move it is
 
 
 class Gaussian(NamedTuple):
@@ -145,13 +146,20 @@ VELOCITY = 0.3
 """Seconds: velocities of markers are given as the way in this time, about as long as places."""
 
 
+INPUTS = 2 * MARKERS * 3 + 4 * len(HORIZONS) + MANNER
+"""Numbers that a cloned policy is given: markers and their velocities, a trajectory, a manner."""
+
+
 class TrajectoryPolicy(nn.Module):
-    """Latents that lead along a trajectory, for seeds of two frames."""
+    """Latents that lead along a trajectory, for seeds of two frames.
+
+    An agent's *manner* tells people apart: without it everybody would move like the mean of all.
+    """
 
     def __init__(self, hidden: int = HIDDEN) -> None:
         """`hidden`: width of its layers."""
         super().__init__()
-        sizes = (2 * MARKERS * 3 + 4 * len(HORIZONS), hidden, hidden, hidden)
+        sizes = (INPUTS, hidden, hidden, hidden)
         layers: list[nn.Module] = []
         for before, after in pairwise(sizes):
             layers += [nn.Linear(before, after), nn.ELU()]
@@ -162,16 +170,15 @@ class TrajectoryPolicy(nn.Module):
 
     def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
         """Seed [A, S, 201], canonical frame → the distribution of latents."""
-        return self.lead(
-            seed, asked_of(seed, condition.goal, condition.target_speed, condition.facing)
-        )
+        asked = asked_of(seed, condition.goal, condition.target_speed, condition.facing)
+        return self.lead(seed, asked, condition.manner)
 
-    def lead(self, seed: Tensor, asked: Asked) -> Gaussian:
-        """As `forward`, along a given trajectory."""
+    def lead(self, seed: Tensor, asked: Asked, manner: Tensor) -> Gaussian:
+        """As `forward`, along a given trajectory, in a manner [A, 8]."""
         last = seed[:, -1]
         moved = (last - seed[:, 0]) * (FPS * VELOCITY)
         trajectory = torch.cat([asked.ways, asked.facings], -1).flatten(1)
-        mean, log_std = self.net(torch.cat([last, moved, trajectory], -1)).chunk(2, -1)
+        mean, log_std = self.net(torch.cat([last, moved, trajectory, manner], -1)).chunk(2, -1)
         low, high = CLONED_LOG_STD
         return Gaussian(mean, log_std.clamp(low, high))
 
@@ -182,5 +189,11 @@ Policy = GoalPolicy | TrajectoryPolicy
 def fitting_policy(weights: Mapping[str, Tensor]) -> Policy:
     """A new policy with the kind and width of these weights. Raises ArtifactError."""
     if "net.0.bias" in weights:
+        inputs = weights["net.0.weight"].shape[1]
+        if inputs != INPUTS:
+            raise ArtifactError(
+                f"this policy has {inputs} inputs instead of {INPUTS}: it is of an earlier build, "
+                "without manners; clone it again"
+            )
         return TrajectoryPolicy(len(weights["net.0.bias"]))
     return GoalPolicy.fitting(weights)

@@ -111,6 +111,7 @@ class PrimitiveStep(nn.Module):
         term_weights: Tensor,  # [A, T]
         policy: Tensor,  # [A]
         noise: Tensor,  # [A, K, 128]
+        manner: Tensor,  # [A, 8]
         obstacles: Tensor,  # [A, O, 7]
     ) -> StepResult:
         """Step every row; rows do not influence each other."""
@@ -121,6 +122,7 @@ class PrimitiveStep(nn.Module):
             target_speed=target_speed,
             facing=(facing[:, None] @ frame.rotation[:, :2, :2])[:, 0],
             term_weights=term_weights,
+            manner=manner,
         )
 
         futures = self.predict(seed.flatten(2), asked, noise, policy).unflatten(-1, (-1, 3))

@@ -151,6 +151,7 @@ def test_a_host_that_follows_the_page_gets_the_servers_motion(written, about):
         "term_weights": np.array([walking["term_weights"]], np.float32),
         "policy": np.array([walking["policy"]], np.float32),
         "noise": np.zeros((1, 1, 128), np.float32),
+        "manner": np.zeros((1, 8), np.float32),
     }
     names = [o.name for o in session.get_outputs()]
     for _ in range(40):

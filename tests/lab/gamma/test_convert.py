@@ -43,7 +43,7 @@ def test_the_policy_acts_alike_whatever_else_is_asked(seed_frames, tmp_path) -> 
     seed, goal = torch.randn(4, seed_frames, 67, 3), torch.randn(4, 3) * 5
     ways = torch.nn.functional.normalize(goal[:, None, None] - seed, dim=-1)
     state = torch.cat([seed.flatten(2), ways.flatten(2)], -1)
-    asked = Condition(goal, torch.rand(4), torch.randn(4, 2), torch.rand(4, 12))
+    asked = Condition(goal, torch.rand(4), torch.randn(4, 2), torch.rand(4, 12), torch.zeros(4, 8))
     with torch.no_grad():
         mean, log_variance = theirs(state.transpose(0, 1))
         found = ours(seed.flatten(2), asked)

@@ -46,7 +46,8 @@ def test_the_step_is_the_papers_recursion(graphs, folder) -> None:
     torch.testing.assert_close(frame.origin, given["seed_translation"][:, 0])
     seed = to_local(frame, given["seed_markers"].flatten(1, 2)).unflatten(1, (2, 67))
     goal = to_local(frame, given["goal"][:, None])[:, 0]
-    asked = Condition(goal, given["target_speed"], given["facing"], given["term_weights"])
+    told = (given[name] for name in ("target_speed", "facing", "term_weights", "manner"))
+    asked = Condition(goal, *told)
     found = step.predict(seed.flatten(2), asked, given["noise"], given["policy"])[:, 0]
 
     policy, predictor = release.Policy(), release.Predictor()

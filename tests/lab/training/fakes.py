@@ -37,6 +37,7 @@ def gliding_frames(clips: int = 4, length: int = 90, seed: int = 0) -> Frames:
         weight=torch.ones(n),
         betas=torch.zeros(n, 10),
         gender=torch.arange(n) // length % 2,
+        actor=torch.arange(n) // length,
     )
 
 
@@ -65,6 +66,7 @@ def walking_frames(clips: int = 4, length: int = 60, seed: int = 0) -> Frames:
         weight=torch.ones(n),
         betas=shapes,
         gender=gender,
+        actor=torch.arange(n) // length,
     )
 
 

@@ -17,6 +17,7 @@ from wayfarer.spec import FPS, GENDERS
 from wayfarer_lab.training.cloning import (
     CloningConfig,
     Hindsight,
+    Manners,
     divergence,
     load_trajectory_policy,
     smoothed,
@@ -76,6 +77,17 @@ def test_smoothing_keeps_to_a_stretch():
     time = torch.arange(80) / FPS
     sway = torch.sin(2 * torch.pi * 2 * time)[:, None]  # two steps a second
     assert smoothed(sway, torch.arange(80, 0, -1))[20:60].abs().max() < 0.4
+
+
+def test_manners_tell_actors_apart_and_are_spread_as_draws():
+    torch.manual_seed(0)
+    manners = Manners(50)
+    actors = torch.arange(50).repeat(100)
+    drawn = manners(actors)
+    assert torch.allclose(drawn.mean(0), torch.zeros(8), atol=0.02)
+    assert torch.allclose(drawn.std(0), torch.ones(8), atol=0.02)
+    own = drawn.view(100, 50, 8)
+    assert torch.allclose(own.std(0), torch.full((50, 8), 0.5), atol=0.15)
 
 
 def test_the_divergence_is_that_of_normal_distributions():

@@ -1,9 +1,17 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
-from tests.lab.training.fakes import gliding_frames
+from tests.lab.training.fakes import gliding_frames, straight_walks
 from wayfarer.errors import InvalidArgument
-from wayfarer_lab.training.dataset import WindowSampler, by_gender, draw_weights
+from wayfarer_lab.training.dataset import (
+    STYLED,
+    WindowSampler,
+    by_gender,
+    draw_weights,
+    load_frames,
+)
 
 
 def test_windows_never_cross_a_clip_edge():
@@ -11,6 +19,21 @@ def test_windows_never_cross_a_clip_edge():
     index, _ = frames.starts(10)
     assert len(index) == 3 * 11
     assert ((index % 20) <= 10).all()
+
+
+def test_an_actor_is_a_person_or_a_style_that_one_acts(tmp_path):
+    walks = straight_walks(length=20)
+    styled = ("Angry_FW", "Angry_BW", "Drunk_FW")
+    clips = [
+        replace(clip, name=name, subject=STYLED)
+        for clip, name in zip(walks.clips, styled, strict=False)
+    ]
+    replace(walks, clips=(*clips, *walks.clips[3:])).save(tmp_path)
+    actor = load_frames(tmp_path, "train", {"walk": 1.0}).actor.view(2, 6, 20)
+    assert (actor == actor[..., :1]).all(), "one for a clip"
+    (angry, back, drunk, *others), image = actor[..., 0].tolist()
+    assert angry == back and len({angry, drunk, *others}) == 5, "by style, by person"
+    assert not {angry, drunk, *others} & set(image), "mirror images have a manner of their own"
 
 
 def test_windows_longer_than_any_clip_are_refused():

@@ -42,7 +42,13 @@ class Points:
         seed[:, 0, 1] = agents.translation[:, 0, 1]
         return State(
             seed,
-            Condition(agents.goal, agents.target_speed, agents.facing, agents.term_weights),
+            Condition(
+                agents.goal,
+                agents.target_speed,
+                agents.facing,
+                agents.term_weights,
+                torch.zeros(len(seed), 8),
+            ),
         )
 
     def step(self, agents: AgentBatch, latents: torch.Tensor) -> tuple[AgentBatch, Feedback]:

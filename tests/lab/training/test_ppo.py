@@ -113,6 +113,7 @@ def world(count):
         target_speed=torch.ones(count),
         facing=torch.zeros(count, 2),
         term_weights=torch.zeros(count, len(TERMS)),
+        manner=torch.zeros(count, 8),
     )
     return torch.zeros(count, 1, MARKERS * 3), condition
 

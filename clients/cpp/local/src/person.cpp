@@ -26,6 +26,7 @@ Seed end_of(const Step& step) {
 Person::Person(const LocalSpec& given, const LocalModel::Parts& model, const Steering& steering, double start)
     : spec(given),
       mirrored(is_mirrored(given.seed)),
+      own_noise(own_noise_of(given.seed)),
       manner(manner_of(given.seed)),
       body_(model.bodies.at(given.gender)),
       soles_(model.soles),

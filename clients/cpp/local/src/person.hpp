@@ -42,7 +42,8 @@ class Person {
 
   const LocalSpec spec;
   const bool mirrored;
-  const std::array<float, LATENT> manner;
+  const std::array<float, LATENT> own_noise;
+  const std::array<float, TRAITS> manner;
 
   /// World frame by which the next chunk has to be planned, and at which the next planned one is sent; or infinity.
   double plan_frame() const;

@@ -7,7 +7,7 @@ namespace {
 
 constexpr std::uint64_t STREAM = 0x5741594641524552;  // keeps the noise of steps apart from other draws
 constexpr std::uint64_t STEP = 0x9e3779b97f4a7c15;
-enum Draw : std::uint64_t { REACTION = 1, MANNER };  // of one seed; they do not depend on each other
+enum Draw : std::uint64_t { REACTION = 1, OWN, MANNER };  // of one seed; they do not depend on each other
 
 // 64 bits of a seed, spread evenly (the finaliser of SplitMix64)
 std::uint64_t mixed(std::uint64_t seed, std::uint64_t draw) {
@@ -118,18 +118,20 @@ bool is_mirrored(std::uint64_t seed) { return (seed * STEP) >> 63; }
 
 namespace {
 
-std::array<float, LATENT> latent(Philox next) {
-  std::array<float, LATENT> numbers;
+template <std::size_t N>
+std::array<float, N> normals(Philox next) {
+  std::array<float, N> numbers;
   for (float& number : numbers) number = normal(next);
   return numbers;
 }
 
 }  // namespace
 
-std::array<float, LATENT> manner_of(std::uint64_t seed) { return latent({seed, MANNER}); }
+std::array<float, LATENT> own_noise_of(std::uint64_t seed) { return normals<LATENT>({seed, OWN}); }
+std::array<float, TRAITS> manner_of(std::uint64_t seed) { return normals<TRAITS>({seed, MANNER}); }
 
 std::array<float, LATENT> noise_of(std::uint64_t seed, int chunk) {
-  return latent({seed, STREAM, static_cast<std::uint64_t>(chunk)});
+  return normals<LATENT>({seed, STREAM, static_cast<std::uint64_t>(chunk)});
 }
 
 }  // namespace wayfarer::local

@@ -172,8 +172,9 @@ struct LocalWorld::State {
       std::array<float, LATENT> drawn = noise;
       const double own = std::sqrt(mode.own), new_ = std::sqrt(1 - mode.own);
       for (std::size_t k = 0; k < LATENT; ++k)
-        drawn[k] = static_cast<float>(mode.temperature * (new_ * drawn[k] + own * person.manner[k]));
+        drawn[k] = static_cast<float>(mode.temperature * (new_ * drawn[k] + own * person.own_noise[k]));
       copy("noise", drawn, [](float value) { return value; });
+      if (feeds.count("manner")) copy("manner", person.manner, [](float value) { return value; });
     }
     return feeds;
   }

@@ -71,7 +71,8 @@ Json drawn(const Json& seeds) {
   Json found = Json::array();
   for (const Json& given : seeds) {
     const std::uint64_t seed = std::stoull(given.get<std::string>());
-    found.push_back({{"manner", manner_of(seed)},
+    found.push_back({{"own", own_noise_of(seed)},
+                     {"manner", manner_of(seed)},
                      {"noise", noise_of(seed, 7)},
                      {"mirrored", is_mirrored(seed)},
                      {"reaction", reaction_of(seed, 3)}});

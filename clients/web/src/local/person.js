@@ -3,7 +3,7 @@
 
 import { lockFeet } from "./footlock.js";
 import { bendable, broken, fallen, gotUp } from "./guards.js";
-import { isMirrored, mannerOf, noiseOf, reactionOf } from "./random.js";
+import { isMirrored, mannerOf, noiseOf, ownNoiseOf, reactionOf } from "./random.js";
 import { righted } from "./righting.js";
 import { STANDING, WALKING, facingOf, goalAt, goalRows, observe } from "./steering.js";
 
@@ -66,6 +66,7 @@ export class Person {
     const { bones, legs } = body.shape(spec.betas);
     this.bones = bones;
     this.legs = legs;
+    this.ownNoise = ownNoiseOf(spec.seed);
     this.manner = mannerOf(spec.seed);
     this.mirrored = isMirrored(spec.seed);
     this.reaction = reactionOf(spec.seed, steering.reactions);

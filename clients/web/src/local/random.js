@@ -2,9 +2,9 @@
 
 const MASK = (1n << 64n) - 1n;
 const STEP = 0x9e3779b97f4a7c15n;
-const REACTION = 1, MANNER = 2; // independent draws of one seed
+const REACTION = 1, OWN = 2, MANNER = 3; // independent draws of one seed
 const STREAM = 0x5741594641524552n; // separates the noise of steps from other draws
-const LATENT = 128;
+const LATENT = 128, TRAITS = 8; // numbers of a latent, and of a manner
 
 /** 64 bits of a seed, spread evenly (the finaliser of SplitMix64). @param {bigint} seed @param {number} draw */
 function mixed(seed, draw) {
@@ -21,13 +21,16 @@ export const reactionOf = (seed, moments) => Number(mixed(seed, REACTION) % BigI
 export const isMirrored = (seed) => ((seed * STEP) & MASK) >> 63n === 1n;
 
 /** A latent [128] ~ N(0, I), fixed for each person. @param {bigint} seed */
-export const mannerOf = (seed) => latent(philox(seed, BigInt(MANNER), 0n));
+export const ownNoiseOf = (seed) => normals(philox(seed, BigInt(OWN), 0n), LATENT);
+
+/** A manner [8] ~ N(0, I), fixed for each person. @param {bigint} seed */
+export const mannerOf = (seed) => normals(philox(seed, BigInt(MANNER), 0n), TRAITS);
 
 /** A latent [128] ~ N(0, I) for a chunk of a person. @param {bigint} seed @param {number} chunk */
-export const noiseOf = (seed, chunk) => latent(philox(seed, STREAM, BigInt(chunk) << 64n));
+export const noiseOf = (seed, chunk) => normals(philox(seed, STREAM, BigInt(chunk) << 64n), LATENT);
 
-/** @param {() => number} next */
-const latent = (next) => Float32Array.from({ length: LATENT }, () => normal(next));
+/** @param {() => number} next @param {number} length */
+const normals = (next, length) => Float32Array.from({ length }, () => normal(next));
 
 // Philox 4×64-10 (Salmon et al. 2011) as numpy has it: a source of 32 bits, the lower half of each word first.
 

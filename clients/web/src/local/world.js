@@ -150,7 +150,8 @@ export class LocalWorld {
       put("term_weights", mode.term_weights);
       put("policy", [mode.policy]);
       const { temperature, own } = mode, drawn = asked[row].noise;
-      put("noise", Float32Array.from(person.manner, (n, k) => temperature * (Math.sqrt(1 - own) * drawn[k] + Math.sqrt(own) * n)));
+      put("noise", Float32Array.from(person.ownNoise, (n, k) => temperature * (Math.sqrt(1 - own) * drawn[k] + Math.sqrt(own) * n)));
+      put("manner", person.manner);
     });
     if (feeds.noise.dims[1] !== 1) throw new Error(`the graph takes ${feeds.noise.dims[1]} candidates; export it with 1`);
     if (feeds.seed_markers.dims[2] !== markers || feeds.noise.dims[2] !== LATENT) throw new Error("wayfarer.json: other sizes than this version's");

@@ -10,7 +10,7 @@ from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.trajectory import Asked
-from wayfarer.spec import LATENT, MARKERS
+from wayfarer.spec import LATENT, MANNER, MARKERS
 from wayfarer_lab.evaluation.twosided.bare import BareStep
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
@@ -25,13 +25,14 @@ Choose = Callable[[Tensor, Tensor, Tensor], Tensor]
 def led(
     step: PrimitiveStep, policy: TrajectoryPolicy, random: torch.Generator, temperature: float = 1.0
 ) -> BareStep:
-    """Draws latents from a policy that is asked for ways and facings.
+    """Draws latents from a policy that is asked for ways and facings. All have the mean manner.
 
     `temperature` scales the noise of the draw: 1 as the policy was cloned, 0 its mean.
     """
 
     def choose(seed: Tensor, ways: Tensor, facings: Tensor) -> Tensor:
-        answer = policy.lead(seed.flatten(2), Asked(ways, facings))
+        manner = torch.zeros(len(seed), MANNER)
+        answer = policy.lead(seed.flatten(2), Asked(ways, facings), manner)
         noise = torch.randn(answer.mean.shape, generator=random)
         latent = answer.mean + temperature * torch.exp(answer.log_std) * noise
         return step.predictor.decode(seed.flatten(2), latent[:, None])[:, 0]

@@ -4,7 +4,8 @@ Everything follows from the noise seed, so the same seed gives the same motion.
 
     reaction   a standing agent sets off at its own one of several moments, 0.2 s apart: that needs
                no memory of when the command came, and repeated commands do not delay it
-    manner     individual noise, which is a part of the noise of each of its steps
+    own noise  a part of the noise of each of its steps
+    manner     an input of its policy, which learned it from people who differ
 """
 
 from functools import lru_cache
@@ -13,15 +14,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.spec import LATENT
+from wayfarer.spec import LATENT, MANNER
 from wayfarer.world.rows import Flags, Float, Index
 
 Seeds = NDArray[np.uint64]
 
 REMEMBERED: Final = 4096
-"""Agents whose manner is kept."""
+"""Draws that are kept."""
 
-_REACTION, _MANNER = range(1, 3)
+_REACTION, _OWN, _MANNER = range(1, 4)
 """Draws of one seed that do not depend on each other."""
 
 _STEP: Final = 0x9E3779B97F4A7C15
@@ -34,18 +35,27 @@ def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
     return found
 
 
-def manner(noise_seed: Seeds) -> Float:
+def own_noise(noise_seed: Seeds) -> Float:
     """Latents [A, 128] ~ N(0, I), constant for each agent."""
+    return _constant(noise_seed, _OWN, LATENT)
+
+
+def manner(noise_seed: Seeds) -> Float:
+    """Manners [A, 8] ~ N(0, I), constant for each agent."""
+    return _constant(noise_seed, _MANNER, MANNER)
+
+
+def _constant(noise_seed: Seeds, draw: int, size: int) -> Float:
     if not len(noise_seed):
-        return np.zeros((0, LATENT), np.float32)
-    found = np.concatenate([_manner(seed) for seed in noise_seed.tolist()])
-    return found.reshape(-1, LATENT)  # `np.stack` looks at each of them
+        return np.zeros((0, size), np.float32)
+    found = np.concatenate([_normals(seed, draw, size) for seed in noise_seed.tolist()])
+    return found.reshape(-1, size)  # `np.stack` looks at each of them
 
 
-@lru_cache(REMEMBERED)
-def _manner(noise_seed: int) -> Float:
-    bits = np.random.Philox(key=np.array([noise_seed, _MANNER], np.uint64))
-    return np.random.Generator(bits).standard_normal(LATENT, dtype=np.float32)
+@lru_cache(2 * REMEMBERED)
+def _normals(noise_seed: int, draw: int, size: int) -> Float:
+    bits = np.random.Philox(key=np.array([noise_seed, draw], np.uint64))
+    return np.random.Generator(bits).standard_normal(size, dtype=np.float32)
 
 
 def _mixed(noise_seed: Seeds, draw: int) -> Seeds:

@@ -10,7 +10,7 @@ from wayfarer.compiled import compiled, inner, warm
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
-from wayfarer.world.agents.style import manner
+from wayfarer.world.agents.style import manner, own_noise
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.legs import packed
 from wayfarer.world.rows import Flags, Index
@@ -60,7 +60,8 @@ def assemble(
         facing=target.facing,
         term_weights=steering.term_weights(gait.mode),
         policy=steering.policy(gait.mode),
-        noise=steering.noise(gait.mode, noise, manner(noise_seed)),
+        noise=steering.noise(gait.mode, noise, own_noise(noise_seed)),
+        manner=manner(noise_seed),
         obstacles=no_obstacles(len(betas)) if obstacles is None else obstacles,
     )
 
