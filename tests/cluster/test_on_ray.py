@@ -12,7 +12,6 @@ import sys
 import threading
 import time
 from concurrent.futures import Future
-from importlib.util import find_spec
 from types import SimpleNamespace
 
 import httpx
@@ -20,15 +19,11 @@ import psutil
 import pytest
 
 from tests.certificates import Authority
-from tests.serving import LIGHT
+from tests.serving import LIGHT, needs_ray
 from wayfarer import errors
 from wayfarer_client import AgentSpec, Client, Unavailable
 
-if find_spec("ray") is None:
-    # `make test` installs it for all Pythons for which there is one: there it is never left out
-    assert not (os.environ.get("CI") and sys.version_info < (3, 15)), "Ray is not installed"
-    pytest.skip("Ray is not installed: `pip install .[cluster]`", allow_module_level=True)
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, needs_ray]
 
 NODES = 3
 LOCAL_ADDRESS = "127.0.0.2"  # of Ray, on one machine
@@ -109,7 +104,7 @@ class Command:
             await asyncio.sleep(0.2)
 
     def ctrl_c(self, seconds=0.5):
-        """Twice: it ends well all the same, with all that it has started, so many seconds later."""
+        """Send it twice: the command ends well, and all that it has started within `seconds`."""
         theirs = self.processes()
         self.process.send_signal(signal.SIGINT)
         time.sleep(1)

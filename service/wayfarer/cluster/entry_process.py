@@ -1,5 +1,5 @@
-"""What `serve --workers` and `wayfarer cluster` run in their own process: an entry, and beside it
-what starts the nodes.
+"""The process of `serve --workers` and of `wayfarer cluster`: an entry, and beside it the start of
+the nodes.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""A cluster's actors (actors.py), as one who may start them sees them."""
+"""Ray for a cluster: start it, find it, have its actors (actors.py) run, leave it."""
 
 import asyncio
 import atexit
@@ -25,7 +25,7 @@ log = structlog.get_logger(__name__)
 T = TypeVar("T")
 
 LOCAL_ADDRESS: Final = "127.0.0.2"
-"""Of Ray on one machine: at 127.0.0.1 it waits for ever."""
+"""Address of Ray on one machine: at 127.0.0.1 it waits for ever."""
 
 OBJECT_BYTES: Final = 80 * 1024 * 1024
 """Ray's least: nothing is kept in its store."""
@@ -40,7 +40,7 @@ LEAVE_S: Final = 8.0
 """Ray is left within 2 s; within 7 s if its head has ended, and never if its head hangs."""
 
 TRIES: Final = 2
-"""Of a Ray of its own: it gives up after 30 s, as on a machine with much other work."""
+"""Starts of a local Ray, which gives up after 30 s on a busy machine."""
 
 FIND_S: Final = 3.0
 """For a connection to Ray's head, before Ray itself looks for it."""
@@ -49,7 +49,7 @@ GRACE_S: Final = 5.0
 """Beyond what a node takes at most to drain."""
 
 CALLS: Final = 16
-"""That a node answers at a time, each on a thread."""
+"""Calls that a node answers at a time, each on a thread."""
 
 FOREVER: Final = -1
 ALIVE: Final = 0  # of GcsNodeInfo.GcsNodeState
@@ -175,7 +175,7 @@ class RayCluster:
         self._drain_s = plan.settings.drain_s
 
     async def until_ready(self) -> None:
-        """Of all nodes. Raises Unavailable when one has ended before it was."""
+        """Wait until all nodes are ready. Raises Unavailable when one ends before."""
         for number, node in enumerate(self._nodes.values()):
             try:
                 await asyncio.wrap_future(node.until_ready.remote().future())
@@ -230,12 +230,12 @@ async def on_daemon(work: Callable[[], T]) -> T:
 
 
 def _folder() -> tempfile.TemporaryDirectory[str]:
-    """Of Ray's files. A short path: it has sockets."""
+    """A folder for Ray's files. Its path is short, since sockets lie in it."""
     return tempfile.TemporaryDirectory(prefix="wf", dir="/tmp", ignore_cleanup_errors=True)
 
 
 def _print(data: dict[str, Any]) -> None:
-    """Lines that an actor has written; Ray's own are in its files."""
+    """Print the lines that an actor has written; Ray's own lines stay in its files."""
     if data.get("actor_name"):
         print(
             *data["lines"], sep="\n", file=sys.stderr if data["is_err"] else sys.stdout, flush=True

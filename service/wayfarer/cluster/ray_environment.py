@@ -1,4 +1,4 @@
-"""What the environment tells Ray; Ray reads it when it is imported."""
+"""Environment variables for Ray, which reads them when it is imported."""
 
 import os
 import secrets

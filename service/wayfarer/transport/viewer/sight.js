@@ -14,7 +14,7 @@ export const RINGS = [
 
 const MOST = 8; // viewpoints of a stream
 
-/** The viewpoints: the camera, and the first selected person, who is wanted in full wherever the camera is. */
+/** The viewpoints: the camera, and the first selected person, shown in full wherever the camera is. */
 export function viewpoints({ x, y, z }, selected) {
   const chosen = selected.filter(({ shown }) => shown).slice(0, MOST - 1);
   const places = [{ x, y, z }, ...chosen.map((person) => ({ x: person.x, y: person.y + 1, z: person.z }))];
