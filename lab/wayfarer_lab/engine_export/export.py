@@ -48,7 +48,7 @@ def export_for_engines(
 ) -> None:
     """Write graphs, bodies, sidecar and page of a model folder to `out`; `told` hears of progress.
 
-    With `halves` the graphs share `weights.bin`, float16, for pages that load both: the same
+    With `halves` the graphs share `halves.bin`, float16, for pages that load both: the same
     numbers in a third of the bytes. See `weights.py`.
 
     An earlier export in `out` is replaced file by file, and what else is there stays (Unity keeps

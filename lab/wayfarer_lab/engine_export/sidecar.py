@@ -244,8 +244,8 @@ def page(about: Mapping[str, Any]) -> str:
         candidates=about["candidates"],
         opset=about["opset"],
         ir_version=about["ir_version"],
-        weights="The graphs share `weights.bin` (float16 inside the file, float32 in use)"
-        if "weights.bin" in about["files"]
+        weights="The graphs share `halves.bin` (float16 inside the file, float32 in use)"
+        if "halves.bin" in about["files"]
         else "Each graph is one file: weights inside",
         worst=f"{worst:.1g}",
         frame=about["frame"],

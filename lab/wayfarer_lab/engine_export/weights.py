@@ -1,8 +1,9 @@
 """Weights that the two graphs of an export for pages share.
 
-`weights.bin` holds them as float16, which is exact: they were rounded before training's export. The
+`halves.bin` holds them as float16, which is exact: they were rounded before training's export. The
+low bytes of all values come first, then the high bytes, which gzip packs to 86 instead of 92 %. The
 graphs read them as float32 from `weights.f32`, which nobody downloads: the page makes it of
-weights.bin, value by value. A graph that cast them itself would have to be optimised when it is
+halves.bin, value by value. A graph that cast them itself would have to be optimised when it is
 opened, which takes a page a third longer.
 """
 
@@ -15,7 +16,7 @@ import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, numpy_helper
 
-HALVES_FILE: Final = "weights.bin"
+HALVES_FILE: Final = "halves.bin"
 FLOATS_FILE: Final = "weights.f32"
 SMALL: Final = 256
 """Tensors of fewer elements stay inside their graph."""
@@ -50,7 +51,8 @@ class SharedWeights:
     def write(self, folder: Path) -> None:
         """Write both files."""
         halves = np.concatenate(self._parts)
-        (folder / HALVES_FILE).write_bytes(halves.astype("<f2").tobytes())
+        pairs = halves.astype("<f2").view(np.uint8).reshape(-1, 2)
+        (folder / HALVES_FILE).write_bytes(pairs.T.tobytes())
         (folder / FLOATS_FILE).write_bytes(halves.astype("<f4").tobytes())
 
     def _add(self, values: NDArray[np.float16]) -> int:

@@ -1,5 +1,5 @@
 // Runs one graph for the worker of a local session, so that two graphs open at the same time:
-// { id, open: [runtime, model, weights] } or { id, feeds } come in, { id, outputs } or { id, error } go out.
+// { id, open: [runtime, wasm, model, weights] } or { id, feeds } come in, { id, outputs } or { id, error } go out.
 
 import { openGraph, openRuntime } from "./runtime.js";
 
@@ -12,8 +12,8 @@ const post = (message, moved = []) => /** @type {any} */ (globalThis).postMessag
 globalThis.addEventListener("message", async ({ data: { id, open, feeds } }) => {
   try {
     if (open) {
-      const [runtime, model, weights] = open;
-      run = await openGraph(await openRuntime(runtime), model, weights);
+      const [runtime, wasm, model, weights] = open;
+      run = await openGraph(await openRuntime(runtime, wasm), model, weights);
       post({ id });
     } else if (run) {
       const outputs = await run(feeds);

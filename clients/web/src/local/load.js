@@ -4,6 +4,9 @@ import { openExport } from "./graphs.js";
 import { LocalHost } from "./host.js";
 import { openRuntime } from "./runtime.js";
 import { LocalScene } from "./scene.js";
+import { unpacked } from "./unpacked.js";
+
+const WASM = "ort-wasm-simd-threaded.wasm"; // beside ort.wasm.min.mjs
 
 /** @typedef {{ model: string, runtime: string, scene?: string, avoid?: boolean }} Addresses absolute ones: the export's folder; ort.wasm.min.mjs; the scene's folder */
 
@@ -19,8 +22,9 @@ export async function openHost({ model, runtime, scene, avoid }, tell, loaded) {
     loaded(bytes.byteLength);
     return bytes;
   };
+  const wasm = read(new URL(WASM, runtime)).then(unpacked);
   const [opened, walked] = await Promise.all([
-    openExport((name) => read(new URL(name, model)), openRuntime(runtime), inWorker(runtime)),
+    openExport((name) => read(new URL(name, model)), openRuntime(runtime, wasm), inWorker(runtime, wasm)),
     scene ? LocalScene.read((name) => read(new URL(name, scene))) : null,
   ]);
   return new LocalHost({ ...opened, scene: walked, avoid }, tell);
@@ -28,9 +32,9 @@ export async function openHost({ model, runtime, scene, avoid }, tell, loaded) {
 
 /**
  * Opens a graph in its own worker, which ends with this one. Rejects if workers cannot start workers.
- * @param {string} runtime @returns {import("./graphs.js").Elsewhere}
+ * @param {string} runtime @param {Promise<ArrayBuffer>} wasm @returns {import("./graphs.js").Elsewhere}
  */
-const inWorker = (runtime) => async (model, weights) => {
+const inWorker = (runtime, wasm) => async (model, weights) => {
   const worker = new Worker(new URL("./graph_worker.js", import.meta.url), { type: "module" });
   /** @type {Map<number, { done: (value: any) => void, failed: (error: Error) => void }>} */
   const calls = new Map();
@@ -49,6 +53,6 @@ const inWorker = (runtime) => async (model, weights) => {
     for (const { failed } of calls.values()) failed(new Error(event.message || "a worker could not be loaded"));
     calls.clear();
   });
-  await ask({ open: [runtime, model, weights] });
+  await ask({ open: [runtime, await wasm, model, weights] });
   return (feeds) => ask({ feeds });
 };

@@ -5,9 +5,13 @@
 
 const FLOATS = "weights.f32"; // name of the weights that graphs share
 
-/** @param {string} address absolute, of ort.wasm.min.mjs @returns {Promise<Runtime>} */
-export async function openRuntime(address) {
+/**
+ * @param {string} address absolute, of ort.wasm.min.mjs @param {ArrayBuffer | Promise<ArrayBuffer>} wasm its WebAssembly
+ * @returns {Promise<Runtime>}
+ */
+export async function openRuntime(address, wasm) {
   const ort = await import(/* @vite-ignore */ /* webpackIgnore: true */ address);
+  ort.env.wasm.wasmBinary = await wasm;
   ort.env.wasm.numThreads = 1; // more need cross-origin isolation headers, which a plain web host does not send
   ort.env.wasm.wasmPaths = new URL(".", address).href;
   return ort;

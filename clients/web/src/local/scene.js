@@ -1,6 +1,7 @@
 // A level scene, as `write_scene` of wayfarer_lab writes it: walkable triangles, and a grid of distances to the nearest
 // wall. It mirrors the server's navigation/scene.py, locate.py and clearance.py. World: metres, Z up.
 
+import { unpacked } from "./unpacked.js";
 import { shortest, widened } from "./ways.js";
 
 const SCHEMA = 1;
@@ -18,8 +19,9 @@ export class Unreachable extends Error {
 }
 
 export class LocalScene {
-  /** Read a folder written by `wayfarer export --for web --scene`. @param {import("./graphs.js").Read} read */
-  static async read(read) {
+  /** Read a folder written by `wayfarer export --for web --scene`. @param {import("./graphs.js").Read} reader */
+  static async read(reader) {
+    const read = async (/** @type {string} */ name) => unpacked(await reader(name));
     const about = JSON.parse(new TextDecoder().decode(await read("scene.json")));
     return new LocalScene(about, await read(about.field.file));
   }
