@@ -136,7 +136,7 @@ def _for_engines(
     from wayfarer_lab.engine_export.export import export_for_engines
     from wayfarer_lab.engine_export.scene import read_scene, write_scene
 
-    spec = read_scene(scene) if scene else None  # a wrong one is told before anything is written
+    spec = read_scene(scene) if scene else None  # fails before anything is written
     halves = target is ExportTarget.WEB
     export_for_engines(models, out, candidates, typer.echo, halves=halves)
     if spec:

@@ -35,8 +35,8 @@ ASSETS: Final = Path(__file__).parent / "assets"
 
 SCHEMA: Final = 1
 FORMAT: Final = 4
-"""Format of the models that this build makes and reads. Models do not state it: it follows from
-what they lack, see `format_of`, which gets a line whenever a contract or a graph's inputs change.
+"""Format of the models that this build makes and reads. Models do not state it: `format_of`
+derives it, and gets a line whenever a contract or a graph's inputs change.
 """
 
 METADATA_KEY: Final = "wayfarer"

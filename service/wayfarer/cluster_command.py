@@ -82,7 +82,7 @@ def entry_command(
 
 
 def _enter(settings: Settings, address: str, lease: float | None = None) -> None:
-    """Run an entry; with a `lease`, also what the cluster has not yet: directory and nodes."""
+    """Runs an entry; with a `lease`, also the cluster's directory and nodes if it has none yet."""
     secret = _secret()
     warn_if_open(settings)
     from wayfarer.cluster.entry_process import enter, leave

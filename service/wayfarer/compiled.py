@@ -1,9 +1,9 @@
-"""Compiled rules: numba makes machine code of them, once per machine.
+"""Compiled rules: numba compiles them to machine code, once per machine.
 
-The code is kept where the first of these can be written: NUMBA_CACHE_DIR, beside the sources, the
-user's cache folder. Where none can, it is compiled at every start. It lies in a separate folder
-for each text of the rule's file, of the files whose rules it uses, and for the constants that it
-takes from elsewhere: numba itself would take code of another release for this one's.
+The code is kept in the first of these folders that can be written: NUMBA_CACHE_DIR, the sources'
+folder, the user's cache folder. If none can, it is compiled at every start. Each version of the
+rule's file, of the files whose rules it uses, and of the constants that it imports has a separate
+folder, since numba itself would mistake code of another release for this one's.
 """
 
 import os

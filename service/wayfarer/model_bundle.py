@@ -96,7 +96,7 @@ class ModelBundle:
     ) -> World:
         """A world for `agents` agents, all stepped at the same moments, in one batch.
 
-        `scenes` are those that its sessions may be in. `rules` act after the model; default: all
+        `scenes`: the scenes that its sessions may be in. `rules` act after the model; default: all
         rules. Raises ArtifactError when the start poses are missing or unfit.
         """
         settings = WorldSettings(

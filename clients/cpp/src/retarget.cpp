@@ -43,7 +43,7 @@ Vec3 middle(const Places& place) {
   return 0.5 * (place[static_cast<std::size_t>(LEGS[0].hip)] + place[static_cast<std::size_t>(LEGS[1].hip)]);
 }
 
-/// Its feet are so near over the origin's level that this is its floor.
+/// Whether its feet are so close above the origin's level that this is its floor.
 bool stands(double lowest, double hips) { return lowest >= 0 && lowest <= 0.25 * (hips - lowest); }
 
 }  // namespace
@@ -272,7 +272,7 @@ void Retarget::pose_source(const float* frame) {
   }
 }
 
-/// The ball from the ankle; `height`: of the lowest point of the foot over its ankle.
+/// The ball relative to the ankle, and the `height` of the foot's lowest point over its ankle.
 Vec3 Retarget::lowest(const Sole& sole, int leg, double& height) const {
   const Quat &ankle = turns_[at(LEGS[leg].ankle)], &toe = turns_[at(LEGS[leg].toe)];
   const Vec3 up = rotate(inverse(ankle), basis_.up), up_of_toes = rotate(inverse(toe), basis_.up);

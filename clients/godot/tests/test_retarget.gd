@@ -145,7 +145,7 @@ static func _map(wanted: Dictionary) -> WayfarerBoneMap:
 	return WayfarerBoneMap.of(Checks.rig(wanted.nodes), humanoid, WayfarerBasis.new(wanted.basis))
 
 
-## Of the shoes that a case has; or null.
+## The soles of a case's shoes, or null.
 static func _soles(
 	wanted: Dictionary, map: WayfarerBoneMap, basis: WayfarerBasis
 ) -> WayfarerSoles:

@@ -163,7 +163,7 @@ class Carrier:
 
     @classmethod
     def of(cls, character: Character, retarget: Retarget) -> "Carrier | None":
-        """The carrier; None when the nodes above the hips carry nothing else."""
+        """The carrier; None when the nodes above the hips carry no other node."""
         rig, bones = character.rig, set(retarget.nodes.values())
         skins = Skins(character.document, character.binary, rig, character.numbers)
         joints = skins.joints()

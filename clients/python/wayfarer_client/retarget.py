@@ -50,7 +50,7 @@ class CharacterPose:
     places: dict[int, Array] = field(repr=False)  # [3] in the world
     local: dict[int, Array] = field(repr=False)  # [4] relative to the node's parent
     moved: dict[int, Array] = field(repr=False)  # [3] relative to the parent: `Retarget.loose`
-    ground: float = 0.0  # height of the ground that it stands on
+    ground: float = 0.0  # height of the ground below it
 
     @property
     def hips(self) -> Array:
@@ -81,7 +81,7 @@ class Retarget:
         soles: Soles | None = None,
     ) -> None:
         """`rest_offsets` [J, 3] of the agent; `floor`: height of the character's soles at rest;
-        `soles`: what its mesh tells of them (`measure_soles`).
+        `soles`: found in its mesh (`measure_soles`).
 
         All in the stream's basis and unit, as is the character's own space.
         """
@@ -89,11 +89,11 @@ class Retarget:
         rig = bone_map.rig
         self.nodes = {BONES.index(bone): node for bone, node in bone_map.bones.items()}
         self.above = {b: _canonical(b, self.nodes) for b in self.nodes}
-        """The bone that each follows, of those that the character has."""
+        """The bone that each one follows, if the character has it."""
         self.hangs = {b: _nearest(rig.ancestors(n), self.nodes) for b, n in self.nodes.items()}
         """The bone that each one's node hangs from in the file; -1: none."""
         self.loose = tuple(b for b in self.nodes if b == 0 or self.hangs[b] != self.above[b])
-        """Bones whose places are to be set, too: the hips, and those that hang from another bone
+        """Bones whose places must be set, too: the hips, and bones that hang from another bone
         than they follow.
         """
         self._source(np.asarray(rest_offsets, float)[: len(BONES)])
@@ -347,7 +347,7 @@ class Retarget:
         self, leg: int, goal: Array, most: float, stays: float, places: dict[int, Array]
     ) -> float:
         """How far the hips must sink for a foot to reach its print; `stays`: 1 for a foot on the
-        ground, 0 for one that has left it.
+        ground, 0 for a foot off it.
         """
         start, length = places[LEGS[leg][0]], self.length[leg]
         away = float(np.linalg.norm(self.basis.level(goal - start)))
@@ -450,7 +450,7 @@ class Retarget:
 
 
 def _canonical(bone: int, nodes: dict[int, int]) -> int:
-    """The nearest bone above of those that there are; -1: none."""
+    """The nearest existing bone above; -1: none."""
     while (bone := PARENTS[bone]) >= 0:
         if bone in nodes:
             return bone

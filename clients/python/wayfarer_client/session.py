@@ -41,7 +41,7 @@ STEP_TIMEOUT_S: Final = 120.0
 class Session(GoalCommands):
     """A set of agents. `async with` renews its lease meanwhile.
 
-    At its end, a session that this client created is deleted; one that it joined remains.
+    At its end, a session that this client created is deleted; a session that it joined remains.
     """
 
     def __init__(self, connection: Connection, message: session_pb2.Session, owned: bool) -> None:

@@ -103,7 +103,7 @@ async function wear(file) {
 }
 watchFiles([[part("character"), "character"]], wear);
 
-/** So many more people, who walk about. */
+/** This many more people, who walk about. */
 async function add(count) {
   const specs = Array.from({ length: Math.min(count, MOST - people.size) }, () => {
     const number = made++;

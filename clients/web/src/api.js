@@ -9,7 +9,7 @@ const PATIENCE_SECONDS = 15; // for which a call that is refused temporarily is 
 
 /** @typedef {{ x: number, y: number, z: number }} Place */
 /**
- * A place to go to, metres. `y` selects the storey in a scene; `heading`: to face there, radians.
+ * A place to go to, in metres. `y` selects the storey in a scene; `heading` is the direction to face there, in radians.
  * @typedef {{ x: number, y?: number, z: number, speed?: number, heading?: number, radius?: number, stop?: boolean, dwell?: number, strafe?: boolean }} Goal
  */
 

@@ -81,8 +81,8 @@ export class MotionStream {
   }
 
   /**
-   * This program has slept, frozen by the browser or with its machine. What waits in the socket is of before, and says nothing
-   * about the network: connect again, and find the moment to show anew.
+   * This program has slept, frozen by the browser or with its machine. The data in the socket is old and says nothing about
+   * the network: connect again, and find the moment to show again.
    */
   wake() {
     if (this.closed) return;

@@ -24,7 +24,7 @@ function check({ nodes, map, poses }, { character, settle, place }) {
 
 for (const [engine, make] of Object.entries(ENGINES)) {
   for (const found of cases.filter(({ basis, humanoid }) => basis === "gltf" && (engine !== "vrm" || humanoid))) {
-    // without its table, the vrm0 rig has names that say nothing: it is told by its shape
+    // without its table, the vrm0 rig has names that say nothing, so its shape decides
     test(`${engine}: ${found.name}`, { skip }, () => {
       const rig = make(found.nodes, found.humanoid, OFFSETS.flat(), found.mesh);
       if (engine === "vrm" || !found.humanoid) check(found, rig);

@@ -1,4 +1,4 @@
-// What a local session tells when its model fails, as JSON. node test/local_failure.js EXPORT
+// The reports of a local session whose model fails, as JSON. node test/local_failure.js EXPORT
 
 import { readFile } from "node:fs/promises";
 import { pathToFileURL } from "node:url";

@@ -1,4 +1,4 @@
-// Rules of local mode on the rows in a file, as JSON: what a person does next, and feet that are moved.
+// Rules of local mode on the rows in a file, as JSON: the choice of the next mode, and feet that are moved.
 // node test/local_rules.js ROWS.json
 
 import { readFile } from "node:fs/promises";

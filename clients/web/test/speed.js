@@ -20,7 +20,7 @@ const player = new MotionPlayer({
 });
 const show = (played, alias) => characters.get(alias).pose(played.frame);
 
-/** Messages of so many seconds, from message `from` on. */
+/** The messages of this many seconds, from message `from` on. */
 export function stream(seconds, from) {
   return Array.from({ length: 5 * seconds }, (_, k) => batch(AGENTS, from + k));
 }

@@ -21,7 +21,7 @@ Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 BASE_VERTICES: Final = 19_158
-"""Of hm08: the body, and helpers for clothes around it."""
+"""Vertices of hm08: the body, and helpers for clothes around it."""
 
 FROM_MAKEHUMAN: Final = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """MakeHuman's axes (Y up, facing +Z) to ours (Z up, facing +Y)."""
@@ -37,7 +37,7 @@ class BoundGarment:
     offsets: Array  # [V, 3] in MakeHuman's axes, in units of `scales`
     scales: tuple[tuple[int, int, float], ...]  # of x, y, z: two vertices, their distance at rest
     faces: Index  # [F, 3]
-    islands: Index  # [F] number of the piece of the texture's layout: front, back, sleeve, sole …
+    islands: Index  # [F] number of the piece of the texture's layout, such as front or sleeve
     hides: Index  # vertices of the base mesh under it
 
     def place(self, base: Array) -> Array:
@@ -60,7 +60,7 @@ class BoundGarment:
         return np.asarray(placed)
 
     def of_faces(self, kept: NDArray[np.bool_]) -> "BoundGarment":
-        """With these faces [F] alone."""
+        """The garment with only these faces [F]."""
         return replace(self, faces=self.faces[kept], islands=self.islands[kept])
 
     def skin_weights(self, base: Array) -> Array:
@@ -130,7 +130,7 @@ def connected(faces: Index) -> Index:
 
 
 def _read_binding(path: Path) -> tuple[dict[str, str], list[list[float]], set[int]]:
-    """Settings; numbers of each bound vertex; hidden vertices of the base mesh."""
+    """Settings, the numbers of each bound vertex, and the hidden vertices of the base mesh."""
     settings: dict[str, str] = {}
     bound: list[list[float]] = []
     hidden: set[int] = set()

@@ -1,8 +1,8 @@
-"""What lies beneath a garment: left out where it cannot be seen, and drawn in where it ends.
+"""The surface beneath a garment: removed if it cannot be seen, and drawn in at the garment's edge.
 
-A vertex is covered where the garment is met in every direction that it faces. What is covered is
-left out, up to a margin along what can be seen; the margin lies below the garment, deeper the
-farther in, and moves as the garment does. So nothing comes through in any pose.
+A vertex is covered if every direction that it faces meets the garment. Covered vertices are
+removed, except for a margin along the visible ones. The margin lies below the garment, deeper the
+farther in, and moves with the garment, so that nothing comes through in any pose.
 """
 
 from collections.abc import Mapping
@@ -72,17 +72,17 @@ class Surface:
 
     @property
     def mean(self) -> Array:
-        """Of the genders. [V, 3]."""
+        """Mean of the genders [V, 3]."""
         return np.asarray(np.mean([*self.vertices.values()], axis=0))
 
     def of_faces(self, kept: Mask) -> "Surface":
-        """With these faces [F] alone, and all vertices."""
+        """The surface with only these faces [F], and all vertices."""
         return replace(self, faces=self.faces[kept])
 
 
 @dataclass(frozen=True)
 class Beneath:
-    """What becomes of the V vertices of a surface under another."""
+    """The result for the V vertices of a surface under another one."""
 
     hidden: Mask  # [V] faces of such vertices alone are left out
     tucked: Mask  # [V] covered, and not left out
@@ -96,8 +96,8 @@ def beneath(
     """What becomes of `inner`, the body, under `cover`; both have the same genders, or the cover
     fewer.
 
-    `listed`: vertices that are said to be covered. `hangs`: the cover is far from the skin, and its
-    hem wide: what can be seen from below is left out, too.
+    `listed`: vertices that are known to be covered. `hangs`: the cover is far from the skin with a
+    wide hem, so vertices that are visible from below are removed, too.
     """
     loose = HANGING_LOOSE_M if hangs else LOOSE_M
     tilt, margin = (HANGING_TILT, HANGING_M) if hangs else (TILT, MARGIN_M)

@@ -2,8 +2,8 @@
 
 World rotations of bones about their heads, found on the gender's mean body and then fixed, so
 that rest places stay linear in betas. Arms lie along the X axis with palms down and elbows that
-flex forward; legs hang straight down with feet pointing ahead; trunk, neck, head and collars
-stay as modelled; fingers keep the hand's turn (their curl is added when the body is
+flex forward. Legs hang straight down with feet pointing ahead. Trunk, neck, head and collars
+stay as modelled. Fingers keep the hand's turn (their curl is added when the body is
 loaded, see `wayfarer.body.hands`).
 """
 

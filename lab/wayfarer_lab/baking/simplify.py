@@ -38,7 +38,7 @@ def alike(faces: Index, region: Index) -> Index:
 def simplified(
     vertices: Array, faces: Index, most: int, hems: bool = True, group: Index | None = None
 ) -> Coarse:
-    """A mesh of at most about so many faces; the same mesh if it has no more. `hems`: they stay.
+    """A mesh of about `most` faces at most; the same mesh if it has no more. `hems`: they stay.
 
     Faces of different groups [F], which share no vertices, do not touch.
     """

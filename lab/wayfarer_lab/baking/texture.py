@@ -21,10 +21,10 @@ AROUND: Final = 200
 """Faces of the full mesh among which the one under a low-poly face is looked for."""
 
 DETOUR: Final = 2.0
-"""How much farther than the straight line a corner is looked for, from its face's middle …"""
+"""Factor on the straight distance from a face's middle, within which a corner is looked for."""
 
 MARGIN: Final = 0.02
-"""… and metres beyond that: ways lead from middle to middle of the faces between."""
+"""Metres added to that distance, since ways lead through the middles of the faces between."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _unfolded(full: Mapped) -> Any:
 
 
 def nearest(points: Array, triangles: Array) -> tuple[Array, Index, Array]:
-    """Of triangles [F, 3, 3] the nearest to each point [N, 3].
+    """Finds the triangle of [F, 3, 3] that is nearest to each point [N, 3].
 
     Returns the distance [N], the triangle [N] and the nearest point's barycentric shares [N, 3].
     """

@@ -57,11 +57,11 @@ HANGING: Final = 2
 
 @dataclass(frozen=True)
 class Recipe:
-    """What becomes of one of MakeHuman's garments."""
+    """How one of MakeHuman's garments is baked."""
 
     source: str  # its folder and name
-    region: int  # what its faces are …
-    islands: Mapping[int, tuple[int, ...]] = field(default_factory=dict)  # … except these
+    region: int  # of its faces
+    islands: Mapping[int, tuple[int, ...]] = field(default_factory=dict)  # region → other islands
     layers: tuple[int, ...] = ()  # regions from the inside out; the others are over them
     least: int = 0  # faces of a piece that is kept: hair has loose strands
     faces: tuple[int, int] = (6000, 1000)  # about at most, in high and in low detail
@@ -130,7 +130,7 @@ RECIPES: Final[Mapping[str, Recipe]] = {
     "afro": _hair("afro01", least=20),
     "brows": Recipe("eyebrows/eyebrow001", HAIR, faces=(192, 48), cloth=False),
 }
-"""By the name under which `body/outfit.py` asks for them."""
+"""Recipes by the names that `body/outfit.py` uses."""
 
 
 def bake(

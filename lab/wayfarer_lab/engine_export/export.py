@@ -169,7 +169,7 @@ def graph_file(gender: str) -> str:
 
 
 def _served(folder: ModelFolder) -> dict[str, Engine]:
-    """What the server runs: onnxruntime and, where it is installed, torch on the CPU."""
+    """The server's engines: onnxruntime and, if it is installed, torch on the CPU."""
     engines: dict[str, Engine] = {"onnxruntime": OnnxEngine(folder, threads=1)}
     if find_spec("torch") is not None:
         from wayfarer.engines.torch.engine import TorchEngine, load_networks

@@ -41,7 +41,7 @@ def engine_graph(source: Path, candidates: int, about: dict[str, Any]) -> onnx.M
 
     Its leading axis is called `agents` and stays free. Raises ArtifactError when it cannot be.
     """
-    model = onnx.load(source)  # with the weights beside it
+    model = onnx.load(source)  # with the weights in its folder
     graph = model.graph
     _embed(graph)
     _fix(graph, "candidates", candidates)
@@ -110,7 +110,7 @@ def _fix(graph: onnx.GraphProto, axis: str, size: int) -> None:
             if found and all(isinstance(one, int) for one in found):
                 _put(graph, node.output[0], np.array(found, np.int64))
                 continue
-            if found == [AGENTS]:  # any input tells it: take one that is always there
+            if found == [AGENTS]:  # any input determines it; this one always exists
                 node.input[0] = graph.input[0].name
         kept.append(node)
     _replace(graph, kept)

@@ -91,7 +91,7 @@ def offline(
 ) -> Iterator[Trial]:
     """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m.
 
-    `lead` may move the standing bodies on before their trees begin; `steering` None: the service's.
+    `lead` may move the standing bodies before their trees begin. `steering` None: the service's.
     """
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]

@@ -87,7 +87,7 @@ class ShownPose(TypedDict):
 def least_usual(
     made: Sequence[tuple[FrozenPoses, Rollout]], score: PoseScore, count: int
 ) -> list[ShownPose]:
-    """Of each motion the pose that is least usual, and of these the `count` least usual ones.
+    """The `count` least usual poses, at most one of each motion.
 
     `made` are rollouts of both genders and what they began with.
     """

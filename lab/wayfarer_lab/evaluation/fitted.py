@@ -30,7 +30,7 @@ def fit_body(
     """The poses whose markers are nearest to `markers` [A, F, 67, 3], from one pose before each.
 
     `start` has one frame: hips [3, 1, A], rotations [3, 3, 22, 1, A]. Rows do not influence each
-    other but for rounding.
+    other except for rounding.
     """
     frames = markers.shape[1]
     wanted = markers.detach().transpose(-1, -2)

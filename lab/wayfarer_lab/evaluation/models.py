@@ -138,7 +138,7 @@ def predictor_rows(
 def regressor_rows(parts: Parts, recorded: Recorded, count: int, seed: int) -> list[Row]:
     """Each gender's regressor on recorded poses: with the recorded shapes and with random ones.
 
-    Frames are those that a step asks for. The row **mocap** puts the recordings' own parameters in
+    A step's frames are used. The row **mocap** puts the recordings' own parameters in
     a regressor's place: the floor of these figures, 0 except for rounding.
 
     Figures:

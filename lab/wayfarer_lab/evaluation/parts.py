@@ -60,7 +60,7 @@ class Variant:
     """One way to join the parts; `name` is its row."""
 
     name: str
-    predictor: str  # "1f", "2f": trained on single primitives; "ro-1f", "ro-2f": over rollouts
+    predictor: str  # "1f", "2f" are trained on single primitives, "ro-1f", "ro-2f" over rollouts
     blend: float = BLEND  # share of reprojected markers in the next seed
     grounding: float = GROUNDING  # share of the height error taken off in a primitive; 0: none
     policy: bool = False  # latents from the policy rather than from N(0, I)
@@ -167,7 +167,7 @@ def _from_models(path: Path, threads: int) -> Parts:
 
 
 def _with_runs(parts: Parts, runs: Path) -> Parts:
-    """`parts` with those that have a checkpoint under `runs`. Raises ArtifactError for none."""
+    """Replaces parts that have a checkpoint under `runs`. Raises ArtifactError for none."""
     bodies = load_marker_bodies()
     predictors = dict(parts.predictors)
     regressors = dict(parts.regressors)

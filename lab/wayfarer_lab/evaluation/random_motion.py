@@ -256,7 +256,7 @@ def bodies(
 
 
 def judged(name: str, made: Sequence[Rollout], measure: Callable[[str, JudgedMotion], Row]) -> Row:
-    """The row of a variant: `lost` are those that did not stay bodies; only the others count."""
+    """The row of a variant. `lost` counts rollouts that did not stay bodies; they are excluded."""
     sound = [rollout.sound() for rollout in made]
     tracks = [track for rollout in sound for track in rollout.tracks()]
     count = sum(len(rollout.hips) for rollout in made)

@@ -29,7 +29,7 @@ LIMBS: Final = [*KNEES, *ANKLES, *BALLS, *ELBOWS, *WRISTS]
 
 @dataclass(frozen=True)
 class Take:
-    """T frames of one body: world space, metres, Z up, 40 fps; flat floor at z = 0.
+    """T frames of one body: world space, metres, Z up, 40 fps, flat floor at z = 0.
 
     `height` [T, 2] is that of the lowest point of each foot above the ground under it.
     """

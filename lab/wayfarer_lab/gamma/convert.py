@@ -42,11 +42,11 @@ _PREDICTOR = {
     "d_mlp.layers.1": "output.0.2",
     "d_out": "output.1",
 }
-"""Layer of theirs → of `MarkerPredictor`, but for the decoder's recurrent cell."""
+"""Their layer → `MarkerPredictor`'s, except for the decoder's recurrent cell."""
 
 
 class Tensors:
-    """A checkpoint's tensors; what is asked for must be there, in the shape that is expected."""
+    """A checkpoint's tensors; a requested tensor must exist in the expected shape."""
 
     def __init__(self, path: Path, part: str) -> None:
         """`part` is the prefix that this network has in a combo: predictor, regressor."""

@@ -47,7 +47,7 @@ class Checkpoints:
 
 
 def ssm2_sites(names: Sequence[str]) -> Sites:
-    """What the quality terms look at, among MOJO's SSM2 markers. Raises ArtifactError."""
+    """The sites of the quality terms among MOJO's SSM2 markers. Raises ArtifactError."""
 
     def find(*wanted: str) -> list[int]:
         missing = [w for w in wanted if w not in names]

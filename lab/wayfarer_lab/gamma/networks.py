@@ -1,7 +1,7 @@
 """The paper's networks where ours differ in form: body regressor and policy of GAMMA-release.
 
 Written from the layout of its public code (Apache 2.0); nothing of it is copied. The marker
-predictor needs no network of its own: `MarkerPredictor` with a prior of N(0, I) is the same
+predictor needs no separate network: `MarkerPredictor` with a prior of N(0, I) is the same
 function.
 """
 

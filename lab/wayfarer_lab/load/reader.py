@@ -31,10 +31,9 @@ class Latest:
 class Reader:
     """Counts one session's stream. Times: Unix seconds, by the clock of the server.
 
-    What counts are the primitives that fall due in [since, until). An agent has one every 0.2 s
-    from its first on: those that are left out, dropped, or taken off its schedule by a server that
-    has fallen behind are misses all the same, and as late as they are when that shows. They count
-    in the ring in which the agent came last.
+    Primitives that are due in [since, until) count. An agent has one every 0.2 s from its first on.
+    Primitives that a late server leaves out, drops, or takes off the schedule are misses too, as
+    late as they are when that shows. They count in the ring in which the agent came last.
 
     With rings, nothing is due of an agent that is out of sight: until it is in `added`, and once it
     is in `hidden`.
@@ -84,7 +83,7 @@ class Reader:
             self._hide(list(self._latest), now)
 
     def _hide(self, aliases: Iterable[int], now: float) -> None:
-        """The agents are out of sight: what was due of them by `now` is all that is lost."""
+        """Handles agents that went out of sight: only primitives due by `now` can be lost."""
         for alias in aliases:
             self._shown.discard(alias)
             self.goals.hide(alias)
@@ -185,14 +184,14 @@ class GoalWatch:
     """The goals of one session's agents. Times: Unix seconds."""
 
     def __init__(self, tally: Tally, has_rings: bool = False) -> None:
-        """`has_rings`: what is asked of agents out of sight does not count."""
+        """`has_rings`: goals of agents out of sight do not count."""
         self._tally = tally
         self._has_rings = has_rings
         self._asked: defaultdict[int, dict[int, float]] = defaultdict(dict)  # alias: revision: when
         self._shown: dict[int, tuple[int, float]] = {}  # alias: newest revision, first seen when
 
     def asked(self, alias: int, revision: int, since: float) -> None:
-        """A goal that was to be given at `since` has been answered with its revision."""
+        """Notes that a goal that was due at `since` has been answered with its revision."""
         if self._has_rings and alias not in self._shown:
             return
         shown, when = self._shown.get(alias, (-1, 0.0))

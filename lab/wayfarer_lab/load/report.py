@@ -72,7 +72,7 @@ def _show_rings(summary: dict[str, Any], console: Console) -> None:
 
 
 def write(path: Path, summary: dict[str, Any], meta: dict[str, Any], tally: Tally) -> None:
-    """Write `path` (JSON) and, beside it, a plot of the run's percentiles."""
+    """Writes `path` (JSON) and, in its folder, a plot of the run's percentiles."""
     _write_json(path, summary, meta)
     _plot(path.with_suffix(".png"), tally, summary)
 
@@ -80,7 +80,7 @@ def write(path: Path, summary: dict[str, Any], meta: dict[str, Any], tally: Tall
 def write_knee(
     path: Path, found: int, trials: list[dict[str, Any]], p99_ms: float, meta: dict[str, Any]
 ) -> None:
-    """Write `path` (JSON) and, beside it, a plot of lateness and misses over agents."""
+    """Writes `path` (JSON) and, in its folder, a plot of lateness and misses over agents."""
     _write_json(path, {"knee": found, "p99_ms": p99_ms, "trials": trials}, meta)
     _plot_knee(path.with_suffix(".png"), found, trials, p99_ms)
 

@@ -30,7 +30,7 @@ FORMATS: Final[Mapping[str, motion_pb2.PoseFormat | None]] = {
 
 MOST_RINGS: Final = 8
 MOST_RADIUS: Final = 20_000.0
-"""Metres: a last ring without a radius is so wide."""
+"""Radius in metres of a last ring for which none is given."""
 
 EYES: Final = 1.7
 """Metres of the viewpoint above the ground."""
@@ -109,7 +109,7 @@ class WalkingViewpoint:
         self._since = time.monotonic()
 
     async def requests(self, session_id: str) -> AsyncIterator[control_pb2.ControlRequest]:
-        """What a client sends over Control: the stream's opening, then the viewpoint as it goes."""
+        """Yields a client's requests over Control: the opening, then the moving viewpoint."""
         self._walk()
         opening = motion_pb2.StreamMotionRequest(session_id=session_id, interest=self._interest())
         yield control_pb2.ControlRequest(open=opening)

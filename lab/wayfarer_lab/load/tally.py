@@ -89,7 +89,7 @@ class OverTime:
         found.most_s = max(found.most_s, late)
 
     def rows(self) -> list[dict[str, float]]:
-        """In order of time; `at` is where an interval of `BIN_S` begins."""
+        """Rows in order of time; `at` is the start of an interval of `BIN_S`."""
         return [
             {
                 "at": round(number * BIN_S, 3),
@@ -128,7 +128,7 @@ class RingTally:
     def row(self, ring: str, seconds: float, agents: int) -> dict[str, Any]:
         """The figures of `seconds` of measuring; `agents` are those of all rings."""
         people = self.due * STEP_SECONDS / seconds  # seen in it, on average
-        each = self.bytes / max(self.chunks, 1) / STEP_SECONDS / 1e3  # of who comes
+        each = self.bytes / max(self.chunks, 1) / STEP_SECONDS / 1e3  # of an agent in the ring
         return {
             "ring": ring,
             "people": round(people, 2),
@@ -172,7 +172,7 @@ class Tally:
 
     @property
     def lateness(self) -> Latencies:
-        """Of the primitives of all rings."""
+        """Lateness of the primitives of all rings."""
         return Latencies.sum(ring.lateness for ring in self.by_ring.values())
 
     @property

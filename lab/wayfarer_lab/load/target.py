@@ -1,4 +1,4 @@
-"""The server under load: one that runs already, or our own."""
+"""The server under load: a running one, or our own."""
 
 import asyncio
 import json
@@ -21,7 +21,7 @@ START_SECONDS = 180.0
 
 LINE_BYTES = 1 << 20
 LINES_SHOWN = 20
-"""Of what a server that failed has said last."""
+"""Number of last log lines of a failed server that are shown."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Target:
     grpc: str  # host:port
     http: str  # http://host:port
     metadata: tuple[tuple[str, str], ...] = ()
-    process: psutil.Process | None = None  # when it runs on this machine as our own
+    process: psutil.Process | None = None  # if it is our own, on this machine
 
     def cpu_seconds(self) -> float | None:
         """CPU time of the server so far, its workers' included; None when it is not ours."""

@@ -30,7 +30,7 @@ MESSAGE_BYTES = 64 << 20
 
 
 class StreamError(Exception):
-    """By the server or the network; says how."""
+    """The server or the network ended the stream; the text says how."""
 
 
 class Connection:
@@ -123,7 +123,7 @@ async def _ask(
 def _motion(
     response: control_pb2.ControlResponse, viewpoint: WalkingViewpoint
 ) -> motion_pb2.StreamMotionResponse | None:
-    """What a message over Control has of motion; a viewpoint is answered only when refused."""
+    """The motion in a message over Control; a viewpoint is answered only if it is refused."""
     if response.HasField("motion"):
         return response.motion
     code = code_pb2.Code.Name(response.reply.problem.code)

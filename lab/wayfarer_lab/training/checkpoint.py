@@ -24,7 +24,7 @@ class _Inert:
 
 
 def read_tensors(path: Path, sections: Sequence[str]) -> dict[str, Tensor]:
-    """Tensors by name: those of the first of `sections` that the file has, else of the file itself.
+    """Tensors by name, of the first of `sections` that the file has, or of the file itself.
 
     Raises ArtifactError.
     """

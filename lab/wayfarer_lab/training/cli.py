@@ -231,7 +231,7 @@ def goal_cvae(settings: GoalCvaeConfig, data: Path, out: Path, minutes: float) -
 def end_to_end(settings: EndToEndConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train a predictor and both regressors together (Sec. B.1, Eq. 12), from trained ones.
 
-    What comes out lies in the run's folder as runs of its own, for --runs of export and eval.
+    The results are separate runs in the run's folder, for --runs of export and eval.
     """
     return train_end_to_end(settings, *_frames(data, settings.mix), out, minutes)
 

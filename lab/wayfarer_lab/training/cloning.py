@@ -2,7 +2,7 @@
 
 A recorded person shows by its own future what it was about to do. So the way and the facing that
 it had .2, .5 and 1 s later are the question (`motion/trajectory.py`), and the posterior code of
-what it did is the answer. The seeds are those of the service: the predictor goes on from its own
+what it did is the answer. Seeds are as in the service: the predictor continues from its own
 bodies, led by posterior codes and, in some rows, by the policy itself, whose errors the posterior
 of the recorded future then takes back (DAgger; Ross et al. 2011).
 
@@ -53,7 +53,7 @@ class CloningConfig(BaseModel):
     rollout: int = 6  # primitives per window; a third of the draws are shorter, for short clips
     own: float = 0.35  # share of primitives that the policy itself leads
     noise: float = 0.02  # spread of what is asked: metres, and parts of a facing
-    start_from: str = ""  # run folder of a cloned policy to go on from
+    start_from: str = ""  # run folder of a cloned policy to continue from
     mix: dict[str, float] = {
         "walk": 0.24,
         "run": 0.04,
@@ -97,9 +97,9 @@ class Hindsight:
         self.facings = facing / facing.norm(dim=-1, keepdim=True).clamp(min=1e-6)
 
     def asked(self, at: Tensor, hips: Tensor, frame: Frame) -> Asked:
-        """Of bodies whose hips are at `hips` [B, 2] when the recording is at frames `at` [B].
+        """The wishes for bodies with hips at `hips` [B, 2] at frames `at` [B] of the recording.
 
-        A body that has left the recorded path is asked back to it.
+        A body that has left the recorded path is sent back to it.
         """
         ahead = at[:, None] + torch.tensor(HORIZONS, device=at.device)
         turn = frame.rotation[:, :2, :2]
@@ -190,7 +190,7 @@ class CloningTrainer:
         return found
 
     def _latent(self, posterior: Posterior, seed: Tensor, asked: Asked, manner: Tensor) -> Tensor:
-        """What leads on [B, 128]: the recording or, in some rows, the policy."""
+        """The latents [B, 128] that lead: the recording's or, in some rows, the policy's."""
         answer = self.policy.lead(seed, asked, manner)
         noise = torch.randn(len(seed), LATENT, device=seed.device)
         by_policy = answer.mean + torch.exp(answer.log_std) * noise

@@ -213,7 +213,7 @@ def _actor(clip: ClipRange) -> str:
 
 
 STYLED = "bvh100"
-"""The person of 100STYLE, who acts another style in each take."""
+"""The person of 100STYLE, whose style differs in each take."""
 
 GROUPS = ("walk", "run", "sideways", "backward", "start_stop", "turn", "standing", "other")
 """Kinds of frames that a training's `mix` gives shares to."""
@@ -235,7 +235,7 @@ EDGE = round(0.5 * FPS)
 
 
 def label_motion(hips: NDArray[np.floating], facing: NDArray[np.floating]) -> NDArray[np.str_]:
-    """What is done in each frame, one of `GROUPS`: hips [N, 3], their rotations [N, 4], world.
+    """The activity in each frame, one of `GROUPS`; hips [N, 3], their rotations [N, 4], world.
 
     By the motion itself (over half a second), whatever a file is called: takes of sideways walking
     begin and end with forward walks, and hold stops and turns.
@@ -271,7 +271,7 @@ def _smooth(values: NDArray[np.floating], seconds: float = 0.5) -> NDArray[np.fl
 
 
 def group_of(use: int, done: str) -> str:
-    """What a frame teaches, one of `GROUPS`, or "" for nothing; `done` is from `label_motion`."""
+    """The group of `GROUPS` that a frame teaches, or ""; `done` is from `label_motion`."""
     if use == Use.EXCLUDED:
         return ""
     if use == Use.STANDING:

@@ -94,7 +94,7 @@ def train_end_to_end(
 ) -> bool:
     """Train or resume in `folder`. True when all steps are done.
 
-    What came out lies in `folder` as runs of its own: predictor_…_rollout, regressor_male and
+    The results are separate runs in `folder`: predictor_…_rollout, regressor_male and
     regressor_female, for `wayfarer export --runs` and `wayfarer eval … --runs`.
     """
     trainer = EndToEndTrainer(config, train, validation)

@@ -1,4 +1,4 @@
-"""One episode of many agents: what they saw, did and got until each reached its goal or broke."""
+"""One episode of many agents: observations, actions and rewards until each arrived or broke."""
 
 from typing import Literal, NamedTuple
 
@@ -33,7 +33,7 @@ class Episode(NamedTuple):
     rewards: Tensor  # [T, A, R] in the order of `reward.REWARDS`
     to_goal: Tensor  # [1 + T, A] Eq. 9 of the least distance so far, from the start on
     alive: Tensor  # [T, A] the agent was going when the primitive began
-    future: Tensor  # [A] the critic's value of the end of agents that ran out of time, else 0
+    future: Tensor  # [A] the critic's value of the end of agents that ran out of time; others: 0
     closest: Tensor  # [A] metres, least distance to the goal at the end of a primitive
     reached: Tensor  # [A]
     steps: Tensor  # [A] primitives until the goal was first reached; of the others, the limit
@@ -51,8 +51,8 @@ def simulate(
 ) -> Episode:
     """Step agents until each has reached its goal or has broken, for at most `primitives` steps.
 
-    Latents are drawn from the policy. `together` agents after one another go on until all of them
-    have arrived or broken: the paper's simulation of clones.
+    Latents are drawn from the policy. Consecutive `together` agents continue until all of them have
+    arrived or broken: the paper's simulation of clones.
     """
     task, count = environment.task, len(agents.gender)
     rows = torch.arange(count)
@@ -126,18 +126,18 @@ def samples_of(
     """What PPO learns from. `weights` [R] are those of Eq. 4.
 
     Rewards are taken as shares of the most there is, and returns as (1 - γ) of their sum: 0…1, so
-    that the critic's values neither depend on γ nor on the weights. What comes after the last
-    primitive: of a broken body nothing, so that falling costs all future reward; of one that ran
-    out of time what the critic expects; of one that arrived `arrival`, the share that it would get
-    for ever. (Every reward is positive: without it, ending early by arriving would be a loss, and
-    agents would learn to dawdle.) With `arrival` None nothing comes after the last primitive: Eq.
-    13 as it stands. `clones` agents after one another are those of one simulation.
+    that the critic's values neither depend on γ nor on the weights. After its last primitive, a
+    broken body gets nothing, so that falling costs all future reward. A body that ran out of time
+    gets what the critic expects, and a body that arrived gets `arrival`, the share of all reward
+    from then on. (Every reward is positive: without it, ending early by arriving would be a loss,
+    and agents would learn to dawdle.) With `arrival` None nothing comes after the last primitive,
+    as in Eq. 13. Consecutive `clones` agents belong to one simulation.
 
-    Credit by `approach`: r_goal of the least distance so far is paid from each primitive on for
-    ever, so a primitive earns what it adds to that, at once, and a fall costs what had been earned.
-    What was earned before a primitive began is known then; to leave it out of the return, as a
-    baseline, changes the expected gradient as little as the critic does. What is left says which
-    primitive brought an agent closer, where a whole episode's r_goal is the same for all of them.
+    Credit by `approach`: r_goal of the least distance so far is paid from each primitive on, so a
+    primitive earns its addition to that at once, and a fall costs all that was earned. Earlier
+    earnings are known when a primitive begins; leaving them out of the return, as a baseline,
+    changes the expected gradient as little as the critic does. The rest shows which primitive
+    brought an agent closer, whereas a whole episode's r_goal is the same for all of them.
     """
     shares = weights / weights.sum()
     scale = 1 - settings.discount

@@ -1,4 +1,4 @@
-"""From run folders to the model folder that serves: `wayfarer export`."""
+"""Exports run folders as the model folder that serves: `wayfarer export`."""
 
 from dataclasses import asdict
 from pathlib import Path

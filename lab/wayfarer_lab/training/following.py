@@ -4,7 +4,7 @@ A cloned policy has seen recorded people only. Left to itself it glides, where t
 recordings mean a standstill between them, and it ends beside its goal. So its own steps, feet
 locked as in the service, are differentiated: the way and the facing that are asked, soles that rest
 while they bear weight, a trunk that stays upright. The divergence from the cloned policy is the
-price, so that people go on moving as recorded ones do. Slopes flow through the predictor and the
+price, so that people still move as recorded ones do. Slopes flow through the predictor and the
 markers it hands on, not through bodies.
 """
 
@@ -134,7 +134,7 @@ def rotated(vectors: Tensor, angle: Tensor) -> Tensor:
 
 
 class Costs(NamedTuple):
-    """What a step is off [A]; units as of the config's weights."""
+    """Deviations of a step [A]; units as of the config's weights."""
 
     way: Tensor
     facing: Tensor
@@ -145,7 +145,7 @@ class Costs(NamedTuple):
 
 
 def costs_of(seed: Tensor, future: Tensor, asked: Asked, sites: Sites) -> Costs:
-    """Of markers: seed [A, S, 67, 3] and future [A, F, 67, 3], canonical frame."""
+    """Costs of markers: seed [A, S, 67, 3] and future [A, F, 67, 3], canonical frame."""
     last, end = seed[:, -1], future[:, -1]
     waist = sites.left_waist + sites.right_waist
 

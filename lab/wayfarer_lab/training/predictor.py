@@ -118,7 +118,7 @@ def sole_slide(made: Tensor, truth: Tensor, soles: Tensor) -> Tensor:
 
 
 class Serving:
-    """What the service makes of predicted markers, for rows of both genders."""
+    """Processes predicted markers as the service does, for rows of both genders."""
 
     def __init__(
         self, regressors: Mapping[str, str], seed_frames: int = 2, floor_origin: bool = True
@@ -204,7 +204,7 @@ class PredictorTrainer:
         self.run: TrainingRun | None = None
 
     def representation(self) -> Markers:
-        """What frames are given by. Raises InvalidArgument where it cannot be served."""
+        """The representation of frames. Raises InvalidArgument if it cannot be served."""
         if self.config.regressors and self.config.representation != "markers":
             raise InvalidArgument(
                 f"seeds as they are served are markers, not {self.config.representation!r}",
@@ -213,7 +213,7 @@ class PredictorTrainer:
         return REPRESENTATIONS[self.config.representation]()
 
     def network(self) -> MarkerPredictor:
-        """What is trained, with the weights that it starts from."""
+        """The network to train, with its initial weights."""
         start, frames = self.config.start_from, self.config.seed_frames
         if start:
             model = load_predictor(Path(start), frames).train()
@@ -240,7 +240,7 @@ class PredictorTrainer:
         return list(self.model.parameters())
 
     def condition(self, frames: Frames, at: Tensor, seed: Tensor) -> Tensor:
-        """What the model is given of seeds [B, S, 201], which begin at frames `at` [B]."""
+        """The model's condition for seeds [B, S, 201], which begin at frames `at` [B]."""
         return seed
 
     def window(self, primitives: int) -> int:
@@ -250,9 +250,9 @@ class PredictorTrainer:
     def losses(self, frames: Frames, starts: Tensor, primitives: int) -> Iterator[Terms]:
         """Terms of each primitive of a rollout; the graph of one is freed before the next.
 
-        Seeds after the first are the model's own last frames, detached. In the paper they are what
-        was predicted, in the frame of reference of the recorded motion. With `regressors` they are
-        what the service hands on: half the markers of the regressed body, set on the floor, in that
+        Seeds after the first are the model's own last frames, detached. In the paper they are the
+        prediction, in the recorded motion's frame of reference. With `regressors` they are
+        the service's next seeds: half the markers of the regressed body, set on the floor, in that
         body's own frame.
         """
         s, kind, floor = self.config.seed_frames, self.kind, self.config.floor_origin

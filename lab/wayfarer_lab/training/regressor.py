@@ -26,7 +26,7 @@ from wayfarer_lab.training.rotation import (
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights, read_weights
 
 FRAMES = NEW_FRAMES // EVERY + 1
-"""Frames of a window, `EVERY` apart: those that a step regresses."""
+"""Frames of a window, `EVERY` apart: the frames that a step regresses."""
 
 SURFACE = 128
 """Vertices of the skin, spread evenly over the mesh's numbering, that `surface_weight` looks at."""
@@ -145,7 +145,7 @@ class RegressorTrainer:
         return markers, skin
 
     def find(self, sample: Sample) -> list[Estimate]:
-        """What the passes find."""
+        """The estimates of the passes."""
         shape = self.body.shaped(sample.betas)
         return self.model.estimates(sample.noisy, sample.betas, shape)
 

@@ -1,4 +1,4 @@
-"""What the frames of a primitive are given by: markers, or body parameters (paper, Sec. A.4).
+"""Representations of a primitive's frames: markers, or body parameters (paper, Sec. A.4).
 
 The marker predictor's network stays the same; only its frames are other numbers. Whatever they are,
 training looks at the markers of the bodies they stand for: directly, or by kinematics and skinning,
@@ -72,11 +72,11 @@ class Markers:
         return features
 
     def beside(self, features: Tensor) -> Beside | None:
-        """What must be learned beside the markers."""
+        """Features that must be learned in addition to the markers."""
         return None
 
     def handed_on(self, features: Tensor, markers: Tensor) -> Tensor:
-        """What the next primitive of a rollout begins with, of what was predicted."""
+        """The part of a prediction with which the next primitive of a rollout begins."""
         return features
 
     def moved(self, features: Tensor, before: Frame, after: Frame) -> Tensor:
@@ -136,7 +136,7 @@ class BodyParameters(Markers):
 class HumorFeatures(BodyParameters):
     """*HuMoR primitive*: r, Φ, θ, then ṙ, Φ̇, the joints' places J and their velocities J̇.
 
-    Bodies are those of r, Φ and θ; the rest is learned beside them.
+    r, Φ and θ define the bodies; the rest is learned in addition.
     """
 
     size = BodyParameters.size + 6 + 6 * POSED_JOINTS
@@ -182,7 +182,7 @@ REPRESENTATIONS: Final[dict[Name, type[Markers]]] = {
 
 
 def _velocity(places: Tensor) -> Tensor:
-    """Per second [B, F, N], from the frame before; of the first frame: to the next."""
+    """Velocity [B, F, N] from the frame before; in the first frame, to the next one."""
     step = FPS * (places[:, 1:] - places[:, :-1])
     return torch.cat([step[:, :1], step], 1)
 

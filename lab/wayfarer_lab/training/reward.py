@@ -56,7 +56,7 @@ REWARD_SCALES: Final = {"speed": 0.3, "sliding": 0.3, "upright": 0.06, "seam": 0
 
 @dataclass(frozen=True)
 class PrimitiveOutcome:
-    """What a reward is given: one primitive of each agent, frames as in `Candidate`."""
+    """Input of a reward: one primitive of each agent, frames as in `Candidate`."""
 
     body: Candidate  # of the body's reprojected markers, [A, 1 + F, M, 3]
     hips: Tensor  # [A, 1 + F, 3]
@@ -74,7 +74,7 @@ def path(o: PrimitiveOutcome) -> Tensor:
 def orientation(o: PrimitiveOutcome) -> Tensor:
     """Eq. 6: (1 + cos(angle from the body's facing to the goal)) / 2 at the end.
 
-    Of an agent that is asked to face some way, that way instead.
+    For an agent with a requested facing, the angle to that direction instead.
     """
     return 1 - facing(o.body) / 2
 

@@ -1,7 +1,7 @@
 """Where SMPL bodies have their joints: from a user's own SMPL-X or SMPL+H model files.
 
-The model files are licensed by the Max Planck Institute and are not shipped. Of their arrays only
-those that place joints are read: `v_template`, `shapedirs` and `J_regressor` (Loper et al. 2015,
+The model files are licensed by the Max Planck Institute and are not shipped. Only their
+arrays that place joints are read: `v_template`, `shapedirs` and `J_regressor` (Loper et al. 2015,
 Eq. 8 and 10).
 """
 

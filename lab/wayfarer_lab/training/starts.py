@@ -19,7 +19,7 @@ from wayfarer_lab.training.rotation import matrix_from_quaternion, matrix_from_r
 class SeedPoses(NamedTuple):
     """A seed without a body: S frames of N poses."""
 
-    hips: Tensor  # [N, S, 3]; the height is of no account: bodies differ
+    hips: Tensor  # [N, S, 3]; the height does not matter, since bodies differ
     rotations: Tensor  # [N, S, 22, 3, 3]
 
 

@@ -1,7 +1,7 @@
 """Run folders from a model folder, to continue from shipped weights without their runs.
 
 What only training needs is not in a model folder (the predictor's encoder, the policy's critic):
-those parts are initialised. Weights are those that ship, rounded to float16.
+those parts are initialised. The other weights are the shipped ones, rounded to float16.
 """
 
 import json
@@ -110,7 +110,7 @@ def _open(path: Path) -> onnx.GraphProto:
 
 
 def _settings(models: Path, name: str) -> tuple[dict[str, object], str]:
-    """What a network was trained with, and its last log line. Raises ArtifactError."""
+    """The settings of a network's training, and its last log line. Raises ArtifactError."""
     _, section, rest = (models / CARD).read_text().partition(f"\n## {name}\n")
     said, fence, text = rest.partition("```json\n")
     log = [line.strip() for line in said.splitlines() if line.startswith("    ")]

@@ -108,8 +108,8 @@ def fit_betas(
     """The body whose bones are as long as those between these joints [3], by canonical name.
 
     Places in metres, Z up, of the character at rest; hips, knees and ankles are needed, the other
-    bones may be missing. `floor`: height under its soles; None, or if heels lift the ankles:
-    their height is free. `gender`: None: the one that fits better. The scale is 1 if a person of
+    bones may be missing. `floor`: height under its soles; the ankles' height is free if it
+    is None or heels lift them. `gender`: None means the better fit. The scale is 1 if a person of
     the gender, or of either, has such legs.
     Raises InvalidArgument when a joint is unknown, missing or unlike a leg.
     """

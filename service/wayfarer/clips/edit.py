@@ -127,8 +127,8 @@ def put_back(clip: Clip, root: RootTrack) -> Clip:
 def looped(clip: Clip, body: BodyModel | None = None) -> Clip:
     """A cycle of steady walking in the clip: its last frame is its first, plus the travel.
 
-    The two most alike frames that lie two steps apart are its ends, and what they differ by is
-    spread over the cycle. Raises InvalidArgument when the clip has no two such frames.
+    Its ends are the two most similar frames two steps apart, and their difference is spread
+    over the cycle. Raises InvalidArgument when the clip has no two such frames.
     """
     if clip.seconds <= PERIOD_S[0]:
         raise _no_cycle(clip.seconds)

@@ -1,9 +1,8 @@
-"""Compiled networks as files: the next start reads them in a third of
-the time.
+"""Compiled networks as files: the next start reads them in a third of the time.
 
-A file's name is a hash of all that its network depends on, so one of another version, model or
-machine is never found; its content begins with a hash of the rest, so a damaged one is never run.
-A folder that cannot be read or written costs the time that it would have saved, and nothing else.
+A file's name is a hash of all that its network depends on, so a file of another version, model
+or machine is never found; its content begins with a hash of the rest, so a damaged one is never
+run. If the folder cannot be read or written, only the saved time is lost.
 """
 
 import hashlib

@@ -35,7 +35,7 @@ class StepInputs:
     term_weights: Float  # [A, T] cost = sum of weight * term; lower is better
     policy: Float  # [A] 0 … 1, share of the policy in the latents: 0 is the prior N(0, I)
     noise: Float  # [A, K, 128] standard normal, already scaled by temperature
-    manner: Float  # [A, 8] standard normal: one of each agent for ever
+    manner: Float  # [A, 8] standard normal, fixed for each agent
     # [A, O, 7] what is near, seen from above: a line from a to b with a radius, moving evenly:
     # ax, ay, bx, by, vx, vy, radius (metres, m/s); a radius below 0 is none
     obstacles: Float

@@ -1,7 +1,7 @@
 """The motion models of a server, side by side, and the model of each agent.
 
 Agents hold the number of their model in their slot; a number is never used twice. All worlds of a
-server share one `LoadedModels`; each keeps a `Roster` of its own.
+server share one `LoadedModels`, and each has its own `Roster`.
 """
 
 import threading

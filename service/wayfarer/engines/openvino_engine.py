@@ -212,12 +212,12 @@ class OpenVinoEngine(WarmEngine):
 
 
 def unscored(rows: int) -> dict[str, NDArray[Any]]:
-    """What stands for `LEFT_OUT`."""
+    """Values for the outputs in `LEFT_OUT`."""
     return {"terms": np.zeros((rows, 0), np.float32), "choice": np.zeros(rows, np.int64)}
 
 
 def batch_sizes(threads: int) -> tuple[int, ...]:
-    """Rows of a batch: 128 for each thread, and a few 16 more, so that nobody is left behind."""
+    """Batch sizes: up to 128 rows per thread, plus a few times 16, so that few rows are padding."""
     small, large = SIZES
     return tuple(
         large * many + few

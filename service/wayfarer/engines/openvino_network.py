@@ -55,7 +55,7 @@ def is_product(node: "Node") -> bool:
 
 
 def is_hidden(node: "Node") -> bool:
-    """What works on rows of a hidden layer."""
+    """Whether an operation works on rows of a hidden layer."""
     return node.get_type_name() in ON_ROWS and all(
         _is_float(value) and _is_row(value) for value in (node.input_value(0), *node.outputs())
     )
@@ -111,8 +111,8 @@ LEFT_OUT: Final = ("terms", "choice")
 def without_scores(network: "Model", rows: int) -> "Model":
     """The same network, changed in place: the first candidate is chosen, whatever it costs.
 
-    What led to its cost leads nowhere then, and is left out when the network is compiled: a twelfth
-    of a step.
+    The operations that computed the terms are then unused and removed when the network is
+    compiled, which saves a twelfth of a step.
     """
     from openvino import opset13 as ops
 

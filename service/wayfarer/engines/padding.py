@@ -13,11 +13,11 @@ Columns = TypeVar("Columns", StepInputs, StepOutputs)
 
 
 def whole(least: int, most: int, sizes: tuple[int, ...], full: int) -> int:
-    """How many of `most` rows to take if `least` of them are due; `sizes` of batches ascend.
+    """Number of rows to take of `most`, of which `least` are due; `sizes` of batches ascend.
 
-    A multiple of `full`, where a row costs least. If more are due than that, those who are, and
-    others in place of padding; but few more are left for the next batch, if the padding would be
-    many.
+    Takes a multiple of `full`, at which a row costs least. If more rows are due, it takes these,
+    and others instead of padding; but the few rows beyond the multiple wait for the next batch if
+    they would need much padding.
     """
     filled = min(most, sizes[-1]) // full * full
     if least > sizes[-1]:
@@ -30,7 +30,7 @@ def whole(least: int, most: int, sizes: tuple[int, ...], full: int) -> int:
 
 
 def fitting(rows: int, sizes: tuple[int, ...]) -> int:
-    """The least of `sizes` (ascending) that holds so many rows; where there is none, `rows`."""
+    """The smallest of `sizes` (ascending) that holds the rows, or `rows` if none does."""
     return next((size for size in sizes if size >= rows), rows)
 
 

@@ -64,10 +64,10 @@ def give_way(more: int = NICENESS) -> None:
 
     `more`: niceness added to its own.
 
-    A thread that holds Python's lock and waits for a core holds up all others that need the lock:
-    what computes for long without it comes last.
+    A thread that holds Python's lock and waits for a core delays all others that need the lock,
+    so a thread that computes for long without the lock comes last.
     """
-    if sys.platform == "linux":  # elsewhere it would be the whole process
+    if sys.platform == "linux":  # on other systems it would apply to the whole process
         thread = threading.get_native_id()
         niceness = os.getpriority(os.PRIO_PROCESS, thread) + more
         os.setpriority(os.PRIO_PROCESS, thread, min(niceness, 19))

@@ -1,4 +1,4 @@
-"""What leaves a server and comes back: snapshots and logs, packed off the motion thread."""
+"""Snapshots and logs that leave a server or come to it, packed off the motion thread."""
 
 import asyncio
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,15 +23,15 @@ T = TypeVar("T")
 
 SETTLE_TRIES: Final = 15
 SETTLE_SECONDS: Final = 0.02
-"""Tries and pause of an export that waits until chunks planned before the last command are sent,
-within 0.1 s of it."""
+"""Tries, and pause between them, of an export that waits for chunks planned before the last
+command."""
 
 
 class Home(Protocol):
-    """Where a session lives: `LiveMotion`, or `LockStep`."""
+    """The place of a session: `LiveMotion`, or `LockStep`."""
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
-        """Call with its world and time, on its thread."""
+        """Calls with its world and time, on its thread."""
         ...
 
 
@@ -43,30 +43,30 @@ class Archive:
         self._limits = worlds.settings.limits
 
     async def export_session(self, home: Home, session_id: str) -> bytes:
-        """See `MotionService`, as for all below."""
+        """Implements `MotionService`, as do the methods below."""
         return await self._packed(await self._taken(home, session_id, None))
 
     async def replica(self, home: Home, session_id: str, mark: LogMark | None) -> Replica:
-        """What it lives on from when this server has died. Raises NotFound."""
+        """The data from which it resumes after this server has died. Raises NotFound."""
         taken = await self._taken(home, session_id, mark)
         state = seal_replica(await self._packed(taken), taken.crowd)
         return await self.with_log(state, taken.news)
 
     async def with_log(self, state: bytes, news: LogNews | None) -> Replica:
-        """The replica of a session, with what was new in its log at that moment."""
+        """The replica of a session, with the part of its log that was new at that moment."""
         if news is None:
             return Replica(state)
         part = await asyncio.to_thread(encode_part, news, self.origin)
         return Replica(state, part, news.mark)
 
     def news(self, session_id: str, mark: LogMark | None) -> LogNews | None:
-        """What is new in a log, on the thread of the session's world; None: it is not recorded, or
-        not asked for.
+        """The new part of a log; called on the thread of the session's world. None: the session is
+        not recorded, or `mark` is None.
         """
         return None if mark is None else self._worlds.recordings.since(session_id, mark)
 
     async def joined_log(self, parts: Sequence[bytes]) -> CommandLog | None:
-        """The log in the replicas of a session; None: it has been dropped.
+        """Joins the log in a session's replicas; None: it has been dropped.
 
         Raises InvalidArgument, FailedPrecondition.
         """
@@ -74,7 +74,7 @@ class Archive:
         return await asyncio.to_thread(join_parts, parts, self.origin, self._limits, most)
 
     async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
-        """A snapshot's session; `attributes` go before its own.
+        """Reads a snapshot's session; `attributes` take precedence over its own.
 
         Raises InvalidArgument, FailedPrecondition.
         """
@@ -83,17 +83,17 @@ class Archive:
         return replace(record, spec=replace(record.spec, attributes=own))
 
     async def export_log(self, home: Home, session_id: str) -> bytes:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         log = await home.ask(lambda world, _: self._log(world, session_id))
         return await asyncio.to_thread(encode_log, log, self.origin)
 
     def replay(self, log: bytes) -> Iterator[Publication]:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 
     async def _taken(self, home: Home, session_id: str, mark: LogMark | None) -> "_Taken":
-        """With what is new in its log since `mark`, if there is one. Raises NotFound."""
+        """Takes its state, with the part of its log after `mark`. Raises NotFound."""
         for _ in range(SETTLE_TRIES):
             if await home.ask(lambda world, _: world.members.is_settled(session_id)):
                 break
@@ -107,7 +107,7 @@ class Archive:
         )
 
     async def _packed(self, taken: "_Taken") -> bytes:
-        """The snapshot."""
+        """Packs the snapshot."""
         agents, body = taken.agents, self._worlds.body
         parts = [member.part for member in agents.members]
         return await asyncio.to_thread(encode_session, taken.session, parts, agents.rows, body)
@@ -118,7 +118,7 @@ class Archive:
 
     @property
     def origin(self) -> LogOrigin:
-        """With what the motion of logs is made here."""
+        """The properties of this server on which the motion of logs depends."""
         steering = self._worlds.settings.steering
         asked = max(search.candidates for search in steering.searches.values())
         return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)
@@ -126,7 +126,7 @@ class Archive:
 
 @dataclass(frozen=True, slots=True)
 class _Taken:
-    """A session of one moment."""
+    """The state of a session at one moment."""
 
     session: SessionPart
     agents: CapturedAgents

@@ -11,7 +11,7 @@ from wayfarer.world.agents.faults import Fault
 log = structlog.get_logger(__name__)
 
 REMEMBERED: Final = 1024
-"""Places of errors that have been logged with their trace."""
+"""Maximum number of places in the code whose errors have been logged with their traceback."""
 
 
 class FaultLog:
@@ -23,9 +23,9 @@ class FaultLog:
         self._traced: set[tuple[str, str, int]] = set()
 
     def __call__(self, fault: Fault) -> None:
-        """Counts a fault; logs it unless the same agent or session has had it before.
+        """Counts a fault; logs it unless the same agent or session had it before.
 
-        The trace is logged once for each place in the code.
+        The traceback is logged once for each place in the code.
         """
         self._meter.fault(fault.stage)
         is_new = self._is_new(fault)
@@ -46,7 +46,7 @@ class FaultLog:
             log.error("not tried again by itself", stage=str(fault.stage), **whose)
 
     def _is_new(self, fault: Fault) -> bool:
-        """Whether no error has been raised at this place before."""
+        """Whether this is the first error at its place in the code."""
         trace = fault.error.__traceback__
         while trace is not None and trace.tb_next is not None:
             trace = trace.tb_next

@@ -1,4 +1,4 @@
-"""Calls on a session wait while it is on its way to another server."""
+"""Calls on a session wait while it moves to another server."""
 
 import asyncio
 from collections import Counter
@@ -14,7 +14,7 @@ WAIT_S: Final = 5.0
 """Seconds that a call waits for the end of a move."""
 
 CLOSE_S: Final = 2.0
-"""Seconds that a move waits for the calls that are under way."""
+"""Seconds that a move waits for calls in progress."""
 
 LOOK_S: Final = 0.005
 
@@ -22,12 +22,12 @@ LOOK_S: Final = 0.005
 @dataclass(slots=True)
 class _Closed:
     opened: asyncio.Event = field(default_factory=asyncio.Event)
-    sessions: int = 0  # that are on their way; a group may have several
+    sessions: int = 0  # number that are moving; a group may have several
     refusal: WayfarerError | None = None
 
 
 class SessionGates:
-    """One for each group of ids (ids.py), which a session and its agents share. Belongs to the
+    """One gate for each group of ids (ids.py), which a session and its agents share. Belongs to the
     event loop.
     """
 
@@ -37,9 +37,9 @@ class SessionGates:
 
     @asynccontextmanager
     async def through(self, name: str) -> AsyncIterator[None]:
-        """A call that changes the session, or the agent's session, of this id.
+        """Lets a call pass that changes the session, or the agent's session, of this id.
 
-        Raises Misdirected when it has moved meanwhile, Unavailable when that takes too long.
+        Raises Misdirected if it has moved meanwhile, Unavailable if that takes too long.
         """
         group = group_of(name)
         while (closed := self._closed.get(group)) is not None:
@@ -54,12 +54,12 @@ class SessionGates:
         try:
             yield
         finally:
-            self._inside -= Counter([group])  # keeps none that are 0
+            self._inside -= Counter([group])  # drops entries that are 0
 
     async def close(self, name: str) -> None:
-        """Let no call through from now on, and wait for those under way.
+        """Stops further calls, and waits for those in progress.
 
-        Raises Unavailable, and is open again, when they do not end.
+        Raises Unavailable, and opens again, if they do not end.
         """
         group = group_of(name)
         self._closed.setdefault(group, _Closed()).sessions += 1
@@ -74,9 +74,7 @@ class SessionGates:
             raise
 
     def open(self, name: str, refusal: WayfarerError | None = None) -> None:
-        """Reopens after as many calls as there were to `close`; those that wait get
-        `refusal`, if there is one.
-        """
+        """Reopens when called as often as `close`; waiting calls raise `refusal`, if given."""
         group = group_of(name)
         if closed := self._closed.get(group):
             closed.sessions -= 1

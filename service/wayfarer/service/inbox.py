@@ -1,4 +1,4 @@
-"""Commands on their way from event loops to the motion thread, and their results back."""
+"""Commands from event loops to the motion thread, and their results."""
 
 import asyncio
 import contextlib
@@ -14,34 +14,34 @@ from wayfarer.errors import Unavailable, WayfarerError
 T = TypeVar("T")
 
 AT_ONCE = 256
-"""Commands served in one go, so that a flood of them cannot hold up the motion."""
+"""Maximum commands served in a row, so that many of them cannot delay the motion."""
 
 
 def post(loop: asyncio.AbstractEventLoop, call: Callable[..., Any], *args: Any) -> None:
-    """Let `loop` make a call soon; a closed loop has no waiters, and nothing happens."""
+    """Makes `loop` call soon; does nothing if the loop is closed and so has no waiters."""
     with contextlib.suppress(RuntimeError):
         loop.call_soon_threadsafe(call, *args)
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A call to be made on the motion thread, and the future that gets its result."""
+    """A call for the motion thread, and the future that receives its result."""
 
     call: Callable[[], Any]
     loop: asyncio.AbstractEventLoop
     future: asyncio.Future[Any]
 
     def run(self) -> None:
-        """Make the call; its result or its error goes to the waiting future."""
+        """Makes the call; its result or its error goes to the future."""
         try:
             result = self.call()
-        except Exception as error:  # whatever it is, it belongs to the caller
+        except Exception as error:  # any error belongs to the caller
             self.fail(error)
         else:
             post(self.loop, self._settle, self.future.set_result, result)
 
     def fail(self, error: Exception) -> None:
-        """Let the caller have `error`."""
+        """Ends the future with `error`."""
         post(self.loop, self._settle, self.future.set_exception, error)
 
     def _settle(self, settle: Callable[[Any], None], outcome: Any) -> None:
@@ -50,7 +50,7 @@ class Command:
 
 
 class Inbox:
-    """Bounded; closed until the motion thread opens it, and again when that thread ends."""
+    """Bounded queue; closed until the motion thread opens it, and when that thread ends."""
 
     def __init__(self, size: int) -> None:
         self._queue: queue.Queue[Command | None] = queue.Queue(size)
@@ -60,7 +60,7 @@ class Inbox:
         )
 
     async def ask(self, call: Callable[[], T]) -> T:
-        """Run `call` on the motion thread. Raises Unavailable, or what `call` raises."""
+        """Runs `call` on the motion thread. Raises Unavailable, or what `call` raises."""
         loop = asyncio.get_running_loop()
         command = Command(call, loop, loop.create_future())
         with self._gate:
@@ -76,7 +76,7 @@ class Inbox:
         return result
 
     def open(self) -> None:
-        """Let commands in."""
+        """Accepts commands from now on."""
         with self._gate:
             self._refusal = None
 
@@ -89,13 +89,13 @@ class Inbox:
             command.fail(error(reason))
 
     def wake(self) -> None:
-        """End a `serve` that waits."""
+        """Ends a `serve` that waits."""
         with self._gate:
             if self._queue.empty():
                 self._queue.put_nowait(None)
 
     def serve(self, timeout: float) -> None:
-        """Run commands that wait; if there are none, wait up to `timeout` seconds for one."""
+        """Runs waiting commands; if there are none, waits up to `timeout` seconds for one."""
         try:
             first = self._queue.get(timeout=timeout) if timeout > 0 else self._queue.get_nowait()
         except queue.Empty:

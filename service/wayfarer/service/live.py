@@ -1,6 +1,6 @@
 """The live service: calls of transports become commands to the motion thread. The only clock.
 
-`MotionThread` turns the `World` and hands its chunks to the `Publisher`.
+`MotionThread` steps the `World` and hands its chunks to the `Publisher`.
 """
 
 import asyncio
@@ -41,17 +41,17 @@ U = TypeVar("U")
 
 
 INBOX: Final = 4096
-"""Commands that may wait for the motion thread."""
+"""Maximum number of commands that wait for the motion thread."""
 
 
 def steady_clock() -> Callable[[], float]:
-    """Unix seconds that never jump: the wall clock of now, carried on by the monotonic one."""
+    """Unix seconds that never jump: the wall clock at the start, then the monotonic clock."""
     start = time.time() - time.monotonic()
     return lambda: start + time.monotonic()
 
 
 class LiveMotion:
-    """Runs a world in a separate thread: the part of `MotionService` that is in real time."""
+    """Runs a world in a separate thread: the real-time part of `MotionService`."""
 
     def __init__(
         self,
@@ -63,8 +63,8 @@ class LiveMotion:
         keep_aside: Callable[[str], None] = lambda session_id: None,
         ended: Callable[[], None] = lambda: None,
     ) -> None:
-        """`warm_up` is called on the motion thread before its first turn; `may_step` and `ended`:
-        see there. `keep_aside(session)` keeps what the disk has of a session that is taken out.
+        """`warm_up` is called on the motion thread before its first turn. `may_step` and `ended`:
+        see `MotionThread`. `keep_aside(session)` keeps a removed session's files on disk.
         """
         self._keep_aside = keep_aside
         self._world = world
@@ -91,44 +91,44 @@ class LiveMotion:
     # Life
 
     def start(self) -> None:
-        """Start the thread, once."""
+        """Starts the thread, once."""
         self._thread.start()
 
     async def stop(self) -> None:
-        """End the thread, every stream and every waiting command; return when that is done."""
+        """Ends the thread, every stream and every waiting command; returns when that is done."""
         await self._thread.stop()
         self._workshop.shutdown(wait=False, cancel_futures=True)
 
     @property
     def ready(self) -> bool:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return self._thread.ready
 
     @property
     def failed(self) -> bool:
-        """The thread has ended without having been stopped."""
+        """Whether the thread has ended without having been stopped."""
         return self._thread.failed
 
     @property
     def alive(self) -> bool:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return self._thread.alive
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
-        """Call on the motion thread, with the world and its time. Must be quick.
+        """Calls on the motion thread, with the world and its time. Must be quick.
 
         Raises Unavailable, or what `call` raises.
         """
         return await self._inbox.ask(lambda: call(self._world, self._clock()))
 
     async def stats(self) -> LoopStats:
-        """See `MotionService`, as for all below."""
+        """Implements `MotionService`, as do the methods below."""
         return await self._inbox.ask(self._thread.stats)
 
     # Sessions
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         with self._counted("create_session"):
             return await self.ask(lambda world, now: world.create_session(spec, now))
 
@@ -139,15 +139,15 @@ class LiveMotion:
             return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
 
     async def delete_session(self, session_id: str) -> None:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         await self.ask(lambda *_: self._delete_session(session_id))
 
     # Agents
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """See `MotionService`."""
-        # A lack of room is reported at once, even when the motion thread is busy. Skinning start
-        # poses takes about a millisecond each: not on the motion thread.
+        """Implements `MotionService`."""
+        # A lack of room is reported at once, even if the motion thread is busy. Skinning start
+        # poses takes about a millisecond each, so it does not run on the motion thread.
         with (
             self._counted("create_agents"),
             self._world.reserve(session_id, specs, self._clock()) as room,
@@ -160,7 +160,7 @@ class LiveMotion:
             )
 
     async def delete_agent(self, agent_id: str) -> None:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         await self.ask(lambda *_: self._delete_agent(agent_id))
 
     async def use_model(self, name: str) -> int:
@@ -170,18 +170,18 @@ class LiveMotion:
     # Goals
 
     async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         asked_at = self._clock()
         return await self.ask(lambda _, now: self._give(agent_id, command, now, expected, asked_at))
 
     # Moves to another server; see moving.py
 
     async def send_rest(self, session_id: str) -> None:
-        """Send all that is planned for a session's agents, before its time. Raises NotFound."""
+        """Sends everything planned for a session's agents, before its time. Raises NotFound."""
         await self.ask(lambda world, _: self._send_rest(world, session_id))
 
     async def leave(self, session_id: str, error: WayfarerError) -> None:
-        """End a session here; its streams end with `error` after what they have left to send."""
+        """Ends a session on this server; its streams end with `error` after their last chunks."""
         await self.ask(lambda *_: self._delete_session(session_id, error))
 
     async def parts(self, session_id: str) -> LiveParts:
@@ -196,7 +196,7 @@ class LiveMotion:
         )
 
     async def put_crowd(self, session_id: str, crowd: CrowdPeople) -> None:
-        """Resumes a crowd from another server, whose people are on this one."""
+        """Resumes a crowd from another server; its people are already on this one."""
         await self.ask(lambda world, _: world.crowds.put(session_id, crowd))
 
     async def put_live(self, session: LiveSession) -> SessionInfo:
@@ -208,14 +208,14 @@ class LiveMotion:
     # Streams
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
-        """See `MotionService`. A subscription let go without `close` is forgotten, too."""
+        """Implements `MotionService`. A subscription dropped without `close` is forgotten too."""
         subscription = Subscription(
             session_id, options, self._world.settings.limits, self._meter, self._clock
         )
         await self.ask(lambda _, now: self._subscribe(subscription, now))
         return subscription
 
-    # Within; what is not `async` runs on the motion thread
+    # Private; methods that are not `async` run on the motion thread
 
     @contextmanager
     def _counted(self, command: str) -> Iterator[None]:
@@ -226,7 +226,7 @@ class LiveMotion:
             raise
 
     def _prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
-        """Seeds for new agents; other threads that wait to run Python go first."""
+        """Makes seeds for new agents; other threads that wait to run Python go first."""
         seeds: list[Motion] = []
         for spec in specs:
             seeds += self._world.prepare([spec])
@@ -234,9 +234,10 @@ class LiveMotion:
         return seeds
 
     async def _off_thread(self, call: Callable[[U], T], argument: U) -> T:
-        """Call in the one thread for what is costly.
+        """Makes a costly call in the one worker thread.
 
-        In several, calls would only keep each other, and the event loops, from running Python.
+        With several threads, calls would only prevent each other, and event loops, from running
+        Python.
         """
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._workshop, call, argument)
@@ -245,7 +246,7 @@ class LiveMotion:
         self, agent_id: str, command: GoalCommand, now: float, expected: int | None, asked_at: float
     ) -> int:
         revision = self._world.give(agent_id, command, now, expected)
-        if not isinstance(command, Append):  # appended goals wait for their turn
+        if not isinstance(command, Append):  # appended goals apply later
             session_id = self._world.session_of(agent_id)
             self._publisher.await_goal(session_id, agent_id, revision, asked_at)
         return revision
@@ -253,15 +254,15 @@ class LiveMotion:
     def adopt(
         self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
     ) -> SessionInfo:
-        """`put_session` for callers on the motion thread, `warm_up` among them."""
+        """`put_session` for callers on the motion thread, such as `warm_up`."""
         session = self._world.members.put_session(record, now, admit, examined)
         self._publisher.adopt(record)
         return session.info()
 
     def set_aside(self, session_id: str, why: str) -> None:
-        """Takes out a session that cannot continue; `why` is one of `SET_ASIDE`.
+        """Removes a session that cannot continue; `why` is one of `SET_ASIDE`.
 
-        For callers on the motion thread.
+        Must be called on the motion thread.
         """
         log.error("a session is set aside: it cannot go on", session=session_id, why=why)
         self._meter.set_aside(why)

@@ -1,7 +1,7 @@
 """Sessions in lock-step: each has its own world, in which time passes only on request.
 
-A world has a thread and a bounded inbox: letting much time pass in one session delays only
-that session's own callers.
+A world has a thread and a bounded inbox, so a session that steps for long delays only its own
+callers.
 """
 
 import threading
@@ -41,26 +41,26 @@ from wayfarer.world.world import World
 T = TypeVar("T")
 
 LOCK_STEP: Final = "lock-step"
-"""The epoch of its log, where no stream resumes."""
+"""The epoch of its log; no stream resumes there."""
 
 INBOX: Final = 256
-"""Commands that may wait in one session."""
+"""Maximum number of commands that wait in one session."""
 
 WAIT: Final = 60.0
-"""Seconds between two looks whether the session still lives, when nobody asks anything."""
+"""Seconds between checks whether an unused session still exists."""
 
 HAIR: Final = 2e-4
-"""Seconds before the next primitive at which calls see the world: new agents start with it."""
+"""Seconds before the next primitive at which calls see the world, so new agents start with it."""
 
 
 class LockStep:
     """The world of one session, and the thread that owns it."""
 
     def __init__(self, world: World, offline: Offline, started_at: float) -> None:
-        """`started_at`: Unix seconds. Put a session into the world, then `start`."""
+        """`started_at`: Unix seconds. Put a session into the world, then call `start`."""
         self.world = world
         self._offline = offline
-        self._started_at = floor(started_at / STEP_SECONDS) * STEP_SECONDS  # as agents' steps are
+        self._started_at = floor(started_at / STEP_SECONDS) * STEP_SECONDS  # like agents' steps
         self._inbox = Inbox(INBOX)
         self._goal_events = GoalEvents(
             world.get_agent, partial(world.faults.agent, stage=Stage.EVENT)
@@ -72,16 +72,16 @@ class LockStep:
 
     @property
     def now(self) -> float:
-        """Unix seconds as the world knows them."""
+        """Unix seconds, as the world sees them."""
         return self._next - HAIR
 
     @property
     def _next(self) -> float:
-        """When the next primitive begins."""
+        """The time at which the next primitive begins."""
         return self._started_at + self._steps * STEP_SECONDS
 
     def start(self) -> None:
-        """Take calls from now on."""
+        """Accepts calls from now on."""
         self._thread.start()
         self._inbox.open()
 
@@ -89,14 +89,14 @@ class LockStep:
         """Ends the thread, and refuses waiting calls."""
         self._ended = True
         self._inbox.close(reason, error)
-        self._inbox.wake()  # at last: closing empties the queue
+        self._inbox.wake()  # last, since closing empties the queue
 
     def join(self) -> None:
-        """Wait for the thread's end."""
+        """Waits for the thread's end."""
         self._thread.join()
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
-        """Call with the world and its time. Raises Unavailable, or what `call` raises."""
+        """Calls with the world and its time. Raises Unavailable, or what `call` raises."""
         return await self._inbox.ask(lambda: call(self.world, self.now))
 
     async def step(self, steps: int) -> list[Publication]:
@@ -107,16 +107,16 @@ class LockStep:
         return await self._inbox.ask(lambda: self._advance(steps))
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return await self.ask(lambda world, now: world.create_agents(session_id, specs, now))
 
     async def delete_agent(self, agent_id: str) -> None:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         await self.ask(lambda world, _: world.delete_agent(agent_id))
         self._goal_events.forget(agent_id)
 
     async def delete_session(self, session_id: str) -> None:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         await self.ask(lambda world, _: world.delete_session(session_id))
 
     async def use_model(self, name: str) -> int:
@@ -124,7 +124,7 @@ class LockStep:
         return await self.ask(lambda *_: self._use_model(name))
 
     async def give(self, agent_id: str, command: GoalCommand, expected: int | None) -> int:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
 
     async def parts(self, session_id: str) -> LiveParts:
@@ -140,7 +140,7 @@ class LockStep:
         return LiveParts(capture_session(self.world, session_id), rows, log, None)
 
     def go_on(self, log: SessionLog) -> None:
-        """Count on from another server's, before `start`."""
+        """Continues the log of another server; called before `start`."""
         self._position, self._steps = log.position, round(log.motion / STEP_SECONDS)
         self._started_at -= self._steps * STEP_SECONDS
         self._goal_events.stopping.update(log.stopping)
@@ -161,9 +161,9 @@ class LockStep:
         return published
 
     def _primitive(self) -> Publication:
-        """Plan what is shown 0.2 s from now, then let that time pass.
+        """Plans the primitive that begins 0.2 s from now, then lets that time pass.
 
-        So what is planned is sent at once, and no change of goals ever throws any of it away.
+        So planned motion is sent at once, and a change of goals never discards any of it.
         """
         while self.world.step(self._next):
             pass
@@ -188,8 +188,8 @@ class LockSteps:
         self._clock = clock
         self._sessions: dict[str, LockStep] = {}
         self._agents: dict[str, LockStep] = {}
-        self._new_sessions = self._new_agents = 0  # that are being made, and are not in there yet
-        self._lock = threading.Lock()  # for changes: sessions are put in from other threads, too
+        self._new_sessions = self._new_agents = 0  # being made, and not yet in the dicts
+        self._lock = threading.Lock()  # for changes: other threads put sessions in, too
 
     def session(self, session_id: str) -> LockStep | None:
         """The home of a session, if it is in lock-step."""
@@ -200,7 +200,7 @@ class LockSteps:
         return self._agents.get(agent_id)
 
     def create(self, spec: SessionSpec) -> SessionInfo:
-        """Open a session. Raises InvalidArgument, ResourceExhausted."""
+        """Opens a session. Raises InvalidArgument, ResourceExhausted."""
         return self._open(lambda home: home.world.create_session(spec, self._clock()), 0)
 
     def put(
@@ -210,10 +210,9 @@ class LockSteps:
         entered: Callable[[], None] = lambda: None,
         admit: bool = True,
     ) -> SessionInfo:
-        """Go on with one; `log` says how far it has come, if that is known.
+        """Resumes a session; `log` is its progress, if known.
 
-        `entered` is called before it takes calls. Not `admit`: beyond `limits.sessions`, too.
-        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
+        `entered` is called before it takes calls. Without `admit`: also beyond `limits.sessions`.
         """
         if record.session_id in self._sessions:
             raise AlreadyExists(f"session {record.session_id!r} exists already")
@@ -237,13 +236,13 @@ class LockSteps:
         return agents
 
     async def delete_agent(self, agent_id: str) -> None:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         await self._agents[agent_id].delete_agent(agent_id)
         with self._lock:
             self._agents.pop(agent_id, None)
 
     async def delete_session(self, session_id: str) -> None:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         home = self._sessions[session_id]
         await home.delete_session(session_id)
         with self._lock:
@@ -253,9 +252,9 @@ class LockSteps:
         home.end(f"session {session_id!r} has been deleted", NotFound)
 
     def infos(self) -> list[SessionInfo]:
-        """All sessions, at once: a world that is busy is not asked but looked at.
+        """All sessions, at once: a busy world is read instead of asked.
 
-        It reads whole values only, and only the names of agents.
+        Only whole values are read, and only the names of agents.
         """
         found = []
         for name, home in list(self._sessions.items()):
@@ -264,7 +263,7 @@ class LockSteps:
         return found
 
     async def use_model(self, name: str) -> int:
-        """Use a model in all of them; see `LockStep.use_model`."""
+        """Uses a model in all of them; see `LockStep.use_model`."""
         moved = 0
         for home in list(self._sessions.values()):
             with suppress(NotFound):  # deleted meanwhile
@@ -272,7 +271,7 @@ class LockSteps:
         return moved
 
     def stop(self, reason: str) -> None:
-        """End all of them."""
+        """Ends all of them."""
         homes = list(self._sessions.values())
         for home in homes:
             home.end(reason)
@@ -293,7 +292,7 @@ class LockSteps:
 
     @contextmanager
     def _room(self, sessions: int, agents: int) -> Iterator[None]:
-        """Holds room for this many agents while they are made. Raises ResourceExhausted."""
+        """Reserves room for agents while they are made. Raises ResourceExhausted."""
         limits = self._limits
         with self._lock:
             if sessions and len(self._sessions) + self._new_sessions >= limits.sessions:

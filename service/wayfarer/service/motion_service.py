@@ -1,8 +1,8 @@
-"""What every transport calls: real time, lock-step, clips, snapshots, logs and the journal.
+"""The service that transports call: real time, lock-step, clips, snapshots, logs and the journal.
 
-A call goes to the world in which its session or agent lives. What changes something returns once
-the journal, if there is one and it can write, has it on disk. All methods may be awaited from the
-event loop; none blocks it.
+A call goes to the world of its session or agent. A call that changes something returns once the
+journal, if it exists and can write, has the change on disk. The event loop may await all methods;
+none blocks it.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ TRIAL_SECONDS: Final = 1.0
 
 
 class MotionService:
-    """Sessions, agents, goals and streams. Scenes have a separate part."""
+    """Sessions, agents, goals and streams. Scenes have a separate class."""
 
     def __init__(
         self,
@@ -56,13 +56,13 @@ class MotionService:
         may_step: Callable[[], bool] = lambda: True,
         ended: Callable[[], None] = lambda: None,
     ) -> None:
-        """`warm_up` is called with the world in real time, on the motion thread before its first
-        turn. `open_model(name)` opens one more model, in a separate thread. `may_step`: of
-        `Ownership`. `ended()` is called, from another thread, when the motion loop has failed for
-        good: nothing works any more, and the process should end.
+        """`warm_up` is called with the real-time world, on the motion thread before its first turn.
+        `open_model(name)` opens another model, in a separate thread. `may_step`: see `Ownership`.
+        `ended()` is called from another thread when the motion loop has failed for good, so that
+        the process should end.
 
-        What the journal holds is read here and goes on once the thread is warm. Raises
-        ArtifactError when that is more than the limits allow.
+        The journal is read here, and its sessions resume once the thread is warm. Raises
+        ArtifactError if they exceed the limits.
         """
         self._worlds = worlds
         self._archive = Archive(worlds)
@@ -99,14 +99,14 @@ class MotionService:
     # Life
 
     def start(self) -> None:
-        """Start all threads, once; to be called on the event loop."""
+        """Starts all threads, once; must be called on the event loop."""
         self._persistence.start(
             lambda: self._live.ask(lambda world, _: world.checkpoint(SAVE_PARTS))
         )
         self._live.start()
 
     async def stop(self) -> None:
-        """End every thread, stream and waiting command; where all stand is saved."""
+        """Ends every thread, stream and waiting command; the present state is saved."""
         self._persistence.pause()
         await asyncio.to_thread(self._worlds.stop)
         await self._live.stop()
@@ -117,12 +117,12 @@ class MotionService:
 
     @property
     def ready(self) -> bool:
-        """Models are loaded and warm and the loop is running."""
+        """Whether models are loaded and warm and the loop is running."""
         return self._live.ready
 
     @property
     def alive(self) -> bool:
-        """The loop has made a turn within the last second."""
+        """Whether the loop has made a turn within the last second."""
         return self._live.alive
 
     async def stats(self) -> LoopStats:
@@ -132,9 +132,9 @@ class MotionService:
     # Sessions
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        """Open a session. Raises AlreadyExists, ResourceExhausted."""
+        """Opens a session. Raises AlreadyExists, ResourceExhausted."""
         async with self._gates.through(spec.scene) if spec.scene else nullcontext():
-            if spec.session_id is None:  # it gets an id of its own: nobody waits at the door
+            if spec.session_id is None:  # it gets a new id, so there is nothing to wait for
                 made = await self._create_session(spec)
             else:
                 async with self._door:
@@ -147,13 +147,13 @@ class MotionService:
         return await self._home(session_id).ask(lambda world, _: world.get_session(session_id))
 
     async def list_sessions(self) -> list[SessionInfo]:
-        """All sessions, oldest first; after a restart the sessions of the journal."""
+        """All sessions, oldest first; after a restart those of the journal."""
         live = await self._live.ask(lambda world, _: world.list_sessions())
         sessions = live + self._lock_steps.infos()
         return sorted(sessions, key=lambda session: session.created_at)
 
     async def delete_session(self, session_id: str) -> None:
-        """End a session, its agents and its streams. Raises NotFound."""
+        """Ends a session, its agents and its streams. Raises NotFound."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         async with self._gates.through(session_id):
             await home.delete_session(session_id)
@@ -162,7 +162,7 @@ class MotionService:
     # Agents
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """All or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
+        """Creates all or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         async with self._gates.through(session_id):
             made = await home.create_agents(session_id, specs)
@@ -194,12 +194,12 @@ class MotionService:
     # Goals
 
     async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
-        """Give an agent a goal command; return the new goal revision.
+        """Gives an agent a goal command; returns the new goal revision.
 
-        Raises NotFound, InvalidArgument that names the field, Aborted when the agent's revision is
-        not `expected`; in a scene Unreachable when no way leads to a goal. A behaviour raises
-        FailedPrecondition in a recorded session when it depends on other agents, and on a floor
-        without end when it walks all over a scene.
+        Raises NotFound, InvalidArgument that names the field, Aborted if the agent's revision is
+        not `expected`; in a scene Unreachable if no way leads to a goal. A behaviour raises
+        FailedPrecondition in a recorded session if it depends on other agents, and on an endless
+        floor if it walks all over a scene.
         """
         try:
             async with self._gates.through(agent_id):
@@ -211,7 +211,7 @@ class MotionService:
     # Motion
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
-        """Follow a session. Raises NotFound; FailedPrecondition for a lock-step session."""
+        """Follows a session. Raises NotFound; FailedPrecondition for a lock-step session."""
         if self._lock_steps.session(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
@@ -220,7 +220,7 @@ class MotionService:
             return await self._live.subscribe(session_id, options)
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
-        """Let primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""
+        """Advances a lock-step session by primitives. Raises NotFound, FailedPrecondition."""
         home = self._lock_steps.session(session_id)
         if home is None:
             await self._live.ask(lambda world, _: world.get_session(session_id))
@@ -233,27 +233,27 @@ class MotionService:
     def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
     ) -> AsyncGenerator[Publication]:
-        """Make a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
+        """Makes a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
         return self._offline.run(
             lambda: walk(self._worlds.solo(), spec, goals, seconds, until_arrival)
         )
 
     def replay(self, log: bytes) -> AsyncGenerator[Publication]:
-        """Make a log's motion again, off the real-time path. Raises InvalidArgument, …"""
+        """Makes a log's motion again, off the real-time path. Raises as `import_session`."""
         return self._offline.run(lambda: self._archive.replay(log))
 
     # Models
 
     async def list_models(self) -> list[ModelInfo]:
-        """Those loaded, in order of loading."""
+        """The loaded models, in order of loading."""
         return self._worlds.models.infos()
 
     async def load_model(self, name: str) -> None:
-        """Load and warm a model beside others. Raises NotFound, AlreadyExists, ArtifactError."""
+        """Loads and warms another model. Raises NotFound, AlreadyExists, ArtifactError."""
         await self._model_loader.load(name)
 
     async def use_model(self, name: str, move_agents: bool) -> int:
-        """Moves new agents with it, and present ones too if asked; returns how many.
+        """Uses a model for new agents, and for present ones if asked; returns how many changed.
 
         Raises NotFound.
         """
@@ -269,7 +269,7 @@ class MotionService:
     # Faults
 
     async def set_aside(self, session_id: str) -> None:
-        """Take a session out that cannot go on, and keep what the disk has of it."""
+        """Removes a session that cannot continue, and keeps its data on disk."""
         if self._lock_steps.session(session_id):
             await self.delete_session(session_id)
             return
@@ -282,18 +282,18 @@ class MotionService:
         return await self._archive.export_session(self._home(session_id), session_id)
 
     async def replica(self, session_id: str, mark: LogMark | None = UNCOPIED) -> Replica:
-        """What it lives on from, with `adopt`, when this server has died; with its log since
-        `mark`, that of the replica before, or without it. Raises NotFound.
+        """The data from which `adopt` resumes it after this server has died; with its log since
+        `mark`, the mark of the replica before, or without its log if that is None. Raises NotFound.
         """
         if self.moves.is_lock_step(session_id):
             return await self.moves.replica(session_id, mark)
         return await self._archive.replica(self._home(session_id), session_id, mark)
 
     async def adopt(self, replica: bytes, log_parts: Sequence[bytes] = ()) -> SessionInfo:
-        """Let a session live on from a replica's state, and its log from the parts of all.
+        """Resumes a session from a replica's state, and its log from the parts of all replicas.
 
-        Also beyond `limits.sessions`, and where there is no time for its agents: elsewhere there is
-        nobody to step them. All are then late, and degraded. Raises as `import_session`.
+        Also beyond `limits.sessions`, and if there is no time for its agents, since no other server
+        steps them. All agents are then late, and degraded. Raises as `import_session`.
         """
         if is_live(replica):
             return await self.moves.adopt(replica, log_parts)
@@ -308,17 +308,17 @@ class MotionService:
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None
     ) -> SessionInfo:
-        """Go on with an exported session; `attributes` go before those of the snapshot.
+        """Resumes an exported session; `attributes` take precedence over the snapshot's.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
         return await self._go_on(snapshot, attributes or {}, admit=True)
 
     async def export_log(self, session_id: str) -> bytes:
-        """Commands of a recorded session. Raises NotFound, FailedPrecondition."""
+        """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
         return await self._archive.export_log(self._home(session_id), session_id)
 
-    # Within
+    # Private
 
     async def _go_on(
         self, snapshot: bytes, attributes: Mapping[str, str], admit: bool
@@ -350,8 +350,8 @@ class MotionService:
             raise AlreadyExists(f"session {session_id!r} exists already")
 
     def _wake(self, warm_up: Callable[[World], None]) -> None:
-        """Warm up, then restore the journal. Runs on the motion thread, before its first turn; the
-        page can be opened meanwhile.
+        """Warms up, then restores the journal. Runs on the motion thread, before its first turn;
+        the page can be opened meanwhile.
         """
         prepare()
         warm_up(self._world)
@@ -359,7 +359,7 @@ class MotionService:
         self._persistence.restore(self._adopt, self._try_out)
 
     def _try_out(self, record: SessionRecord) -> None:
-        """Step a session in a world apart."""
+        """Steps a session in a separate world."""
         world, now = self._worlds.apart(), self._clock()
         world.members.put_session(record, now, admit=False)
         try:

@@ -1,8 +1,8 @@
-"""Sessions go to another server and come from one, and nobody who watches notices.
+"""Sessions move between servers without a visible interruption.
 
-Here: `freeze` stops planning and sends at once what is planned; `export` packs what is left;
-`release` ends the session and its streams, `unfreeze` lets it go on here after all. There:
-`import_` puts it into the world, frozen, and `unfreeze` lets it begin.
+On the old server, `freeze` stops planning and sends planned motion at once, and `export` packs the
+rest. Then `release` ends the session and its streams, or `unfreeze` resumes it there after all. On
+the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes it.
 """
 
 import asyncio
@@ -29,15 +29,15 @@ from wayfarer.world.world import World
 log = structlog.get_logger(__name__)
 
 CALL_S: Final = 0.1
-"""Seconds that a move waits for engine calls under way; what they make is lost then, and made again
-where the session goes.
+"""Seconds that a move waits for engine calls in progress; their result is then lost, and made again
+on the new server.
 """
 
 LOOK_S: Final = 0.002
 
 
 class LiveMoves:
-    """Of all sessions; one in lock-step goes between two steps. One move of a session at a time."""
+    """The moves of all sessions, one at a time each; in lock-step they move between steps."""
 
     def __init__(
         self,
@@ -56,13 +56,13 @@ class LiveMoves:
         self._gates = gates
 
     def is_lock_step(self, session_id: str) -> bool:
-        """Whether it is in lock-step here."""
+        """Whether it is in lock-step on this server."""
         return self._lock_steps.session(session_id) is not None
 
     async def freeze(self, session_id: str) -> None:
-        """Let calls that change the session wait, plan nothing more, and send what is planned.
+        """Makes calls that change the session wait, stops planning, and sends the planned motion.
 
-        Raises NotFound, and Unavailable when calls on it do not end.
+        Raises NotFound, and Unavailable if calls on it do not end.
         """
         await self._gates.close(session_id)
         if self._lock_steps.session(session_id) is not None:
@@ -79,25 +79,25 @@ class LiveMoves:
             raise
 
     async def export(self, session_id: str) -> bytes:
-        """A frozen session, packed. Raises NotFound."""
+        """Packs a frozen session. Raises NotFound."""
         home = self._lock_steps.session(session_id) or self._live
         parts = await home.parts(session_id)
         recording = b""
         if parts.captured[0].spec.record:
-            with contextlib.suppress(FailedPrecondition):  # it has been dropped
+            with contextlib.suppress(FailedPrecondition):  # the log has been dropped
                 recording = await self._archive.export_log(home, session_id)
         body = self._worlds.body
         return await asyncio.to_thread(encode_live, parts, body, recording)
 
     async def unfreeze(self, session_id: str) -> None:
-        """Let it go on here. Raises NotFound."""
+        """Resumes it on this server. Raises NotFound."""
         if self._lock_steps.session(session_id) is None:
             await self._live.ask(lambda world, _: _thaw(world, session_id))
         self._gates.open(session_id)
 
     async def release(self, session_id: str, error: WayfarerError) -> None:
-        """It lives elsewhere: its streams end with `error`, once they have sent everything, and so
-        do the calls that wait.
+        """Ends it on this server, since it lives on another one. Its streams end with `error` once
+        they have sent everything, and so do waiting calls.
         """
         if self._lock_steps.session(session_id) is not None:
             await self._lock_steps.delete_session(session_id)
@@ -107,12 +107,12 @@ class LiveMoves:
         await self._persistence.durable(None)
 
     async def read(self, data: bytes) -> LiveSession:
-        """A session that `export` has packed. Raises InvalidArgument, FailedPrecondition."""
+        """Reads a session that `export` has packed. Raises InvalidArgument, FailedPrecondition."""
         limits = self._worlds.settings.limits
         return await asyncio.to_thread(decode_live, data, self._worlds.body, limits)
 
     async def import_(self, session: LiveSession) -> SessionInfo:
-        """Put it into the world, frozen; calls that change it wait until `unfreeze`.
+        """Puts it into the world, frozen; calls that change it wait until `unfreeze`.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
         """
@@ -121,15 +121,15 @@ class LiveMoves:
 
         def entered() -> None:
             if spec.record:
-                # who steps in lock-step begins as it stood; LiveRows are for real time
+                # a lock-step session resumes in its last state; LiveRows are for real time
                 self._worlds.recordings.go_on(kept, session_id, restarted=spec.lock_step)
 
         return await self._put(session, entered)
 
-    # Of sessions in lock-step, and of logs: copies for when this server dies
+    # Replicas of sessions in lock-step, and of logs: for the time when this server has died
 
     async def replica(self, session_id: str, mark: LogMark | None) -> Replica:
-        """See `MotionService`, for a session in lock-step. Raises NotFound."""
+        """Implements `MotionService` for a session in lock-step. Raises NotFound."""
         home = self._lock_steps.session(session_id)
         if home is None:
             raise NotFound(f"no session {session_id!r} is in lock-step")
@@ -140,7 +140,7 @@ class LiveMoves:
         return await self._archive.with_log(state, news)
 
     async def adopt(self, replica: bytes, log_parts: Sequence[bytes]) -> SessionInfo:
-        """See `MotionService`, for a session in lock-step. Raises as `import_`."""
+        """Implements `MotionService` for a session in lock-step. Raises as `import_`."""
         made = await self._put(await self.read(replica), lambda: None, admit=False)
         try:
             if log_parts:
@@ -150,7 +150,7 @@ class LiveMoves:
         return made
 
     async def go_on_with_log(self, session_id: str, parts: Sequence[bytes]) -> None:
-        """Let an adopted session go on with its log; if that is damaged, with one that begins here.
+        """Continues an adopted session's log; if that is damaged, starts a new one.
 
         Raises NotFound.
         """

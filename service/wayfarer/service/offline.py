@@ -1,8 +1,8 @@
 """Motion off the real-time path: clips and replays, in separate threads.
 
-A job is a generator, run in a thread as its items are asked for, one ahead of the reader: so
-nothing gathers for a reader who is slow. One who goes away ends the job, and so does one who takes
-nothing for too long.
+A job is a generator that runs in a thread as its items are requested, one ahead of the reader, so
+that nothing accumulates for a slow reader. The job ends when its reader leaves, or takes nothing
+for too long.
 
 The threads have normal priority. A low-priority thread preempted while holding the GIL would block
 every other thread of the process (priority inversion).
@@ -29,7 +29,7 @@ _END: Final = object()
 
 
 class Offline:
-    """Runs at most `jobs` jobs at a time."""
+    """Runs up to `jobs` jobs at a time."""
 
     def __init__(self, jobs: int, patience: float = PATIENCE) -> None:
         self._jobs = jobs
@@ -39,12 +39,12 @@ class Offline:
 
     @property
     def running(self) -> int:
-        """Places that are taken."""
+        """Number of places that are taken."""
         return self._running
 
     @contextmanager
     def place(self) -> Iterator[None]:
-        """Take one of the places for a while, from any thread. Raises ResourceExhausted."""
+        """Takes one of the places for a while, from any thread. Raises ResourceExhausted."""
         self._take()
         try:
             yield
@@ -52,10 +52,10 @@ class Offline:
             self._give_back()
 
     async def run(self, make: Callable[[], Iterator[T]]) -> AsyncGenerator[T]:
-        """What `make()` yields; both it and the iterator run in the job's thread.
+        """Yields what `make()` yields; both it and the iterator run in the job's thread.
 
-        Raises ResourceExhausted when all places are taken, or when the reader has taken nothing
-        for too long; and what the job raises. Close it with `aclose` to end the job early.
+        Raises ResourceExhausted if all places are taken, or if the reader has taken nothing for too
+        long; and what the job raises. Close it with `aclose` to end the job early.
         """
         self._take()
         job = _Job(make, self._give_back)
@@ -94,7 +94,7 @@ class _Job(Generic[T]):
     """A generator in a separate thread."""
 
     def __init__(self, make: Callable[[], Iterator[T]], ended: Callable[[], None]) -> None:
-        """`ended` is called on the job's thread once it does nothing any more."""
+        """`ended` is called on the job's thread when it has finished."""
         self._make = make
         self._ended = ended
         self._items: Iterator[T] | None = None
@@ -111,13 +111,13 @@ class _Job(Generic[T]):
         return await ahead
 
     def prefetch(self) -> None:
-        """Begin with the next item, if nobody has; there must be one."""
+        """Begins with the next item, unless that has begun; there must be one."""
         if self._ahead is None:
             loop = asyncio.get_running_loop()
             self._ahead = loop.run_in_executor(self._executor, self._next)
 
     def end(self) -> None:
-        """Do nothing after the present item. Safe to call twice."""
+        """Does nothing after the present item. Safe to call twice."""
         if self.ended:
             return
         self.ended = True
@@ -142,10 +142,10 @@ class _Job(Generic[T]):
         """Runs on the thread."""
         if not self._closed:
             self._closed = True
-            self._items = None  # a generator ends with it
+            self._items = None  # ends the generator
             self._ended()
 
 
 def _forget(ahead: "asyncio.Future[object]") -> None:
     if not ahead.cancelled():
-        ahead.exception()  # nobody is left to hear of it
+        ahead.exception()  # nobody will read it

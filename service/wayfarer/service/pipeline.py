@@ -1,7 +1,7 @@
 """Runs engine calls beside the motion thread.
 
-Two calls are under way at a time, in order: when one is complete the next is already submitted, so
-the engine's threads never wait for Python.
+Two calls are in progress at a time, in order. When one is complete the next is already submitted,
+so the engine's threads never wait for Python.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,12 +13,12 @@ from wayfarer.engines.engine import StepOutputs
 from wayfarer.world.stepping.engine_call import Launch, Outputs, PendingStep
 
 DEPTH: Final = 2
-"""Engine calls under way at a time."""
+"""Maximum engine calls in progress at a time."""
 
 
 @dataclass(slots=True)
 class _Call:
-    """A step under way; its times are those of the clock."""
+    """A step in progress; its times are the clock's."""
 
     step: PendingStep
     started_at: float
@@ -26,7 +26,7 @@ class _Call:
 
 
 class EnginePipeline:
-    """Belongs to the motion thread, apart from its own threads."""
+    """Belongs to the motion thread, except for its own threads."""
 
     def __init__(self, clock: Callable[[], float], wake: Callable[[], None]) -> None:
         """`wake` is called, from another thread, whenever a call is complete."""
@@ -37,29 +37,29 @@ class EnginePipeline:
         self._last_ended = float("-inf")
 
     def age(self, now: float) -> float:
-        """Seconds since the first call that has not ended was started; 0 without one. Thread-safe.
+        """Seconds since the first unfinished call was started; 0 without one. Thread-safe.
 
-        A call that has ended may wait long to be taken out: while the thread may not step.
+        A finished call does not count: it may wait long while the thread may not step.
         """
         return max((now - c.started_at for c in self._calls if c.ended_at is None), default=0.0)
 
     @property
     def is_idle(self) -> bool:
-        """No call is under way, or waits to be taken out."""
+        """Whether no call is in progress, or waits to be taken out."""
         return not self._calls
 
     @property
     def has_room(self) -> bool:
-        """One more call can be submitted."""
+        """Whether another call can be submitted."""
         return len(self._calls) < DEPTH
 
     @property
     def has_completed(self) -> bool:
-        """The first call is complete."""
+        """Whether the first call is complete."""
         return bool(self._calls) and self._calls[0].ended_at is not None
 
     def submit(self, schedule: Callable[[Launch], PendingStep | None]) -> bool:
-        """Start a call; False when `schedule` finds nothing to do."""
+        """Starts a call; returns False if `schedule` finds nothing to do."""
         futures: list[Future[StepOutputs]] = []
 
         def launch(call: Outputs) -> Outputs:
@@ -76,7 +76,7 @@ class EnginePipeline:
         return True
 
     def completed(self) -> Iterator[tuple[PendingStep, float]]:
-        """Take out complete steps in order, each with the seconds that the engine spent on it."""
+        """Takes out complete steps in order, each with the seconds that the engine spent on it."""
         while self.has_completed:
             call, *rest = self._calls
             self._calls = tuple(rest)
@@ -86,7 +86,7 @@ class EnginePipeline:
             yield call.step, seconds
 
     def close(self) -> None:
-        """Submit nothing more; calls under way are lost."""
+        """Submits nothing more; calls in progress are lost."""
         self._pool.shutdown(wait=False)
 
     def _end(self, call: _Call) -> None:

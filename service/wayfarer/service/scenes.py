@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 LOOKS: Final = 100
 LOOKS_EVERY: Final = 0.05
-"""Seconds between looks at people who come."""
+"""Seconds between checks of the people who come."""
 
 
 class SceneService:
@@ -63,19 +63,19 @@ class SceneService:
         self._live = live
         self._lock_steps = lock_steps
         self._clock = clock
-        # A bake holds one thread while it waits; the others are for what is quick.
+        # A bake holds one thread while it waits; the other threads are for quick calls.
         threads = MAX_BAKES + 2
         self._workers = ThreadPoolExecutor(threads, "scenes")
 
     def stop(self) -> None:
-        """Give up calls that have not started."""
+        """Drops calls that have not started."""
         self._workers.shutdown(wait=False, cancel_futures=True)
 
     async def create_scene(self, source: SceneSource) -> SceneInfo:
-        """Bake it, off the motion thread; equal content is baked once.
+        """Bakes it, off the motion thread; equal content is baked once.
 
-        Raises InvalidArgument that names the field, ResourceExhausted when too many are kept or
-        being baked, or when this one is too costly.
+        Raises InvalidArgument that names the field, ResourceExhausted if too many scenes are kept
+        or being baked, or this one is too costly.
         """
         made = await self._work(lambda: self._book.create(source, self._clock()))
         return await self._persistence.durable(made)
@@ -85,7 +85,7 @@ class SceneService:
         return self._book.info(scene_id)
 
     async def list_scenes(self) -> list[SceneInfo]:
-        """All, oldest first."""
+        """All scenes, oldest first."""
         return self._book.infos()
 
     async def delete_scene(self, scene_id: str) -> None:
@@ -95,9 +95,9 @@ class SceneService:
         await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Puts an obstacle there, or moves it there; agents whose way it blocks plan again.
+        """Adds an obstacle, or moves an existing one; agents whose way it blocks plan again.
 
-        Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition when no free
+        Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition if no free
         ground would be left.
         """
         async with self._gates.through(scene_id):
@@ -126,7 +126,7 @@ class SceneService:
         )
 
     async def explained(self, error: Unreachable) -> Unreachable:
-        """The refusal with what is in the way, which is looked for on a worker thread."""
+        """The refusal with the blocking obstacles, which a worker thread looks for."""
         return await self._work(error.explained)
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
@@ -135,7 +135,7 @@ class SceneService:
         return await self._work(lambda: outlines(scene))
 
     async def scene_triangles(self, scene_id: str) -> NDArray[np.float64]:
-        """All that it is made of, obstacles as they are now [T, 3, 3], metres. Raises NotFound."""
+        """All its triangles, with the present obstacles [T, 3, 3], metres. Raises NotFound."""
         scene = self._book.scene(scene_id)
         spec = replace(scene.spec, solids=(*scene.spec.solids, *scene.obstacles.values()))
         return await self._work(lambda: triangles(spec))
@@ -149,10 +149,10 @@ class SceneService:
         return await self._work(lambda: top_view(scene))
 
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
-        """Replaces an earlier crowd by people that come and go; returns how many have come.
+        """Replaces an earlier crowd with people that come and go; returns how many have come.
 
-        With `count` 0 those there leave. Those for whom there is no room wait for it. Raises
-        NotFound, FailedPrecondition when the session is in no scene, InvalidArgument.
+        With `count` 0 the present people leave. People for whom there is no room wait for it.
+        Raises NotFound, FailedPrecondition if the session is in no scene, InvalidArgument.
         """
         if self._lock_steps.session(session_id):
             raise FailedPrecondition(
@@ -169,22 +169,22 @@ class SceneService:
         return state
 
     async def crowd(self, session_id: str) -> CrowdPeople | None:
-        """The session's crowd as it is now; None: it has none."""
+        """The session's present crowd; None: it has none."""
         return await self._live.ask(lambda world, _: world.crowds.copy(session_id))
 
-    # Moves to another server: of its content at any time, of the rest with its sessions
+    # Moves to another server: its content at any time, the rest with its sessions
 
     async def content(self, scene_id: str) -> bytes:
-        """What never changes of it, for `prepare`. Raises NotFound."""
+        """The parts of it that never change, for `prepare`. Raises NotFound."""
         kept = self._book.kept(scene_id)
         return await self._work(lambda: content_bytes(kept))
 
     def obstacles(self, scene_id: str) -> bytes:
-        """What changes of it, for `adopt`. Raises NotFound."""
+        """The parts of it that change, for `adopt`. Raises NotFound."""
         return obstacles_bytes(self._book.kept(scene_id))
 
     async def prepare(self, scene_id: str, content: bytes) -> None:
-        """It may come from another server: bake it. Raises InvalidArgument, ResourceExhausted."""
+        """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
         record = await self._work(lambda: decode_scene(scene_id, content))
         await self._work(lambda: self._book.prepare(record.source.spec))
 
@@ -201,9 +201,9 @@ class SceneService:
         return await self._persistence.durable(self._book.info(scene_id))
 
     async def freeze(self, scene_id: str) -> None:
-        """Makes calls wait that change it, or make sessions in it, until `unfreeze` or `release`.
+        """Makes calls wait that change it or make sessions in it, until `unfreeze` or `release`.
 
-        Raises Unavailable when those under way do not end.
+        Raises Unavailable if calls in progress do not end.
         """
         await self._gates.close(scene_id)
 
@@ -212,9 +212,10 @@ class SceneService:
         self._gates.open(scene_id)
 
     async def release(self, scene_id: str, error: WayfarerError) -> None:
-        """It lives elsewhere, as its sessions do: calls that wait end with `error`.
+        """Ends it on this server, since it and its sessions live on another; waiting calls end with
+        `error`.
 
-        Raises NotFound, FailedPrecondition when sessions are in it.
+        Raises NotFound, FailedPrecondition if sessions are in it.
         """
         try:
             self._book.delete(scene_id)

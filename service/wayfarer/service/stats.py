@@ -14,7 +14,7 @@ from wayfarer.world.stepping.due import Due
 from wayfarer.world.stepping.window import Window, mean, percentile
 
 LATE_SECONDS: Final = 1 / FPS
-"""A chunk that leaves more than one frame after its time is late."""
+"""A chunk is late if it leaves more than one frame after its time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,28 +25,28 @@ class LoopStats:
     sessions: int
     subscribers: int
     steps: int  # agent steps since start
-    step_ms_mean: float  # one engine call
+    step_ms_mean: float  # of one engine call
     step_ms_p95: float
     late_chunks: int  # that left more than `LATE_SECONDS` after their scheduled time, since start
     lateness_ms_p95: float
     uptime_s: float
-    resets: int = 0  # agents put back to a stand: they fell or their step was broken, since start
+    resets: int = 0  # agents reset to a stand after a fall or a broken step, since start
     failures: int = 0  # turns of the loop that raised, since start
     skipped_steps: int = 0  # agent steps never made, as their time was over, since start
-    skipped_by_sight: Mapping[str, int] = field(default_factory=dict)  # those; see `by_sight`
-    dropped_batches: int = 0  # lost by the present subscribers, who were too slow
-    reduced_steps: int = 0  # agent steps with fewer candidates than asked for, since start
+    skipped_by_sight: Mapping[str, int] = field(default_factory=dict)  # these steps by `by_sight`
+    dropped_batches: int = 0  # lost by present subscribers that were too slow
+    reduced_steps: int = 0  # agent steps with fewer candidates than requested, since start
     held_sessions: int = 0  # whose agents wait for a subscriber now
     states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
     sights: Mapping[str, int] = field(default_factory=dict)  # agents by sight; see `by_sight`
-    capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
-    load: float = 0.0  # share of the last seconds: the engine, or if busier the motion thread
+    capacity: int = 0  # agents that fit, by the measured cost of a step; 0: unknown
+    load: float = 0.0  # fraction of the last seconds: the engine, or the motion thread if busier
     degradation_level: int = 0  # 0: nothing is left out
-    held_steps: int = 0  # agent steps left out because time was short and they idle, since start
-    coasted_steps: int = 0  # those of agents seen as a root at most, made without the model
-    refused_agents: int = 0  # not created, because they could not be stepped in time, since start
-    mended_steps: int = 0  # agent steps with a joint kept within what bodies can do, since start
-    journal_failing: bool = False  # nothing that changes now would survive the process
+    held_steps: int = 0  # agent steps left out for lack of time since the agent idles, since start
+    coasted_steps: int = 0  # steps without the model, of agents seen at most as a root, since start
+    refused_agents: int = 0  # not created, since they could not be stepped in time, since start
+    mended_steps: int = 0  # agent steps with a joint kept within a body's limits, since start
+    journal_failing: bool = False  # whether present changes would be lost with the process
 
 
 class _Values(TypedDict):
@@ -69,7 +69,7 @@ class ThreadFigures:
         self.failures = 0  # turns
         self.skipped = np.zeros(len(Sight), np.int64)  # steps of agents, by `Sight`
         self.held = 0  # sessions whose agents wait now
-        self.worked = 0.0  # seconds of the thread's own since the last engine call was applied
+        self.worked = 0.0  # seconds of the thread itself since the last engine call was applied
         self._steps = 0  # of agents
         self._late = 0  # chunks
         self._published = 0  # chunks, since the last engine call was applied
@@ -77,7 +77,7 @@ class ThreadFigures:
         self._lateness = Window()  # of the latest chunk of each turn
 
     def stepped(self, now: float, seconds: float, agents: int) -> None:
-        """An engine call for `agents` agents took `seconds`."""
+        """Records that an engine call for `agents` agents took `seconds`."""
         self._steps += agents
         self._step_seconds.add(now, seconds)
         self._meter.step(seconds, agents)
@@ -93,13 +93,13 @@ class ThreadFigures:
         self._published += len(lateness)
 
     def take_worked(self) -> tuple[float, int]:
-        """Seconds worked and chunks published since the last time."""
+        """Seconds worked and chunks published since the last call."""
         worked, published = self.worked, self._published
         self.worked, self._published = 0.0, 0
         return worked, published
 
     def values(self, now: float) -> _Values:
-        """Those of `LoopStats` that are counted here."""
+        """The values of `LoopStats` that are counted here."""
         steps = [1e3 * seconds for seconds in self._step_seconds.values(now)]
         return _Values(
             steps=self._steps,

@@ -5,10 +5,10 @@ followed by larger batches, not by later frames. Primitives that can no longer b
 not made (an overloaded or suspended machine): their agents continue later, by whole primitives, and
 all time goes to the others. `skipped_steps` in the statistics counts that.
 
-An error that one agent or session causes is contained to it (`world/agents/faults.py`). Any other
-error in a turn is logged and counted, `ready` is false until a turn succeeds again, and the turn
-is tried again. After `FAILURES` in a row the thread ends, and with it every stream and command
-(Unavailable); then the process ends, so that whatever watches it starts it again.
+An error of one agent or session is contained to it (`world/agents/faults.py`). Any other error in a
+turn is logged and counted; `ready` is false until a turn succeeds again, and the turn is retried.
+After `FAILURES` in a row the thread ends, and with it every stream and command (Unavailable). Then
+the process ends, so that its supervisor restarts it.
 """
 
 import asyncio
@@ -41,22 +41,24 @@ log = structlog.get_logger(__name__)
 
 ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as hung
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
-TOLD_SECONDS: Final = 1.0  # skipped steps are logged this often at most
+TOLD_SECONDS: Final = 1.0  # minimum time between two logs of skipped steps
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
 BETWEEN_SECONDS: Final = 0.02
-"""Between publications, at least: otherwise every session would have a message for each engine
-call. Chunks in time leave in rounds that are farther apart."""
+"""Minimum time between publications: otherwise every session would have a message for each engine
+call. Chunks in time leave in rounds that are farther apart.
+"""
 
 LEAVING_SECONDS: Final = 0.03
-"""From the end of a turn until what leaves then has arrived: a primitive that is over by then is
-left out. Without it a server with too many people shows most primitives just when they are over."""
+"""Time from the end of a turn until its chunks have arrived: a primitive that is over by then is
+skipped. Otherwise an overloaded server would show most primitives just when they are over.
+"""
 
-HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
+HOLD_SECONDS: Final = 0.5  # agents that wait are postponed by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
-PAUSED_SECONDS: Final = 0.02  # between looks whether it may step again
+PAUSED_SECONDS: Final = 0.02  # between checks whether it may step again
 VITAL: Final = frozenset((Stage.PUBLICATION, Stage.EVENT))
-"""Stages without which nobody sees a session."""
+"""Stages without which no reader sees a session."""
 
 
 class Phase(Enum):
@@ -69,7 +71,7 @@ class Phase(Enum):
 
 
 class MotionThread:
-    """Turns a world, in a separate thread."""
+    """Steps a world, in a separate thread."""
 
     def __init__(
         self,
@@ -109,12 +111,12 @@ class MotionThread:
         self._figures = ThreadFigures(meter)
 
     def start(self) -> None:
-        """Start the thread, once."""
+        """Starts the thread, once."""
         self._phase = Phase.WARMING
         self._thread.start()
 
     async def stop(self) -> None:
-        """End the thread, every stream and every waiting command; return when that is done."""
+        """Ends the thread, every stream and every waiting command; returns when that is done."""
         self._stopping = True
         self._inbox.wake()
         if self._thread.is_alive():
@@ -122,17 +124,17 @@ class MotionThread:
 
     @property
     def ready(self) -> bool:
-        """Warm, running, and the last turn succeeded."""
+        """Whether it is warm and running, and the last turn succeeded."""
         return self._phase is Phase.RUNNING and self._failures_in_a_row == 0
 
     @property
     def failed(self) -> bool:
-        """It has ended by an error."""
+        """Whether it has ended by an error."""
         return self._failed
 
     @property
     def alive(self) -> bool:
-        """Warming up, or a turn and every engine call ended within the last second."""
+        """Whether it warms up, or a turn and every engine call ended within the last second."""
         if self._phase is Phase.WARMING:
             return self._thread.is_alive()
         now = self._clock()
@@ -164,7 +166,7 @@ class MotionThread:
         )
 
     def _turn(self, now: float) -> int:
-        """Apply what the engine has completed, schedule and run what is due, publish.
+        """Applies completed engine calls, schedules and runs due steps, publishes.
 
         Returns how many steps were applied.
         """
@@ -195,14 +197,14 @@ class MotionThread:
         self._figures.stepped(now, seconds, agents)
 
     def _schedule(self, now: float, refill: bool) -> None:
-        """Keep the engine busy with agents that are due, and when idle with those due soon."""
+        """Keeps the engine busy with agents that are due, or otherwise with those due soon."""
         pipeline = self._pipeline
         while (refill and pipeline.is_idle) or (pipeline.has_room and self._is_due(now)):
             if not pipeline.submit(partial(self._world.schedule, now)):
                 break
 
     def _publish(self) -> None:
-        if not self._may_step():  # it has ended since this turn began: the machine was suspended
+        if not self._may_step():  # the lease has ended during this turn: the machine was suspended
             return
         began = self._clock()
         if began < self._publish_at:
@@ -212,7 +214,7 @@ class MotionThread:
         now = self._clock()
         if due:
             self._publish_at = began + BETWEEN_SECONDS
-        sights = sights_of(due, self._world.slots)  # by which they came first, or later
+        sights = sights_of(due, self._world.slots)  # decided their order
         for one in due:
             self._publish_one(one)
         self._figures.published(now, due, sights)
@@ -234,7 +236,7 @@ class MotionThread:
             self._fault(session_id, Stage.SIGHT, error)
 
     def _fault(self, session_id: str, stage: Stage, error: Exception) -> None:
-        """A fault of the session; one that cannot be shown turn after turn is taken out."""
+        """Handles a session's fault; a session that cannot be shown turn after turn is removed."""
         faults = self._world.faults
         if faults.session(session_id, stage, error) >= MAX_FAULTS and stage in VITAL:
             faults.condemn(session_id)
@@ -258,7 +260,7 @@ class MotionThread:
         try:
             self._warm_up()
             self._beat = self._clock()
-            self._inbox.open()  # before RUNNING: a caller may ask as soon as `ready` is true
+            self._inbox.open()  # before RUNNING: a caller may call as soon as `ready` is true
             self._phase = Phase.RUNNING
             while not self._stopping:
                 try:
@@ -293,7 +295,7 @@ class MotionThread:
             self._failures_in_a_row = 0
 
     def _time_to_wait(self) -> float:
-        """Seconds until there is something to do, commands aside."""
+        """Seconds until there is something to do, apart from commands."""
         if not self._may_step():
             return PAUSED_SECONDS
         if self._pipeline.has_completed:
@@ -304,7 +306,7 @@ class MotionThread:
         return min(max(max(event, self._publish_at) - self._clock(), 0.0), HEARTBEAT)
 
     def _keep_schedule(self, now: float) -> None:
-        """Put off agents that wait for a slow reader, and those that are too late."""
+        """Postpones agents that wait for a slow reader, and those that are too late."""
         waiting = self._publisher.waiting_sessions(now)
         self._figures.held = len(waiting)
         for session_id in waiting:
@@ -313,7 +315,7 @@ class MotionThread:
         self._leave_out(now)
 
     def _leave_out(self, now: float) -> None:
-        """Put off agents whose primitives are over: what has waited too long is not sent late."""
+        """Postpones agents whose primitives are over, so that none is sent late."""
         by_sight = self._world.skip(now + LEAVING_SECONDS)
         if skipped := int(by_sight.sum()):
             self._figures.skipped += by_sight
@@ -328,5 +330,5 @@ class MotionThread:
             "a turn of the motion loop failed",
             error=repr(error),
             in_a_row=self._failures_in_a_row,
-            exc_info=self._failures_in_a_row == 1,  # the same trace ten times helps nobody
+            exc_info=self._failures_in_a_row == 1,  # ten equal tracebacks help nobody
         )

@@ -22,10 +22,10 @@ from wayfarer.world.world import World
 def walk(
     world: World, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
 ) -> Iterator[Publication]:
-    """Its chunks one by one, for `seconds` to the frame; times count from 0.
+    """Yields its chunks one by one, for exactly `seconds`; times count from 0.
 
-    `until_arrival`: or until it stands at the last goal, if that is sooner. The world is left as
-    it was. Raises InvalidArgument on a bad spec, goal or length.
+    `until_arrival`: or until it stands at the last goal, if that is sooner. The world is left as it
+    was. Raises InvalidArgument on a bad spec, goal or length.
     """
     left = round(seconds * FPS)
     if left < 1:

@@ -1,5 +1,5 @@
-"""The worlds of a server: one in real time, one for each session in lock-step, and small ones in
-which clips and replays are made. All have the same models, bodies and ways to walk.
+"""The worlds of a server: one in real time, one for each session in lock-step, and small ones for
+clips and replays. All have the same models, bodies and ways to walk.
 """
 
 from collections.abc import Mapping
@@ -26,26 +26,27 @@ from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.world.world import World
 
 SLACK: Final = 100.0
-"""Metres: in a replay an agent has come as far as is planned when it is given a goal, and not only
-as far as is sent."""
+"""Metres added in a replay, where an agent receives a goal after all its planned motion rather than
+after the motion that is sent.
+"""
 
 
 @dataclass(frozen=True)
 class Worlds:
-    """What worlds are made of."""
+    """The parts of which worlds are made."""
 
     models: LoadedModels
-    body: BodyStamp  # whose bodies they are
+    body: BodyStamp  # identifies the bodies
     bodies: Mapping[str, BodyModel]
     start_poses: NDArray[np.float32]  # [P, 22, 4]
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
     bake_queue: BakeQueue | None = None  # None: the caller's thread bakes
-    report: Report | None = None  # gets the faults of sessions' worlds; None: they are raised
+    report: Report | None = None  # receives the faults of sessions; None: they are raised
 
     @cached_property
     def scenes(self) -> SceneRegistry:
-        """That their sessions may be in."""
+        """The scenes that their sessions may be in."""
         return SceneRegistry(
             self.settings.limits, self.settings.new_group, self._bake, self.journal
         )
@@ -56,15 +57,15 @@ class Worlds:
         return Recordings(self.settings.limits.log_entries)
 
     def _bake(self, spec: SceneSpec) -> Scene:
-        """In the queue's process, which takes seconds to start; what an example costs is known, so
-        it is made here at once, and who opens the viewer need not wait.
+        """Bakes in the queue's process, which takes seconds to start. An example's cost is known,
+        so it is baked on the calling thread at once: the first viewer does not wait.
         """
         if self.bake_queue is None or is_example(spec):
             return bake(spec)
         return self.bake_queue.bake(spec)
 
     def stop(self) -> None:
-        """No scene is baked from now on."""
+        """Bakes no scene from now on."""
         if self.bake_queue:
             self.bake_queue.stop()
 
@@ -73,13 +74,13 @@ class Worlds:
         return self._kept(self.settings)
 
     def lock_step(self) -> World:
-        """For one session: nothing gives way, and nobody is refused for want of time."""
+        """A world for one session; nothing is degraded, and no agent refused for lack of time."""
         return self._kept(
             replace(self._patient(), limits=self.settings.limits.model_copy(update={"sessions": 1}))
         )
 
     def apart(self) -> World:
-        """A world for the trial of one session; nothing of it is kept."""
+        """A separate world for the trial of one session; nothing of it is kept."""
         settings = self._patient()
         return World(
             self.models.copy(), self.bodies, self.start_poses, settings, self.scenes, self.report

@@ -21,10 +21,10 @@ from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.server_options import ServerOptions
 
 POLICY = "content-security-policy"
-"""Names the nodes: a page of another one asks for them (viewer/nodes.js)."""
+"""Header that names the cluster's nodes; the page of another node asks for it (viewer/nodes.js)."""
 
 STATS_S = 1.0
-"""How long /metrics waits for the motion loop before it does without its figures."""
+"""Seconds that /metrics waits for the motion loop before it answers without the loop's figures."""
 
 Stats = Callable[[], Awaitable[LoopStats]]
 
@@ -32,7 +32,7 @@ Stats = Callable[[], Awaitable[LoopStats]]
 def front(
     app: ASGIApp, operation: ServerOptions, stats: Stats, nodes: Nodes | None = None
 ) -> ASGIApp:
-    """`app` with all that stands before it. `nodes`: of the cluster, whose pages may call."""
+    """Wraps `app` in all that runs before it. `nodes`: of the cluster; their pages may call."""
     if operation.metrics_access != "off":
         app = MetricsEndpoint(app, operation.metrics, stats, operation.metrics_access == "guarded")
     guarded: ASGIApp = HttpGuard(
@@ -52,7 +52,7 @@ def front(
 
 
 class SiblingPages:
-    """CORS for the pages of a cluster's machines; all else goes to `app`."""
+    """CORS for the pages of a cluster's machines; other requests go to `app`."""
 
     def __init__(self, app: ASGIApp, nodes: Nodes, later: Collection[str] = ()) -> None:
         """`later`: hosts of nodes that may come; see `Origins.nodes`."""
@@ -73,9 +73,9 @@ class SiblingPages:
 
 
 def cors(app: ASGIApp, origins: Collection[str], headers: Sequence[str] = ()) -> ASGIApp:
-    """Pages of these origins, and of this machine, may read answers and these headers of them.
+    """Lets pages of these origins, and of this machine, read answers and their `headers`.
 
-    The same pages may change something, see `Origins.allows`.
+    The same pages may also change things; see `Origins.allows`.
     """
     return CORSMiddleware(
         app,
@@ -90,7 +90,7 @@ def cors(app: ASGIApp, origins: Collection[str], headers: Sequence[str] = ()) ->
 
 
 class MetricsEndpoint:
-    """`GET /metrics` for Prometheus; all else goes to `app`."""
+    """`GET /metrics` for Prometheus; other requests go to `app`."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics, stats: Stats, guarded: bool) -> None:
         self._app = app

@@ -1,10 +1,10 @@
 """The one table of coordinate bases, and conversion between the core's basis and each of them.
 
-Core: metres, right-handed, Z up; a body at heading 0 faces +Y, its right side is +X.
+Core: metres, right-handed, Z up; a body at heading 0 faces +Y, and its right side is +X.
 A basis is a signed permutation M of the core's axes and a unit of length: p' = M p / unit.
-Where M turns a right-handed frame into a left-handed one (det M = -1), rotations turn the
-other way round: the vector part of a quaternion is a pseudovector, v' = det(M) M v, and an
-angle about the up axis changes its sign.
+If M turns a right-handed frame into a left-handed one (det M = -1), rotations change direction: the
+vector part of a quaternion is a pseudovector, v' = det(M) M v, and an angle about the up axis
+changes its sign.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Array = NDArray[np.floating[Any]]
 
 
 class Basis(StrEnum):
-    """The choices of a session."""
+    """The bases that a session can choose."""
 
     GLTF = "gltf"
     UNITY = "unity"
@@ -30,7 +30,7 @@ class Basis(StrEnum):
 
     @property
     def axes(self) -> "Axes":
-        """How this basis lies in the core's."""
+        """The axes of this basis in terms of the core's."""
         return TABLE[self]
 
 
@@ -51,12 +51,12 @@ class Axes:
 
     @cached_property
     def handedness(self) -> float:
-        """det(M): 1 when right-handed as the core is, -1 when left-handed."""
+        """det(M): 1 if right-handed like the core, -1 if left-handed."""
         return float(round(np.linalg.det(self.matrix)))
 
     @cached_property
     def quaternion_matrix(self) -> Array:
-        """The map of quaternions x, y, z, w [4, 4]: orthogonal, so its inverse is its transpose."""
+        """The map [4, 4] of quaternions x, y, z, w; orthogonal, so its inverse is its transpose."""
         block = np.eye(4)
         block[:3, :3] = self.handedness * self.matrix
         return block
@@ -71,18 +71,18 @@ class Axes:
 
     @cached_property
     def quaternion_parts(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Of x, y, z, w here, which of the core's each is [4], and its sign [4]."""
+        """For x, y, z, w of this basis: indices of the core's components [4], and signs [4]."""
         sources, signs = zip(*self._quaternion_columns, strict=True)
         return np.array(sources), np.array(signs, np.float32)
 
     @property
     def up(self) -> Array:
-        """The core's +Z here [3]."""
+        """The core's +Z in this basis [3]."""
         return self.matrix @ (0.0, 0.0, 1.0)
 
     @property
     def forward(self) -> Array:
-        """The core's +Y here [3]: what a body faces at heading 0."""
+        """The core's +Y in this basis [3]: the direction that a body faces at heading 0."""
         return self.matrix @ (0.0, 1.0, 0.0)
 
     def points_to_wire(self, points: Array, out: Array | None = None) -> Array:
@@ -94,7 +94,7 @@ class Axes:
         return points @ (self.matrix * self.metres_per_unit).astype(points.dtype)
 
     def quaternions_to_wire(self, quaternions: Array, out: Array | None = None) -> Array:
-        """Core quaternions x, y, z, w [..., 4] → the same turns in this basis; into `out`."""
+        """Core quaternions x, y, z, w [..., 4] → the same rotations in this basis; into `out`."""
         return _permuted(quaternions, self._quaternion_columns, out)
 
     def quaternions_to_core(self, quaternions: Array) -> Array:
@@ -108,7 +108,7 @@ class Axes:
     heading_to_core = heading_to_wire
 
     def length_to_wire(self, metres: float) -> float:
-        """A length or speed in this basis's unit."""
+        """Converts a length or speed in m or m/s to this basis's unit."""
         return metres / self.metres_per_unit
 
     def length_to_core(self, length: float) -> float:
@@ -117,15 +117,15 @@ class Axes:
 
 
 def _columns(matrix: Array) -> tuple[tuple[int, float], ...]:
-    """Column and factor of the one number that is not 0 in each row."""
+    """Column and factor of the only nonzero number in each row."""
     sources = np.abs(matrix).argmax(-1)
     return tuple((int(k), float(row[k])) for k, row in zip(sources, matrix, strict=True))
 
 
 def _permuted(values: Array, columns: tuple[tuple[int, float], ...], out: Array | None) -> Array:
-    """The product with a matrix of such `columns`, for values [..., N].
+    """The product of values [..., N] with the matrix that `columns` describes.
 
-    Column by column: exact, and faster than a product of matrices so small.
+    It goes column by column, which is exact and faster than a product with so small a matrix.
     """
     out = np.empty_like(values) if out is None else out
     for column, (source, factor) in enumerate(columns):

@@ -25,17 +25,17 @@ from wayfarer.world.events import Event, EventKind
 STATE_NUMBERS: Final = np.array(
     [agent_pb2.AgentState.Value(f"AGENT_STATE_{state.name}") for state in STATES]
 )
-"""Enum value on the wire of each state, in the order of STATES."""
+"""Wire number of each state, in the order of STATES."""
 
 COLUMN_BYTES: Final = 64
-"""Bytes of a chunk in a batch beside its frames, at most: nine varints of it."""
+"""Maximum bytes that a chunk adds to a batch beyond its frames: nine varints."""
 
 KINDS: Final = {kind: f"EVENT_KIND_{kind.name}" for kind in EventKind}
 
 
 @dataclass(frozen=True)
 class BatchWriter:
-    """Writes what one reader gets."""
+    """Writes the messages of one reader."""
 
     basis: Basis
     pose_format: PoseFormat
@@ -66,14 +66,14 @@ class BatchWriter:
         removed: Iterable[int] = (),
         resume_token: str = "",
     ) -> list[Part]:
-        """A MotionBatch, encoded; `added` are the agents that the reader sees first here."""
+        """Encodes a MotionBatch; `added` are the agents that the reader sees for the first time."""
         batch = motion_pb2.MotionBatch(
             added=[self.agent(info) for info in added], removed=removed, resume_token=resume_token
         )
         return _with_chunks(batch, chunks, self.pack(chunks) if chunks else None)
 
     def pack(self, chunks: MotionChunks) -> PackedPoses:
-        """Their poses, packed once for all readers. Thread-safe."""
+        """Packs the chunks' poses, once for all readers. Thread-safe."""
         return self.encoder.encode(chunks, self.basis, self.pose_format)
 
     def portion(
@@ -83,19 +83,19 @@ class BatchWriter:
         rows: NDArray[np.intp],
         roots: Roots | None,
     ) -> list[Part]:
-        """A MotionBatch, encoded, with some of the chunks of a publication and their `roots`."""
+        """Encodes a MotionBatch with the chunks `rows` of a publication, and their `roots`."""
         if not len(rows):
             return _with_chunks(batch, chunks, None)
         packed = self.tier_encoder.encode(chunks, rows, self.basis, self.pose_format, roots)
         return _with_chunks(batch, chunks, packed, rows)
 
     def row_bytes(self, chunks: MotionChunks) -> int:
-        """Most bytes of a chunk in a batch."""
+        """Maximum bytes of a chunk in a batch."""
         frames = -(-chunks.translation.shape[1] // self.pose_format.stride)
         return COLUMN_BYTES + frames * (self.pose_format.frame_bytes + 1)
 
     def tier(self, radius: float) -> motion_pb2.Tier:
-        """What the header says of a ring; `radius` in metres."""
+        """The header's description of a ring; `radius` in metres."""
         return motion_pb2.Tier(
             radius=self.basis.axes.length_to_wire(radius), **self.pose_format.header()
         )
@@ -103,9 +103,9 @@ class BatchWriter:
     async def offline(
         self, made: AsyncGenerator[Publication]
     ) -> AsyncGenerator[tuple[motion_pb2.StreamHeader | None, motion_pb2.MotionBatch | None]]:
-        """A header, then batches, of motion that is made off the real-time path.
+        """Yields a header, then batches, of motion that is made off the real-time path.
 
-        The header comes when the first motion has: what is refused is refused before it.
+        The header follows the first motion, so that a refusal comes before the header.
         """
         headed = False
         async with aclosing(made):
@@ -116,7 +116,7 @@ class BatchWriter:
                 yield None, parsed(self.batch(published.chunks, published.added))
 
     def agent(self, info: AgentInfo) -> agent_pb2.Agent:
-        """An agent as the reader sees it."""
+        """Describes an agent for the reader."""
         return wire.message(agent_pb2.Agent, convert.agent(info, self.basis, self.bodies))
 
 
@@ -126,7 +126,7 @@ def _with_chunks(
     packed: PackedPoses | None,
     rows: NDArray[np.intp] | slice = slice(None),
 ) -> list[Part]:
-    """The batch, encoded, with the chunks of `rows`, whose poses are `packed`."""
+    """Encodes the batch with the chunks of `rows`, whose poses are `packed`."""
     if packed is None:
         return [batch.SerializeToString()]
     columns = motion_pb2.MotionChunks(
@@ -152,12 +152,12 @@ def _with_chunks(
 
 
 def parsed(batch: Iterable[Part]) -> motion_pb2.MotionBatch:
-    """The message that `BatchWriter.batch` has encoded."""
+    """Parses a message that `BatchWriter.batch` encoded."""
     return motion_pb2.MotionBatch.FromString(b"".join(batch))
 
 
 def event_message(event: Event, axes: Axes) -> motion_pb2.Event:
-    """Field by field; lengths and places of its sentence in the basis of these axes."""
+    """Converts an event; its sentence has lengths and places in the basis of these axes."""
     return motion_pb2.Event(
         kind=KINDS[event.kind],
         agent_id=event.agent_id,

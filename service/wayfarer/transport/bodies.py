@@ -12,18 +12,18 @@ from wayfarer.spec import BETAS
 
 @dataclass(frozen=True)
 class BodyLibrary:
-    """`name` of the body model, e.g. "anny52"."""
+    """The bodies of one body model. `name`: of the model, for example "anny52"."""
 
     name: str
 
     def model(self, gender: str, detail: Detail = "high") -> BodyModel:
-        """The body of a gender. Raises NotFound, ArtifactError."""
+        """Returns the body of a gender. Raises NotFound, ArtifactError."""
         return load_body(self.name, gender, detail)
 
     def betas(self, gender: str, phenotype: Mapping[str, float]) -> Array:
-        """Shape coefficients [10] of height_m, weight, muscle, age; those absent take the mean.
+        """Shape coefficients [10] for height_m, weight, muscle, age; a missing one takes the mean.
 
-        Raises InvalidArgument, whose `field` is one of these names.
+        Raises InvalidArgument whose `field` is one of these names.
         """
         height = phenotype.get("height_m", height_of(gender, (0.0,) * BETAS, self.name))
         return betas_from_phenotype(gender, **{**phenotype, "height_m": height})
@@ -33,5 +33,5 @@ class BodyLibrary:
         return fit_betas(joints, floor, gender, self.name)
 
     def height_range(self) -> tuple[float, float]:
-        """Least and greatest standing height in metres that a phenotype may ask for."""
+        """Minimum and maximum standing height in metres that a phenotype may ask for."""
         return LIMITS["height_m"]

@@ -1,8 +1,8 @@
-"""How often one may call: token buckets of callers, and of addresses that show no credentials.
+"""Limits on the rate of calls: token buckets of callers, and of addresses without credentials.
 
-Own code rather than the library `limits`: its memory storage goes by the time of day, so a clock
-that is set back locks everybody out, keeps every name it has seen until a thread sweeps it, and
-cannot tell how long to wait.
+The library `limits` does not fit: its memory storage uses the time of day, so a clock that is set
+back locks everybody out; it keeps every name until a thread sweeps it; and it cannot tell how long
+to wait.
 """
 
 import time
@@ -16,10 +16,10 @@ from wayfarer.errors import ResourceExhausted
 from wayfarer.transport.caller import Caller
 
 REMEMBERED: Final = 4096
-"""Maximum number of names that have a bucket at a time."""
+"""Maximum number of names that have a bucket at the same time."""
 
 FAILURES: Final = 1.0
-"""Failed attempts of one address per second, in the long run; a burst of `FAILURE_BURST` first."""
+"""Failed attempts per second that one address may make, after `FAILURE_BURST` at once."""
 
 FAILURE_BURST: Final = 20
 
@@ -31,17 +31,17 @@ class _Bucket:
 
 
 class Buckets:
-    """A bucket of tokens for each name, filled at a steady rate.
+    """A token bucket for each name, filled at a steady rate.
 
-    Holds `REMEMBERED` names at most. One that is forgotten starts with a full bucket, so what is
-    forgotten first is the one left alone longest.
+    It holds up to `REMEMBERED` names and forgets the one that was unused longest. A forgotten name
+    starts again with a full bucket.
     """
 
     def __init__(self) -> None:
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
 
     def take(self, name: str, rate: float, burst: float, now: float) -> float:
-        """Take a token: 0, or the seconds until there is one. `rate` per second."""
+        """Takes a token. Returns 0, or the seconds until there is one. `rate`: per second."""
         bucket = self._filled(name, rate, burst, now)
         if bucket.left >= 1:
             bucket.left -= 1
@@ -62,7 +62,7 @@ class Buckets:
 
 
 class CallRates:
-    """The server's bounds on calls. `clock` gives seconds that never go back."""
+    """The server's limits on calls. `clock` returns seconds that never go back."""
 
     def __init__(self, calls_per_second: int, clock: Callable[[], float] = time.monotonic) -> None:
         self._rate = calls_per_second
@@ -71,7 +71,7 @@ class CallRates:
         self._failures = Buckets()
 
     def count(self, caller: Caller) -> None:
-        """One more call. Raises ResourceExhausted that says when to come again."""
+        """Counts a call. Raises ResourceExhausted with the time to wait."""
         rate = caller.quota.calls_per_second or self._rate
         if wait := self._callers.take(caller.name, rate, 2 * rate, self._clock()):
             raise ResourceExhausted(
@@ -79,24 +79,24 @@ class CallRates:
             )
 
     def failed(self, address: str) -> None:
-        """Somebody there has shown no credentials that hold.
+        """Counts a call from an address without valid credentials.
 
-        Raises ResourceExhausted when that happens too often. Callers who do show them are let in
-        from the same address: it may be that of a proxy.
+        Raises ResourceExhausted if there are too many. Callers with valid credentials are still
+        admitted from the same address, since it may be a proxy's.
         """
         if wait := self._failures.take(address, FAILURES, FAILURE_BURST, self._clock()):
             raise ResourceExhausted("too many attempts with wrong credentials from here", wait)
 
 
 def _uncounted() -> None:
-    """Outside of any call there is nothing to bound."""
+    """Counts nothing: outside of a call there is nothing to limit."""
 
 
 _count: ContextVar[Callable[[], None]] = ContextVar("count", default=_uncounted)
 
 
 def count_call() -> None:
-    """Count a command that came in over a stream as one more call of the present caller.
+    """Counts a command that came over a stream as a call of the present caller.
 
     Raises ResourceExhausted.
     """
@@ -104,5 +104,5 @@ def count_call() -> None:
 
 
 def count_with(count: Callable[[], None]) -> None:
-    """Let `count_call` in the rest of this task be `count`."""
+    """Makes `count_call` use `count` in the rest of this task."""
     _count.set(count)

@@ -13,17 +13,17 @@ class Scope(StrEnum):
 
     READ = "read"  # describe and follow
     CONTROL = "control"  # change sessions, agents, goals
-    ADMIN = "admin"  # models, drain, everybody's sessions
+    ADMIN = "admin"  # models, drain, all callers' sessions
 
 
 @dataclass(frozen=True, slots=True)
 class Quota:
-    """What one caller may hold at a time; None: as much as the server's limits let it."""
+    """Limits on one caller; None: only the server's limits apply."""
 
     sessions: int | None = None
     agents: int | None = None
     streams: int | None = None
-    calls_per_second: int | None = None  # bursts of twice as many
+    calls_per_second: int | None = None  # bursts of twice this number
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +45,21 @@ class Caller:
 
     @property
     def is_admin(self) -> bool:
-        """Sees and changes everybody's sessions."""
+        """Whether the caller may see and change the sessions of all callers."""
         return Scope.ADMIN in self.scopes
 
 
 LOCAL: Final = Caller("local", frozenset(Scope))
-"""Anybody, where the server asks for no credentials."""
+"""The caller on a server that asks for no credentials."""
 
 _present: ContextVar[Caller] = ContextVar("caller", default=LOCAL)
 
 
 def current_caller() -> Caller:
-    """The caller of the call being handled; LOCAL where nobody was authenticated."""
+    """The caller of the call being handled; LOCAL if nobody was authenticated."""
     return _present.get()
 
 
 def enter(caller: Caller) -> None:
-    """Handle the rest of this task as a call of `caller`."""
+    """Handles the rest of this task as a call of `caller`."""
     _present.set(caller)

@@ -1,5 +1,5 @@
-"""HTTP connections of uvicorn with what it does not have: a timeout of slow requests, bounds on
-their number and their heads, and the name in the client's certificate.
+"""HTTP connections of uvicorn with three additions: a timeout for slow requests, limits on their
+number and their heads, and the name in the client's certificate.
 """
 
 import asyncio
@@ -13,30 +13,32 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 REQUEST_S: Final = 20.0
-"""Seconds from its first byte, or from connecting, within which a whole request must come in."""
+"""Seconds within which a whole request must arrive, from its first byte or from connecting."""
 
 HEAD_BYTES: Final = 32 * 1024
-"""Bytes of the head of a request: its first line and its headers."""
+"""Maximum bytes of the head of a request: its first line and its headers."""
 
 NO_TEXT: Final = 1007
 """WebSocket close code of a text that is not UTF-8 (RFC 6455, 8.1)."""
 
 SEPARATORS: Final = len(b": \r\n")
-"""Approximate bytes of a line of the head."""
+"""Approximate bytes that each line of the head adds."""
 
 CERTIFICATE: Final = "certificate"
 """Key of the scope's `state`: common name of the client's verified certificate."""
 
 
 class StrictParser(h11.Connection):
-    """h11's, which bounds only heads that come in pieces, and forgives two lengths of a body."""
+    """h11's parser bounds only heads that come in pieces, and accepts two lengths of a body; this
+    one refuses both.
+    """
 
     def __init__(self) -> None:
         super().__init__(h11.SERVER, HEAD_BYTES)
         self.refusal = refusal(HTTPStatus.BAD_REQUEST, "the request cannot be read")
 
     def next_event(self) -> Any:
-        """As h11's. `refusal` answers the request when this raises RemoteProtocolError."""
+        """Like h11's. If it raises RemoteProtocolError, `refusal` answers the request."""
         try:
             event = super().next_event()
             if isinstance(event, h11.Request):
@@ -56,12 +58,12 @@ def _check_head(request: h11.Request) -> None:
             f"the head of a request has {HEAD_BYTES} bytes at most", error_status_hint=431
         )
     if {b"content-length", b"transfer-encoding"} <= {name for name, _ in headers}:
-        # a proxy before this server may go by the other one, and see another request's beginning
+        # a proxy in front may use the other one, and see the beginning of another request
         raise h11.RemoteProtocolError("Content-Length or Transfer-Encoding, not both")
 
 
 def refusal(status: int, detail: str) -> bytes:
-    """The answer to a request that is not read any further."""
+    """The answer to a request that is not read further."""
     phrase = HTTPStatus(status).phrase
     problem = {"type": "about:blank", "title": phrase, "status": int(status), "detail": detail}
     body = json.dumps(problem).encode()
@@ -73,7 +75,7 @@ def refusal(status: int, detail: str) -> bytes:
 
 
 class HttpConnection(H11Protocol):
-    """One connection. `limit_concurrency` of uvicorn bounds their number, idle ones too."""
+    """One connection. uvicorn's `limit_concurrency` limits their number, including idle ones."""
 
     request_s = REQUEST_S
 
@@ -83,7 +85,7 @@ class HttpConnection(H11Protocol):
         self._deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Refuse, without a word, what is beyond the limit."""
+        """Closes connections beyond the limit without an answer."""
         super().connection_made(transport)
         self.app = _named(self.app, transport)
         if self.limit_concurrency is not None and len(self.connections) > self.limit_concurrency:
@@ -92,28 +94,28 @@ class HttpConnection(H11Protocol):
         self._watch(h11.IDLE)
 
     def data_received(self, data: bytes) -> None:
-        """Take a piece of a request."""
+        """Takes a piece of a request."""
         super().data_received(data)
         self._watch(h11.IDLE, h11.SEND_BODY)
 
     def on_response_complete(self) -> None:
-        """The next request may be here already, in part."""
+        """Watches the next request, part of which may have arrived already."""
         super().on_response_complete()
         self._watch(h11.SEND_BODY)
 
     def send_400_response(self, msg: str) -> None:
-        """Say what is wrong with a request that is not read any further, and hang up."""
+        """Answers a request that is not read further with its error, and hangs up."""
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
             self.transport.write(self.conn.refusal)
         self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the deadline."""
+        """Forgets the deadline."""
         self._stop_watch()
         super().connection_lost(exc)
 
     def _watch(self, *receiving: Any) -> None:
-        """Keep the deadline while a request is coming in."""
+        """Keeps the deadline while a request is arriving."""
         upgraded = self.transport.get_protocol() is not self
         if upgraded or self.transport.is_closing() or self.conn.their_state not in receiving:
             self._stop_watch()
@@ -130,12 +132,12 @@ class SocketConnection(WebSocketsSansIOProtocol):
     """A connection that has become a WebSocket."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Note who is at the other end."""
+        """Notes the name in the client's certificate."""
         super().connection_made(transport)
         self.app = _named(self.app, transport)
 
     def data_received(self, data: bytes) -> None:
-        """Takes a piece. uvicorn would never answer a handshake that cannot be read."""
+        """Takes a piece. uvicorn would never answer a handshake that cannot be parsed."""
         super().data_received(data)
         if self.conn.handshake_exc is not None and not self.handshake_initiated:
             self.transport.write(
@@ -144,7 +146,7 @@ class SocketConnection(WebSocketsSansIOProtocol):
             self.transport.close()
 
     def send_receive_event_to_app(self) -> None:
-        """Hand a message on. A text that is not UTF-8 ends the connection."""
+        """Passes a message to the application. Text that is not UTF-8 ends the connection."""
         if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
             self.frames = []
             if not self.close_sent:
@@ -163,7 +165,7 @@ def _is_text(data: bytes) -> bool:
 
 
 def _named(app: Any, transport: asyncio.BaseTransport) -> ASGIApp:
-    """The application, with the common name of the client's certificate in its scope."""
+    """Wraps the application so that its scope has the common name of the client's certificate."""
     name = common_name(transport.get_extra_info("peercert"))
     if not name:
         return app
@@ -176,7 +178,7 @@ def _named(app: Any, transport: asyncio.BaseTransport) -> ASGIApp:
 
 
 def common_name(certificate: dict[str, Any] | None) -> str:
-    """Common name of a certificate from `ssl.SSLSocket.getpeercert`; empty when it has none."""
+    """Common name in a certificate from `ssl.SSLSocket.getpeercert`; empty if it has none."""
     for part in (certificate or {}).get("subject", ()):
         for key, value in part:
             if key == "commonName":

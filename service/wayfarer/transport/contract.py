@@ -1,6 +1,6 @@
-"""The calls of the API, as the protos state them: messages, scope, route over HTTP, routing.
+"""The calls of the API as the protos define them: messages, scope, HTTP route, routing.
 
-`options.proto` says what can be stated. gRPC, HTTP and the cluster's entry all read this table.
+`options.proto` explains the options. gRPC, HTTP and the cluster's entry all read this table.
 """
 
 import inspect
@@ -52,7 +52,7 @@ class Rpc:
 
     @property
     def route(self) -> tuple[str, str]:
-        """Verb and path over HTTP; both are empty for a call without a route."""
+        """HTTP verb and path; both are empty for a call without a route."""
         verb, _, path = self.options.route.partition(" ")
         return verb, path
 
@@ -63,7 +63,7 @@ class Rpc:
 
     @property
     def status(self) -> int:
-        """Status of its answer over HTTP."""
+        """HTTP status of its answer."""
         return self.options.status or (200 if self.response.DESCRIPTOR.fields else 204)
 
 
@@ -92,6 +92,6 @@ CALLS: Final = _calls()
 
 
 def twin_of(parameter: inspect.Parameter) -> type[BaseModel] | None:
-    """The message of schema/ that a parameter takes."""
+    """The class of schema/ that a parameter takes, if it takes one."""
     kind = parameter.annotation
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None

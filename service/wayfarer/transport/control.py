@@ -20,7 +20,7 @@ log = structlog.get_logger(__name__)
 
 OPEN_TIMEOUT_S: Final = 10.0
 SILENT: Final = ("ack", "viewpoints")
-"""Answered only when they are refused."""
+"""Commands that are answered only if they are refused."""
 
 COMMANDS: Final = {
     field.name: call
@@ -34,12 +34,12 @@ Requests = AsyncIterator[control_pb2.ControlRequest]
 
 
 async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]:
-    """Messages of a stream and replies to commands, each a ControlResponse, encoded. Close it with
-    `aclose`.
+    """Yields the messages of a stream and the replies to commands, each an encoded ControlResponse.
+    Close it with `aclose`.
 
-    One request is read at a time, and the next when its reply has been taken: a flood of commands
-    slows itself, and is never stored. The stream outlives the requests. Raises as
-    `MotionApi.stream`, and whatever `requests` raises.
+    One request is read at a time, and the next one after its reply has been taken: a flood of
+    commands slows itself down and is never stored. The stream continues after the last request.
+    Raises what `MotionApi.stream` raises, and whatever `requests` raises.
     """
     opening = await _opening(requests)
     async with (
@@ -55,7 +55,7 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
 
 
 async def _opening(requests: Requests) -> schema.StreamRequest:
-    """The request in the first message. Raises InvalidArgument."""
+    """Returns the request in the first message. Raises InvalidArgument."""
     hint = "the first message must be `open`, with a session_id"
     opening = await wire.first(requests, "open", OPEN_TIMEOUT_S, hint)
     return wire.parse(schema.StreamRequest, opening, "open")
@@ -64,7 +64,7 @@ async def _opening(requests: Requests) -> schema.StreamRequest:
 async def _replies(
     requests: Requests, stream: MotionStream, gateway: Gateway
 ) -> AsyncGenerator[control_pb2.CommandReply]:
-    """One to each command, in order; none to what is `SILENT`, unless it is refused."""
+    """Yields a reply to each command, in order; to a `SILENT` one only if it is refused."""
     async for request in requests:
         reply = control_pb2.CommandReply(command_id=request.command_id)
         try:
@@ -83,7 +83,7 @@ async def _replies(
 
 
 async def _give(request: control_pb2.ControlRequest, gateway: Gateway) -> int:
-    """Carry out a command; return the new revision."""
+    """Carries out a command; returns the new revision."""
     payload = request.WhichOneof("payload")
     if payload not in COMMANDS:
         raise InvalidArgument(

@@ -1,4 +1,4 @@
-"""Schema ↔ runtime: values in a session's basis ↔ messages in world space, and back."""
+"""Schema ↔ runtime: values in a session's basis ↔ messages in world space."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -37,10 +37,10 @@ from wayfarer.world.agents import agent as runtime
 from wayfarer.world.agents.goal import Goal
 
 FARTHEST_VIEW: Final = 1e6
-"""Metres from the origin along each axis: a camera may be far from all people."""
+"""Maximum distance of a camera from the origin along each axis, in metres."""
 
 REACH: Final = 0.01, 100.0
-"""Factors of the radii."""
+"""Minimum and maximum of a viewpoint's `reach`."""
 
 UNITS: Final = {1.0: "m", 0.01: "cm"}
 """Names of the bases' units of length."""
@@ -48,8 +48,8 @@ UNITS: Final = {1.0: "m", 0.01: "cm"}
 
 @contextmanager
 def in_basis(axes: Axes) -> Iterator[None]:
-    """Tell of lengths and places in this basis: of those that are refused, and of where one can
-    get instead.
+    """Converts the lengths and places in errors to this basis: refused values, and the nearest
+    place that can be reached.
     """
     try:
         yield
@@ -97,7 +97,7 @@ def basis_info(basis: Basis) -> schema.BasisInfo:
 def agent_spec(
     spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, seed: int
 ) -> runtime.AgentSpec:
-    """The agent to create; `seed` where the client has named none."""
+    """The agent to create; `seed` is used if the client gave none."""
     axes = basis.axes
     betas: NDArray[np.floating[Any]] = np.array(spec.betas or (0.0,) * BETAS)
     if spec.phenotype is not None:
@@ -120,7 +120,7 @@ def agent_spec(
 
 
 def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.Agent:
-    """An agent as its client sees it."""
+    """Describes an agent for its client."""
     axes, spec = basis.axes, info.spec
     return schema.Agent(
         agent_id=info.agent_id,
@@ -147,23 +147,23 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
 
 
 def drawn_seed(session_seed: int, number: int) -> int:
-    """The seed of the `number`-th agent of a session, from 0, that was created without one."""
+    """The seed of the `number`-th agent of a session, from 0, that was created without a seed."""
     drawn = sha256(f"{session_seed}/{number}".encode()).digest()
     return int.from_bytes(drawn[:4], "little")
 
 
 def goal_message(found: Goal, axes: Axes) -> schema.Goal:
-    """A goal as its client sees it."""
+    """Describes a goal for its client."""
     return schema.Goal(**on_wire(schema.Goal, found, axes))
 
 
 def agent_change(request: schema.AgentUpdate) -> runtime.AgentChange:
-    """Field by field."""
+    """Converts each field."""
     return runtime.AgentChange(**request.model_dump())
 
 
 def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
-    """The checked choice for poses. Raises InvalidArgument that names the part at fault."""
+    """Checks the choice of a pose format. Raises InvalidArgument that names the part at fault."""
     if request.encoding is PoseEncoding.ROOT:
         allowed = ", ".join(e.upper() for e in PoseEncoding if e is not PoseEncoding.ROOT)
         raise InvalidArgument(f"ROOT is for streams; here is one of {allowed}", f"{field}.encoding")
@@ -171,13 +171,13 @@ def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat
 
 
 def stream_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
-    """As `pose_format`, of a stream, which may have roots instead of poses."""
+    """Like `pose_format`, for a stream, which may carry roots instead of poses."""
     chosen = (request.encoding, request.profile, request.bones, request.fps)
     return PoseFormat.choose(*chosen, field=field)
 
 
 def rings(request: schema.Interest, usual: PoseFormat, axes: Axes) -> list[DetailRing]:
-    """The rings of a stream; `usual` is its own format. Raises InvalidArgument."""
+    """The rings of a stream; `usual` is the stream's own format. Raises InvalidArgument."""
     found: list[DetailRing] = []
     for k, ring in enumerate(request.rings):
         where = f"interest.rings[{k}]"
@@ -242,7 +242,7 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
 
 
 def file_options(request: schema.MotionFile) -> FileOptions:
-    """Raises InvalidArgument where options contradict each other."""
+    """Raises InvalidArgument if options contradict each other."""
     with file_fields():
         return FileOptions(**dict(request))
 
@@ -269,7 +269,7 @@ def fitted_body(request: schema.CharacterJoints, bodies: BodyLibrary) -> schema.
 
 
 def stats(figures: LoopStats) -> schema.Stats:
-    """Field by field."""
+    """Converts each field."""
     return schema.Stats(**asdict(figures))
 
 
@@ -277,7 +277,7 @@ def stats(figures: LoopStats) -> schema.Stats:
 def rest_offsets(
     bodies: BodyLibrary, gender: str, betas: tuple[float, ...], basis: Basis
 ) -> tuple[float, ...]:
-    """J × 3 numbers: each joint relative to its parent's in the T-pose, in the basis."""
+    """J × 3 numbers: the offset of each joint from its parent in the T-pose, in the basis."""
     body = bodies.model(gender, "low")
     joints = body.rest_joints(np.array(betas))
     offsets = joints.copy()

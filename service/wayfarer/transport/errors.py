@@ -35,7 +35,7 @@ class Code:
     grpc: grpc.StatusCode
     http: HTTPStatus
     title: str
-    name: str = ""  # where it is not the status's
+    name: str = ""  # if it differs from the status's
 
     @property
     def reason(self) -> str:
@@ -78,28 +78,28 @@ TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
     ),
 }
 INTERNAL: Final = Code(grpc.StatusCode.INTERNAL, HTTPStatus.INTERNAL_SERVER_ERROR, "Internal error")
-"""All others: their text stays in the server's log."""
+"""All other errors: their text stays in the server's log."""
 
 TOO_LARGE: Final = Code(
     grpc.StatusCode.RESOURCE_EXHAUSTED, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "Request too large"
 )
-"""Sent by the servers themselves, before a request is read; gRPC sends it without details."""
+"""The servers send it before they read a request; gRPC sends it without details."""
 
 COMPRESSED: Final = Code(
     grpc.StatusCode.UNIMPLEMENTED, HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "Unsupported media type"
 )
-"""Likewise for a compressed request; gRPC unpacks the codings it knows, within its bounds."""
+"""The answer to a compressed request; gRPC unpacks the codings that it knows, within limits."""
 
 
 MOST_VIOLATIONS: Final = 16
-"""Most violations that the error of one request names."""
+"""Maximum number of violations in the error of one request."""
 
 
 class InvalidRequest(errors.InvalidArgument):
     """Several fields of a request are wrong; `violations` are (field, what is wrong)."""
 
     def __init__(self, violations: list[tuple[str, str]], more: int = 0) -> None:
-        """`more`: how many there are beside these."""
+        """`more`: number of violations in addition to these."""
         text = "; ".join(f"{field}: {what}" if field else what for field, what in violations)
         if more:
             text += f"; and {more} more"
@@ -113,7 +113,7 @@ def code_of(error: BaseException) -> Code:
 
 
 def message_of(error: BaseException) -> str:
-    """The text for the caller, with the field at fault: some callers see nothing else."""
+    """The text for the caller, with the field at fault, since some callers see only this."""
     if code_of(error) is INTERNAL:
         return "internal error; the server's log tells more"
     text = str(error)
@@ -124,7 +124,7 @@ def message_of(error: BaseException) -> str:
 
 
 def violations_of(error: BaseException) -> list[tuple[str, str]]:
-    """(field, what is wrong) of an error about arguments; empty for others."""
+    """(field, what is wrong) for an error about arguments; empty for others."""
     if isinstance(error, InvalidRequest):
         return error.violations if error.field else []  # of the request as a whole
     if isinstance(error, errors.InvalidArgument) and error.field:
@@ -133,7 +133,7 @@ def violations_of(error: BaseException) -> list[tuple[str, str]]:
 
 
 def endpoint_of(error: BaseException) -> dict[str, int | str]:
-    """Where the call should have gone; empty for errors of another kind."""
+    """The right address for the call; empty for errors of another kind."""
     return asdict(error.endpoint) if isinstance(error, errors.Misdirected) else {}
 
 
@@ -145,7 +145,7 @@ def nearest_of(error: BaseException) -> dict[str, float]:
 
 
 def retry_after(error: BaseException) -> float:
-    """Seconds after which to try again; 0 when that is no use."""
+    """Seconds after which to try again; 0 if that is no use."""
     if isinstance(error, errors.ResourceExhausted):
         return error.retry_after
     return 1.0 if isinstance(error, errors.Unavailable) else 0.0
@@ -209,12 +209,12 @@ def to_problem(error: BaseException) -> dict[str, Any]:
 
 
 def close_code(error: BaseException) -> int:
-    """WebSocket close code: 4000 + HTTP status, in the range left to applications."""
+    """WebSocket close code: 4000 + HTTP status, in the range reserved for applications."""
     return 4000 + int(code_of(error).http)
 
 
 def close_reason(error: BaseException) -> str:
-    """WebSocket close reason: the message, or where a misdirected call should have gone."""
+    """WebSocket close reason: the message, or the right address of a misdirected call."""
     reason = message_of(error)
     if isinstance(error, errors.Misdirected):
         reason = f"call {error.endpoint.host}:{error.endpoint.http_port}"
@@ -222,6 +222,6 @@ def close_reason(error: BaseException) -> str:
 
 
 def log_unexpected(log: Any, error: BaseException, where: str) -> None:
-    """Log an error that was not raised on purpose, with its trace."""
+    """Logs an error that was not raised on purpose, with its traceback."""
     if code_of(error) is INTERNAL:
         log.error("request failed", where=where, exc_info=error)

@@ -17,7 +17,7 @@ CommandRequest = schema.Goal | schema.Goals | schema.Wander | schema.Behaviour |
 
 
 def goal_command(request: CommandRequest, basis: Basis, append: bool = False) -> GoalCommand:
-    """The command in world space; None: stop. Absent fields take the runtime's defaults.
+    """The command in world space; None: stop. Missing fields take the runtime's defaults.
 
     `append`: goals are added to the end of the path instead of replacing it.
     """
@@ -32,7 +32,7 @@ def goal_command(request: CommandRequest, basis: Basis, append: bool = False) ->
 
 
 def _behaviour(request: schema.Message, basis: Basis) -> Any:
-    """A behaviour in world space: the class of its name; absent fields take its defaults."""
+    """A behaviour in world space, of its name's class; missing fields take its defaults."""
     axes = basis.axes
     given = in_world(request, axes)
     match request:
@@ -51,7 +51,7 @@ def _behaviour(request: schema.Message, basis: Basis) -> Any:
 
 
 def goal(request: schema.Goal, basis: Basis) -> Goal:
-    """The goal in world space. Absent fields take the runtime's defaults."""
+    """The goal in world space. Missing fields take the runtime's defaults."""
     return Goal(**in_world(request, basis.axes))
 
 
@@ -61,7 +61,7 @@ def _goals(goals: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:
 
 @contextmanager
 def fields_named(request: CommandRequest) -> Iterator[None]:
-    """Name the field at fault as the client wrote it, with the kind of each behaviour."""
+    """Names the field at fault as the client wrote it, with the kind of each behaviour."""
     try:
         yield
     except InvalidArgument as error:
@@ -69,7 +69,7 @@ def fields_named(request: CommandRequest) -> Iterator[None]:
 
 
 def renamed(error: InvalidArgument, field: str) -> InvalidArgument:
-    """The same of a field that is named otherwise, in the text, too."""
+    """The same error for a field with another name, also in the text."""
     text = str(error).replace(error.field, field) if error.field and field else str(error)
     return InvalidArgument(text, field)
 

@@ -32,35 +32,35 @@ log = structlog.get_logger(__name__)
 
 OURS: Final = "/wayfarer."
 OPEN_STREAMS: Final = 8
-"""Streams of health and reflection, which ask for no credentials, from one address."""
+"""Maximum streams of health and reflection, which need no credentials, from one address."""
 
 Headers = dict[str, str]
 
 
 Enter = Callable[[Any], Any]
-"""Makes an asynchronous context manager of a call's context."""
+"""Makes an asynchronous context manager from a call's context."""
 
 
 class AroundInterceptor(grpc.aio.ServerInterceptor, ABC):
-    """Stands around the handlers that it chooses."""
+    """Wraps the handlers that it chooses."""
 
     async def intercept_service(
         self,
         continuation: Callable[[grpc.HandlerCallDetails], Awaitable[Any]],
         handler_call_details: grpc.HandlerCallDetails,
     ) -> Any:
-        """Wrap the handler."""
+        """Wraps the handler."""
         handler = await continuation(handler_call_details)
         enter = handler and self._enter(handler_call_details.method, handler)
         return around(handler, enter) if enter else handler
 
     @abstractmethod
     def _enter(self, method: str, handler: Any) -> Enter | None:
-        """The context in which a call is handled; None: its own."""
+        """The context in which a call is handled; None: the call is not wrapped."""
 
 
 class OpenStreamsInterceptor(AroundInterceptor):
-    """Calls that are open to everybody are limited in number."""
+    """Limits the number of calls that need no credentials."""
 
     def __init__(self) -> None:
         self._open: Counter[str] = Counter()
@@ -85,7 +85,7 @@ class OpenStreamsInterceptor(AroundInterceptor):
 
 
 class GuardInterceptor(AroundInterceptor):
-    """Stands inside the interceptor that turns errors into statuses."""
+    """The guard. It runs inside the interceptor that turns errors into statuses."""
 
     def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
         self._guard = guard
@@ -128,10 +128,10 @@ class GuardInterceptor(AroundInterceptor):
 
 
 def around(handler: Any, enter: Enter) -> Any:
-    """The handler within an asynchronous context manager made of the call's context."""
+    """Runs the handler within an asynchronous context manager made from the call's context."""
     if handler.response_streaming:
         inner_stream = handler.stream_stream or handler.unary_stream
-        if inspect.iscoroutinefunction(inner_stream):  # one that writes to the context itself
+        if inspect.iscoroutinefunction(inner_stream):  # it writes to the context itself
 
             async def writer(request: Any, context: Any) -> None:
                 async with enter(context):
@@ -167,7 +167,7 @@ def _codec(handler: Any) -> tuple[Any, Any]:
 
 
 def address(peer: str) -> str:
-    """The address of a peer without port; "ipv4:10.0.0.1:4711" → "10.0.0.1"."""
+    """The address of a peer without port: "ipv4:10.0.0.1:4711" → "10.0.0.1"."""
     kind, _, rest = unquote(peer).partition(":")
     return rest.rpartition(":")[0] if kind in ("ipv4", "ipv6") else rest
 
@@ -182,7 +182,7 @@ def _headers(context: Any) -> Headers:
 
 
 def _presented(headers: Headers, connection: Mapping[str, Iterable[bytes]]) -> Credentials:
-    """`connection`: what gRPC knows of it. Raises Unauthenticated."""
+    """Reads credentials; `connection` is gRPC's description of it. Raises Unauthenticated."""
     names = connection.get("x509_common_name", ())
     return Credentials(
         bearer=bearer(headers.get("authorization", "")),

@@ -26,7 +26,7 @@ class Guard:
     rates: CallRates = field(default_factory=lambda: CallRates(100))
 
     async def authenticate(self, shown: Credentials, address: str) -> Caller:
-        """The caller. `address`: of the other end, without port.
+        """Returns the caller. `address`: of the other end, without port.
 
         Raises Unauthenticated; ResourceExhausted after too many failures; Unavailable.
         """
@@ -51,7 +51,7 @@ class Guard:
 
 
 def begin(request_id: str) -> str:
-    """Start the log context of a call; returns its id: the client's, if it is one, or a new one."""
+    """Starts the log context of a call; returns its id, the client's if valid or a new one."""
     structlog.contextvars.clear_contextvars()
     known = 0 < len(request_id) <= REQUEST_ID_LENGTH and all(
         c.isascii() and (c.isalnum() or c in "-_.") for c in request_id

@@ -25,10 +25,10 @@ log = structlog.get_logger(__name__)
 
 SUBPROTOCOL: Final = "wayfarer.v1"
 TOKEN_SUBPROTOCOL: Final = "wayfarer.token."
-"""Followed by the key or token in base64url: the one thing that a page can send with a socket."""
+"""Prefix of the key or token in base64url; a page can send no other header with a socket."""
 
 GUARDED: Final = ("/v1/", "/mmcp/")
-"""Below these a caller has to be admitted."""
+"""Paths below these need an admitted caller."""
 
 READS: Final = ("GET", "HEAD", "OPTIONS")
 METHODS: Final = (*READS, "POST", "PUT", "PATCH", "DELETE")
@@ -41,18 +41,18 @@ PAGE_POLICY: Final = (
 """Content-Security-Policy of the viewer and of /docs: everything comes from this server."""
 
 Nodes = Callable[[], Iterable[Endpoint]]
-"""The nodes of the cluster, as they are now."""
+"""Returns the present nodes of the cluster."""
 
 THIS_MACHINE: Final = ("http://localhost:*", "http://127.0.0.1:*")
 """Pages of the visitor's machine, as a policy names them."""
 
 HOST_SHOWN: Final = 64
-"""Characters of a Host header that an error repeats."""
+"""Maximum characters of a Host header that an error repeats."""
 
 
 @dataclass(frozen=True, slots=True)
 class HttpGuard:
-    """Lets in what `guard` admits; health and the viewer's files are open to everybody."""
+    """Lets calls pass that `guard` admits; health and the viewer's files need no credentials."""
 
     app: ASGIApp
     guard: Guard
@@ -64,7 +64,7 @@ class HttpGuard:
     nodes: Nodes = tuple
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request or socket."""
+        """Handles one request or socket."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -84,7 +84,7 @@ class HttpGuard:
                 answer = MutableHeaders(scope=message)
                 answer["x-request-id"] = request_id
                 answer["content-security-policy"] = policy
-                answer["x-frame-options"] = "SAMEORIGIN"  # for what knows no frame-ancestors
+                answer["x-frame-options"] = "SAMEORIGIN"  # for browsers without frame-ancestors
                 streams = answer.get("content-type", "").startswith(STREAM_TYPES)
             elif message["type"] == "websocket.accept":
                 if message.get("subprotocol") is None and SUBPROTOCOL in scope["subprotocols"]:
@@ -127,8 +127,8 @@ class HttpGuard:
 def check_page(
     scope: Scope, headers: Mapping[str, str], origins: Origins, machines: Collection[str] = ()
 ) -> None:
-    """Refuse pages of other origins that open a socket or change something; CORS decides on
-    reads. Those of the machines of a cluster may. Raises PermissionDenied.
+    """Refuses pages of other origins that open a socket or change something; CORS handles reads.
+    Pages of a cluster's machines may do both. Raises PermissionDenied.
     """
     host = headers.get("host", "")
     if not origins.is_name(host) and not _is_health(scope["path"]):
@@ -146,10 +146,12 @@ def check_page(
 
 
 def page_policy(origins: Origins, places: Iterable[str] = (), machines: Iterable[str] = ()) -> str:
-    """Content-Security-Policy. Pages of this server may be framed by those that may call, of the
-    visitor's own machine only where no credentials are asked for. They may call the other nodes of
-    its cluster: those at these `places`, by which a page knows them, and those that come later on
-    these `machines`. What a page may call is settled when it is opened.
+    """Content-Security-Policy of the pages of this server.
+
+    Pages that may call this server may frame them; those of the visitor's own machine may only if
+    the server asks for no credentials. They may call the other nodes of the cluster: the nodes at
+    `places`, which the page knows, and nodes that come later on `machines`. The policy is fixed
+    when the page is opened.
     """
     local = () if origins.names is None else THIS_MACHINE
     framing = " ".join(("'self'", *local, *sorted(origins.listed)))
@@ -160,7 +162,7 @@ def page_policy(origins: Origins, places: Iterable[str] = (), machines: Iterable
 
 
 def presented(scope: Scope, headers: Mapping[str, str]) -> Credentials:
-    """The credentials of a request, without a socket's token. Raises Unauthenticated."""
+    """The credentials of a request, except for a socket's token. Raises Unauthenticated."""
     return Credentials(
         bearer=_socket_token(scope) or bearer(headers.get("authorization", "")),
         api_key=headers.get("x-api-key", ""),
@@ -197,7 +199,7 @@ def _socket_token(scope: Scope) -> str:
 
 
 def _is_health(path: str) -> bool:
-    """Probes may call under any host name: they learn nothing but the health."""
+    """Whether it is a probe. Any host name may be used, since it reveals only the health."""
     return path.startswith("/v1/health/")
 
 
@@ -212,7 +214,7 @@ def _method(scope: Scope) -> str:
 
 
 def _route(scope: Scope) -> str:
-    """The template that matched, since metrics have no text of clients."""
+    """The route's template, since metrics must not contain clients' text."""
     return getattr(scope.get("route"), "path", "") or "other"
 
 
@@ -222,7 +224,7 @@ async def _refuse(error: WayfarerError, scope: Scope, receive: Receive, send: Se
         response.headers["cache-control"] = "no-store"
         await response(scope, receive, send)
         return
-    # Accepted first: browsers hide code and reason from a page otherwise.
+    # Accepted first: otherwise browsers hide code and reason from a page.
     await receive()
     await send({"type": "websocket.accept"})
     code, reason = errors.close_code(error), errors.close_reason(error)

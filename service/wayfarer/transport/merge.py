@@ -1,4 +1,4 @@
-"""Async iterators with a pace, and several read as one."""
+"""Async iterators with a pace, and two that are read as one."""
 
 import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator
@@ -37,7 +37,7 @@ async def paced(
 async def merged(
     main: AsyncIterator[Item], side: AsyncIterator[Other]
 ) -> AsyncGenerator[Item | Other]:
-    """Items of both as they come, each source one item ahead at most; ends with `main`."""
+    """Items of both as they come; each source is read at most one item ahead. Ends with `main`."""
     sources: dict[asyncio.Future[Any], AsyncIterator[Any]] = {}
 
     def pull(source: AsyncIterator[Any]) -> asyncio.Future[Any]:
@@ -67,5 +67,5 @@ async def merged(
 async def _cancel(*futures: asyncio.Future[Any]) -> None:
     for future in futures:
         future.cancel()
-    # their outcomes are taken, so that none is reported as forgotten
+    # retrieves the outcomes, so that asyncio reports no exception as unretrieved
     await asyncio.gather(*futures, return_exceptions=True)

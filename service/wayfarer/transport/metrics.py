@@ -1,6 +1,6 @@
 """Prometheus metrics of one server, in a separate registry. Names: docs/operations.md.
 
-No label has a client's text in it, so their number is bounded.
+No label contains a client's text, so their number is bounded.
 """
 
 import threading
@@ -31,13 +31,13 @@ from wayfarer.world.agents.faults import Stage
 from wayfarer.world.rows import Int8
 
 MISSED_S: Final = 1 / FPS
-"""A chunk that leaves later than a frame after its time has missed its deadline."""
+"""A chunk has missed its deadline if it leaves more than one frame after its time."""
 
 PERIOD_S: Final = NEW_FRAMES / FPS
-"""The time that a step may take: 0.2 s."""
+"""Time that a step may take: 0.2 s."""
 
 SIGHTS: Final = tuple(sight.name.lower() for sight in Sight)
-"""As `Sight` counts them."""
+"""Labels, in the order of `Sight`."""
 
 STEP_BUCKETS: Final = (0.002, 0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.14, PERIOD_S, 0.4, 1.0)
 LATENESS_BUCKETS: Final = (0.0, 0.001, 0.002, 0.005, 0.01, 1 / FPS, 0.05, 0.1, PERIOD_S, 0.5, 1.0)
@@ -51,7 +51,7 @@ class Metrics(MetricsSink):
     """All metrics of the server."""
 
     def __init__(self, traced: Callable[[int, float], None] | None = None) -> None:
-        """`traced` gets every engine call, too: agents, seconds."""
+        """`traced` also receives every engine call: agents, seconds."""
         self.registry = registry = CollectorRegistry()
         self._traced = traced
         ProcessCollector(registry=registry)
@@ -119,7 +119,7 @@ class Metrics(MetricsSink):
         )  # fmt: skip
         self._ends = _count(registry, "stream_ends", "Streams that ended", "method", "code")
 
-        # so that a rate can be had from the first one on
+        # so that rates exist from the first event
         for policy in SlowReader:
             self._drops.labels(policy)
         for result in ResumeResult:
@@ -136,14 +136,14 @@ class Metrics(MetricsSink):
     # the runtime's MetricsSink
 
     def step(self, seconds: float, agents: int) -> None:
-        """See `MetricsSink`, as for all below."""
+        """Implements `MetricsSink`, as do the methods below."""
         self._steps.observe(seconds)
         self._batches.observe(agents)
         if self._traced:
             self._traced(agents, seconds)
 
     def chunks(self, lateness: Seconds, sights: Int8) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._lateness.observe(np.maximum(lateness, 0.0), sights)
         late = lateness > MISSED_S
         if late.any():
@@ -152,62 +152,62 @@ class Metrics(MetricsSink):
                 self._misses.labels(sight).inc(count)
 
     def queue(self, seconds: float) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._queues.observe(seconds)
 
     def drops(self, policy: SlowReader, publications: int) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._drops.labels(policy).inc(publications)
 
     def sent(self, tier: str, chunks: int, size: int) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._sent.labels(tier).inc(chunks)
         self._bytes.labels(tier).inc(size)
 
     def resume(self, result: ResumeResult) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._resumes.labels(result).inc()
 
     def goal_to_motion(self, seconds: float) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._goals.observe(seconds)
 
     def refusal(self, command: str) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._rejections.labels(command).inc()
 
     def fault(self, stage: str) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._faults.labels(stage).inc()
 
     def set_aside(self, what: str) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._set_aside.labels(what).inc()
 
     def journal(self, entries: int, failed: bool) -> None:
-        """See `MetricsSink`."""
+        """Implements `MetricsSink`."""
         self._journal_entries.inc(entries)
         self._journal_failures.inc(failed)
         self._journal_failing.set(failed)
 
-    # how the loop stands
+    # state of the loop
 
     def refresh(self, now: LoopStats) -> None:
-        """Tell what is a state rather than an event; before it is read."""
+        """Updates the figures of the present state; called before they are read."""
         self._stand.stats = now
 
     # calls
 
     def rpc(self, method: str, code: str, seconds: float) -> None:
-        """A gRPC call has ended; `method` is one of ours, `code` as INVALID_ARGUMENT."""
+        """Records a gRPC call; `method` is one of ours, `code` like INVALID_ARGUMENT."""
         self._rpcs.labels(method, code).observe(seconds)
 
     def http(self, method: str, route: str, status: int, seconds: float) -> None:
-        """An HTTP request was answered; `route` is a template, as /v1/agents/{agent_id}."""
+        """Records an HTTP request; `route` is a template, for example /v1/agents/{agent_id}."""
         self._http.labels(method, route, str(status)).observe(seconds)
 
     def stream_ended(self, method: str, code: str) -> None:
-        """A stream has ended; `method` of gRPC or a route."""
+        """Records the end of a stream; `method` is gRPC's, or a route."""
         self._ends.labels(method, code).inc()
 
 
@@ -263,7 +263,7 @@ class _Stand(Collector):
 
 
 class _Lateness(Collector):
-    """A histogram that takes many values at once, which `Histogram` cannot."""
+    """A histogram that takes many values in one call, which `Histogram` cannot."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -271,7 +271,7 @@ class _Lateness(Collector):
         self._sums = np.zeros(len(SIGHTS))
 
     def observe(self, lateness: Seconds, sights: Int8) -> None:
-        """Count values."""
+        """Counts values."""
         width = self._counts.shape[1]
         places = np.searchsorted(LATENESS_BUCKETS, lateness) + width * sights.astype(np.int64)
         counts = np.bincount(places, minlength=self._counts.size).reshape(self._counts.shape)

@@ -1,4 +1,4 @@
-"""Publications as a file of motion."""
+"""Publications as a motion file."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Iterator
@@ -15,11 +15,11 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo, MotionChunk
 
 PART_BYTES: Final = 1 << 20
-"""Most bytes of one message of a file."""
+"""Maximum bytes of one message of a file."""
 PATIENCE_S: Final = 5.0
-"""Seconds that a recording waits for motion that is late."""
+"""Seconds that a recording waits for late motion."""
 MAX_FRAMES: Final = 3600 * FPS
-"""Most frames of all people in a file: an hour of one person."""
+"""Maximum frames of all people in a file: an hour of one person."""
 
 
 async def motion_file(
@@ -29,9 +29,9 @@ async def motion_file(
     title: str,
     scene: Array | None = None,
 ) -> bytes:
-    """The motion of all agents in one file; `made` is closed.
+    """Writes the motion of all agents to one file; `made` is closed.
 
-    Raises InvalidArgument when the format cannot hold them, or they are too long for a file.
+    Raises InvalidArgument if the format cannot hold them, or the motion is too long for a file.
     """
     people = await performances(made, body)
     with file_fields():
@@ -40,7 +40,7 @@ async def motion_file(
 
 @contextmanager
 def file_fields() -> Iterator[None]:
-    """Name fields of a MotionFile as in a request, where it is the field `file`."""
+    """Names fields of a MotionFile as in a request, in which it is the field `file`."""
     try:
         yield
     except InvalidArgument as error:
@@ -50,7 +50,7 @@ def file_fields() -> Iterator[None]:
 
 
 async def performances(made: AsyncGenerator[Publication], body: str) -> list[Performance]:
-    """The motion of each agent; `made` is closed. Raises InvalidArgument when it is too long."""
+    """Collects each agent's motion; `made` is closed. Raises InvalidArgument if it is too long."""
     infos: dict[int, AgentInfo] = {}
     chunks: dict[int, list[MotionChunk]] = {}
     frames = 0
@@ -82,9 +82,9 @@ async def performances(made: AsyncGenerator[Publication], body: str) -> list[Per
 async def live_motion(
     service: MotionService, session_id: str, seconds: float
 ) -> AsyncGenerator[Publication]:
-    """The next seconds of a session's motion, with its agents.
+    """Yields the next seconds of a session's motion, with its agents.
 
-    Raises NotFound; ResourceExhausted when this is too slow to take all in.
+    Raises NotFound; ResourceExhausted if this reader is too slow to receive everything.
     """
     known = {info.alias: info for info in await service.list_agents(session_id)}
     told: set[int] = set()
@@ -92,7 +92,7 @@ async def live_motion(
     subscription = await service.subscribe(session_id, options)
     end: float | None = None
     try:
-        # nobody moves in a session without agents: it is the clock that ends that
+        # a session without agents has no motion, so only the clock ends the recording
         async with asyncio.timeout(seconds + PATIENCE_S):
             async for published in subscription:
                 end = end if end is not None else published.scheduled_at + seconds
@@ -104,12 +104,12 @@ async def live_motion(
                 told |= new
                 yield replace(published, added=tuple(known[alias] for alias in sorted(new)))
     except TimeoutError:
-        return  # with what has come
+        return  # with the motion so far
     finally:
         await subscription.close()
 
 
 def parts_of(data: bytes) -> Iterator[bytes]:
-    """The file, part by part."""
+    """The file in parts."""
     for begin in range(0, len(data), PART_BYTES):
         yield data[begin : begin + PART_BYTES]

@@ -1,4 +1,4 @@
-"""Which web pages may call, and by which names the server may be called."""
+"""Which web pages may call, and which host names the server accepts."""
 
 import re
 import socket
@@ -16,50 +16,50 @@ LOOPBACK: Final = r"https?://(([\w-]+\.)*localhost|127(\.\d{1,3}){3}|\[::1\])(:\
 """Origins of pages from this machine, as a regular expression; see `is_this_machine`."""
 
 ANY: Final = "*"
-"""Among `names`: all."""
+"""Entry of `names` that stands for all names."""
 
 
 @dataclass(frozen=True, slots=True)
 class Origins:
     """The rules for the headers `Origin` and `Host` that browsers send."""
 
-    listed: frozenset[str] = frozenset()  # origins of pages elsewhere, as https://example.org
+    listed: frozenset[str] = frozenset()  # origins of other pages, for example https://example.org
     names: frozenset[str] | None = frozenset()  # of the server, in lower case; None: any will do
     nodes: tuple[str, ...] = ()  # hosts of a cluster's nodes that may come; *.example.org: below it
 
     def is_name(self, host: str) -> bool:
         """Whether `host`, a Host header with or without port, is a name of this server.
 
-        On a server that asks nobody for credentials it must be. A page whose own name is made to
-        point here (DNS rebinding) is the server's own to its browser, which lets it read every
-        answer; but that name stands in `Host`. An address cannot be made to point elsewhere, so
-        all addresses are names of this server.
+        A server that asks for no credentials requires this. A page whose own name is made to point
+        to this machine (DNS rebinding) has the server's origin to its browser, which lets it read
+        every answer; but `Host` has the page's name. An address cannot be made to point elsewhere,
+        so all addresses are names of this server.
         """
         if self.names is None or ANY in self.names:
             return True
         try:
             name = (urlsplit(f"//{host}").hostname or "").removesuffix(".")
-        except ValueError:  # no host
+        except ValueError:  # not a host
             return False
         return name in self.names or _is_address(name) or is_this_machine(name)
 
     def allows(self, origin: str | None, host: str) -> bool:
         """Whether a page of `origin` may change something, or open a socket.
 
-        A page of the server itself is one whose host is `host`. Programs send no origin: none is
-        a browser's.
+        A page of the server itself has `host` as its host. Programs other than browsers send no
+        origin.
         """
         if origin is None or origin in self.listed:
             return True
         try:
             parts = urlsplit(origin)
             return is_this_machine(parts.hostname or "") or parts.netloc == host
-        except ValueError:  # no URL
+        except ValueError:  # not a URL
             return False
 
 
 def places_of(nodes: Iterable[Endpoint], host: str) -> list[str]:
-    """Host and port of each, as they stand in an origin; `host`: the Host header of the call."""
+    """Host and port of each, in the form of an origin; `host`: the Host header of the call."""
     try:
         own = urlsplit(f"//{host}").hostname or ""
     except ValueError:
@@ -68,7 +68,7 @@ def places_of(nodes: Iterable[Endpoint], host: str) -> list[str]:
 
 
 def machines_of(places: Iterable[str], later: Iterable[str] = ()) -> list[str]:
-    """The hosts of these, and those that may come `later`: on any port of theirs a node may be."""
+    """The hosts of these and of nodes that may come `later`, whose nodes may use any port."""
     return list(dict.fromkeys((*(place.rpartition(":")[0] for place in places), *later)))
 
 
@@ -88,7 +88,7 @@ def _bracketed(host: str) -> str:
 
 
 def own_names() -> frozenset[str]:
-    """What this machine calls itself, in its own network and in multicast DNS."""
+    """Names of this machine, in its own network and in multicast DNS."""
     name = socket.gethostname().lower()
     return frozenset({name, f"{name}.local"})
 

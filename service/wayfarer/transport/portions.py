@@ -1,4 +1,4 @@
-"""What one reader gets of a publication, as batches: one per tier, each within a bound of bytes."""
+"""A publication as one reader receives it: batches, one per tier, each of limited size."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,25 +19,25 @@ Rows = NDArray[np.intp]
 NO_ROWS: Final = np.zeros(0, np.intp)
 
 ENVELOPE_BYTES: Final = 256
-"""Bytes of a batch beside chunks, descriptions and aliases, at most: token, times, lengths."""
+"""Maximum bytes of a batch beyond chunks, descriptions and aliases: token, times, lengths."""
 
 ALIAS_BYTES: Final = 5
-"""Bytes of an alias at most."""
+"""Maximum bytes of an alias."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """Chunks that fell due together, as one reader sees them."""
+    """Chunks that are due together, as one reader sees them."""
 
     chunks: MotionChunks
-    tiers: Rows  # [A] index of the writer; those beyond the last are not sent
+    tiers: Rows  # [A] index of the writer; greater ones are not sent
     roots: Roots | None = None  # [A, …]
     added: Mapping[int, AgentInfo] = field(default_factory=dict)  # by alias
     hidden: Sequence[int] = ()  # aliases
 
 
 class WrittenBatch(NamedTuple):
-    """A batch, encoded."""
+    """An encoded batch."""
 
     tier: int
     chunks: int
@@ -46,7 +46,7 @@ class WrittenBatch(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Portion:
-    """What one batch holds."""
+    """The content of one batch."""
 
     tier: int
     rows: Rows
@@ -57,7 +57,7 @@ class PortionWriter:
     """Writes the batches of one stream."""
 
     def __init__(self, writers: Sequence[BatchWriter], most: int = 0) -> None:
-        """`writers`: one per tier. `most`: bytes of a message; 0: no bound."""
+        """`writers`: one per tier. `most`: maximum bytes of a message; 0: no limit."""
         self._writers = writers
         self._most = most
         has_poses = writers[0].pose_format.encoding is not PoseEncoding.ROOT
@@ -66,8 +66,8 @@ class PortionWriter:
     def batches(
         self, shown: Shown, removed: Sequence[int], before: str, after: str
     ) -> list[WrittenBatch]:
-        """Batches, encoded; none when there is nothing to tell. The last has the resume token
-        `after`, those before it have `before`, since a client that has them still lacks the rest.
+        """Encodes batches; none if there is nothing to send. The last one has the resume token
+        `after`, the others `before`, since a client that has only those still lacks the rest.
         """
         if self._is_whole and not shown.tiers.any():
             [writer] = self._writers
@@ -84,7 +84,7 @@ class PortionWriter:
         for k, portion in enumerate(portions):
             writer = self._writers[portion.tier]
             if roots is None and writer.pose_format.encoding is PoseEncoding.ROOT:
-                roots = RootTracks().follow(shown.chunks)  # published before anyone asked for them
+                roots = RootTracks().follow(shown.chunks)  # it was published without roots
             batch = motion_pb2.MotionBatch(
                 added=portion.added,
                 removed=removed if k == 0 else (),
@@ -97,7 +97,7 @@ class PortionWriter:
         return found
 
     def _portions(self, shown: Shown, news: int) -> Iterator[_Portion]:
-        """`news`: bytes of the first batch that are taken already."""
+        """`news`: bytes of the first batch that are already taken."""
         left = self._most - ENVELOPE_BYTES - news
         for tier, writer in enumerate(self._writers):
             rows = np.flatnonzero(shown.tiers == tier)

@@ -1,4 +1,4 @@
-"""The public ports of a server: bound as one, so that one in use is known at once."""
+"""The public ports of a server, bound together so that a port in use is detected at once."""
 
 import socket
 
@@ -7,19 +7,19 @@ from wayfarer.transport.grpc_server import bracketed
 
 
 def bind(host: str, http_port: int, grpc_port: int) -> socket.socket:
-    """HTTP's listening socket, once gRPC's port is known to be free. Raises Unavailable."""
-    # gRPC binds in C, which hides the cause of a failure and logs by itself, so try first.
+    """Returns HTTP's listening socket if gRPC's port is free, too. Raises Unavailable."""
+    # gRPC binds in C, which hides the cause of a failure and logs by itself, so this tries first.
     listen(host, grpc_port, "gRPC").close()
     return listen(host, http_port, "HTTP")
 
 
 def http_url(host: str, bound: socket.socket, secure: bool) -> str:
-    """Where HTTP is found."""
+    """The URL of the HTTP server."""
     return f"{'https' if secure else 'http'}://{bracketed(host)}:{bound.getsockname()[1]}"
 
 
 def listen(host: str, port: int, what: str) -> socket.socket:
-    """A listening socket. Raises Unavailable."""
+    """Opens a listening socket. Raises Unavailable."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family, backlog=1024)

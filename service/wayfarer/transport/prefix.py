@@ -11,25 +11,25 @@ from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PREFIX: Final = re.compile(r"(/[\w.~-]+)+")
-"""A prefix of all paths; "." and ".." are no part of it."""
+"""A prefix of all paths; "." and ".." are not parts of it."""
 MOST: Final = 200
-"""Characters."""
+"""Maximum characters of a prefix."""
 HEADER: Final = "x-forwarded-prefix"
 
 Network = IPv4Network | IPv6Network
 
 
 def is_prefix(text: str) -> bool:
-    """Whether it is a path that the server may stand below."""
+    """Whether the server may be mounted below this path."""
     dots = any(part in (".", "..") for part in text.split("/"))
     return len(text) <= MOST and PREFIX.fullmatch(text) is not None and not dots
 
 
 class UnderPrefix:
-    """Takes the prefix off paths, where the proxy has left it there, and puts it before redirects.
+    """Removes the prefix from paths if the proxy left it there, and puts it before redirects.
 
-    It is what a trusted proxy says in X-Forwarded-Prefix, else `root_path`. All else that the
-    server writes is relative.
+    The prefix is the X-Forwarded-Prefix of a trusted proxy, or otherwise `root_path`. All other
+    links that the server writes are relative.
     """
 
     def __init__(self, app: ASGIApp, root_path: str, proxies: Sequence[Network]) -> None:
@@ -38,7 +38,7 @@ class UnderPrefix:
         self._proxies = tuple(proxies)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request or socket."""
+        """Handles one request or socket."""
         prefix = self._prefix(scope) if scope["type"] in ("http", "websocket") else ""
         if not prefix:
             await self._app(scope, receive, send)
@@ -68,7 +68,7 @@ class UnderPrefix:
         if told and client and is_prefix(told):
             try:
                 address = ip_address(client[0])
-            except ValueError:  # a Unix socket's
+            except ValueError:  # the address of a Unix socket
                 return self._root_path
             if any(address in network for network in self._proxies):
                 return told

@@ -1,11 +1,11 @@
-"""Every compiled rule, before anybody walks. `python -m wayfarer.transport.prepare` keeps them."""
+"""Compiles all rules before agents walk. `python -m wayfarer.transport.prepare` caches them."""
 
 from wayfarer.transport.codec import packing
 from wayfarer.world.scenes import prepare as rules
 
 
 def prepare() -> None:
-    """Compile what is compiled, or load it."""
+    """Compiles the compiled rules, or loads them."""
     rules.prepare()
     packing.prepare()
 

@@ -1,4 +1,4 @@
-"""What surrounds the HTTP routes: request limits, headers, problem documents."""
+"""Around the HTTP routes: request limits, headers, problem documents."""
 
 import json
 import mimetypes
@@ -36,13 +36,13 @@ PROBLEMS: Final = _described(
 )
 """OpenAPI's description of every error answer."""
 
-# The machine's own table may miss these, or have them wrong.
+# The machine's own table may lack these, or have wrong ones.
 for suffix, kind in ((".js", "text/javascript"), (".glb", "model/gltf-binary")):
     mimetypes.add_type(kind, suffix)
 
 
 MESHES: Final = "/v1/scenes/mesh"
-"""Where files come that may be larger than other requests."""
+"""Path that takes files larger than other requests."""
 
 COMPRESSED: Final = HTTPException(
     errors.COMPRESSED.http,
@@ -52,7 +52,7 @@ COMPRESSED: Final = HTTPException(
 
 
 class RequestLimits:
-    """ASGI middleware: bounds request bodies and sets headers that hold for every answer."""
+    """ASGI middleware: limits request bodies and sets the headers of every answer."""
 
     def __init__(self, app: ASGIApp, body_bytes: int, mesh_bytes: int) -> None:
         self._app = app
@@ -60,7 +60,7 @@ class RequestLimits:
         self._mesh_bytes = mesh_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuses a body that is compressed or too large, also if its length is not announced."""
+        """Refuses a body that is compressed or too large, even if its length is not announced."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -95,7 +95,7 @@ class RequestLimits:
 
 
 def add_problem_handlers(app: FastAPI) -> None:
-    """Answer every failure with an RFC 9457 problem document."""
+    """Answers every failure with an RFC 9457 problem document."""
 
     @app.exception_handler(WayfarerError)
     async def on_error(request: Request, error: WayfarerError) -> Response:
@@ -108,7 +108,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def on_http(request: Request, error: HTTPException) -> Response:
-        if error.status_code == HTTPStatus.BAD_REQUEST:  # FastAPI's, of a body it cannot read
+        if error.status_code == HTTPStatus.BAD_REQUEST:  # FastAPI cannot read the body
             return problem_response(InvalidArgument("the body is not JSON in UTF-8"))
         return _http_problem(error)
 
@@ -119,7 +119,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 
 def _refusal(request: Request, error: RequestValidationError) -> InvalidArgument:
-    """What FastAPI found wrong in a request."""
+    """The error for FastAPI's findings in a request."""
     first = error.errors()[0]
     if first["type"] == "json_invalid":
         place = f"{first['ctx']['error']}, at character {first['loc'][-1]}"
@@ -127,12 +127,12 @@ def _refusal(request: Request, error: RequestValidationError) -> InvalidArgument
     for whole in (each for each in error.errors() if each["loc"] == ("body",)):
         if whole["type"] == "missing":
             return InvalidArgument("a JSON body is needed; send content-type: application/json")
-        if isinstance(whole["input"], bytes):  # not read as JSON
+        if isinstance(whole["input"], bytes):  # not parsed as JSON
             came = request.headers.get("content-type", "none")[:64]
             return InvalidArgument(f"send content-type: application/json, not {came}")
         if whole["type"] == "model_attributes_type":
             return InvalidArgument(f"the body {sentence(whole)}")
-    # loc starts with where the value stood: body, query, path
+    # loc starts with the part of the request: body, query, path
     found = [{**each, "loc": each["loc"][1:]} for each in error.errors()]
     body = request.scope["route"].body_field
     return refusal(found, kind=body and body.field_info.annotation)
@@ -146,7 +146,7 @@ def problem_response(error: BaseException) -> Response:
 
 
 def _http_problem(error: HTTPException) -> Response:
-    """Failures of HTTP itself: no such route, method not allowed, body too large."""
+    """Failures of HTTP itself: unknown route, method not allowed, body too large."""
     status = HTTPStatus(error.status_code)
     response = _problem(
         {

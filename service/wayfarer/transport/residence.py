@@ -1,4 +1,4 @@
-"""Which sessions, scenes and agents a server answers for, and where the others are called."""
+"""Which sessions, scenes and agents a server owns, and where the others are called."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from wayfarer.ownership import Ownership, SingleNode
 from wayfarer.transport import schema
 
 REMEMBERED: Final = 4096
-"""Groups whose sessions have left, the latest: they are known before the ownership tells."""
+"""Maximum number of groups that left and are remembered until the ownership knows of it."""
 
 
 class Residence:
@@ -23,7 +23,7 @@ class Residence:
 
     @property
     def own(self) -> schema.Endpoint | None:
-        """Where this server is called; None: at the address that its clients know."""
+        """Where this server is called; None: at the address that its clients use."""
         own = self._ownership.own
         return None if own is None else schema.Endpoint.of(own)
 
@@ -34,7 +34,7 @@ class Residence:
 
     @property
     def holds(self) -> bool:
-        """Whether the lease holds, so that owned groups may be changed."""
+        """Whether the lease is valid, so that owned groups may be changed."""
         return self._ownership.may_step()
 
     def require_lease(self) -> None:
@@ -43,9 +43,9 @@ class Residence:
             raise Unavailable("this node has lost touch with its cluster; try again")
 
     def require_own(self, name: str) -> None:
-        """Raises Misdirected when what has this id lives elsewhere.
+        """Raises Misdirected if this id belongs to another server.
 
-        Asked about groups that are not on this server. A group that has come back is found first.
+        Called for groups that are not on this server; a group that came back is found before.
         """
         right = self._ownership.endpoint_of(name) or self._left.get(group_of(name))
         if right is not None:
@@ -56,7 +56,7 @@ class Residence:
         await self._ownership.claimed(name)
 
     def left(self, name: str, endpoint: Endpoint) -> None:
-        """A session or scene lives there now."""
+        """Records that a session or scene has moved to `endpoint`."""
         group = group_of(name)
         self._left[group] = endpoint
         self._left.move_to_end(group)
@@ -64,10 +64,10 @@ class Residence:
             self._left.popitem(last=False)
 
     def came(self, name: str) -> None:
-        """A session or scene lives here now."""
+        """Records that a session or scene has come to this server."""
         self._left.pop(group_of(name), None)
 
 
 def misdirected(name: str, right: Endpoint) -> Misdirected:
-    """The error that says where to call."""
+    """The error with the right address."""
     return Misdirected(f"{name!r} lives in node {right.worker}; call {right}", right)

@@ -1,4 +1,4 @@
-"""Resume tokens: how far a stream has come, as opaque text."""
+"""Resume tokens: the progress of a stream as opaque text."""
 
 import re
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ TOKEN: Final = re.compile(r"([A-Za-z0-9-]{1,40})\.(\d{1,18})(?:\.(\d{1,6}))?(?:~
 class Progress:
     """All publications before `position` were received, and of that one its chunks and `events`.
 
-    `events` None: all of it.
+    `events`: number of events; None: all.
     """
 
     epoch: str
@@ -26,7 +26,7 @@ class Progress:
 
     @classmethod
     def read(cls, token: str) -> "Progress | None":
-        """None for an empty token. Raises InvalidArgument."""
+        """Parses a token; None for an empty one. Raises InvalidArgument."""
         if not token:
             return None
         match = TOKEN.fullmatch(token)
@@ -39,13 +39,13 @@ class Progress:
         return cls(epoch, int(position), None if events is None else int(events), followed or "")
 
     def token(self) -> str:
-        """The text that `read` reads."""
+        """Writes the text that `read` parses."""
         rest = "" if self.events is None else f".{self.events}"
         followed = f"~{self.followed}" if self.followed else ""
         return f"{self.epoch}.{self.position}{rest}{followed}"
 
     def resume(self, followed: str) -> Resume:
-        """Where the runtime resumes: with this publication again, if it is incomplete.
+        """The point at which the runtime resumes: this publication again, if it is incomplete.
 
         `followed`: mark of the agents that are followed now.
         """
@@ -55,6 +55,6 @@ class Progress:
 
 
 def filter_mark(agent_ids: Iterable[str]) -> str:
-    """Tells one choice of agents from another; empty for no choice: all of them."""
+    """Identifies a choice of agents; empty for all agents."""
     chosen = sorted(set(agent_ids))
     return sha256("\n".join(chosen).encode()).hexdigest()[:16] if chosen else ""

@@ -17,14 +17,14 @@ from wayfarer.transport.units import in_world, place, vector
 from wayfarer.world.scenes import messages as runtime
 
 DECIMALS = 4
-"""Decimals of coordinates that are meant for drawing."""
+"""Decimals of coordinates for drawing."""
 
 Array = NDArray[np.floating[Any]]
 Shape = schema.Box | schema.Cylinder | schema.Prism | schema.Ramp
 
 
 def scene_spec(request: schema.NewScene, mesh: world.MeshFile | None = None) -> world.SceneSpec:
-    """The scene to bake. Takes some time for a large one."""
+    """The scene to bake. Takes long for a large scene."""
     axes = request.basis.axes
     return world.SceneSpec(
         floors=tuple(_floor(floor, axes) for floor in request.floors),
@@ -36,7 +36,7 @@ def scene_spec(request: schema.NewScene, mesh: world.MeshFile | None = None) -> 
 
 
 def mesh_file(mesh: schema.Mesh, basis: Basis, data: bytes) -> world.MeshFile:
-    """A file whose coordinates are in the basis it declares, by default that of the scene."""
+    """A file whose coordinates are in the basis that it declares, by default the scene's."""
     usual = Basis.GLTF if mesh.format is schema.MeshFormat.GLB else basis
     axes = (mesh.basis or usual).axes
     x, y, z = ((float(a), float(b), float(c)) for a, b, c in axes.matrix.T)
@@ -45,21 +45,21 @@ def mesh_file(mesh: schema.Mesh, basis: Basis, data: bytes) -> world.MeshFile:
 
 
 def obstacle(request: schema.Obstacle, axes: Axes) -> world.Obstacle:
-    """The obstacle for the scene."""
+    """The obstacle in world space."""
     made = _solid(shape_of(request), axes)
     assert not isinstance(made, world.Ramp)
     return made
 
 
 def shape_of(solid: schema.Solid | schema.Obstacle) -> Shape:
-    """The one shape that is given."""
+    """The shape that is given."""
     _, shape = solid.given
     assert isinstance(shape, Shape)
     return shape
 
 
 def crowd(request: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
-    """The crowd in world space; `seed` where the client has named none."""
+    """The crowd in world space; `seed` is used if the client gave none."""
     given = {"seed": seed, **in_world(request, basis.axes)}
     for name, (low, high) in (("speed", CROWD.speed), ("dwell", CROWD.dwell)):
         given[name] = (given.pop(f"min_{name}", low), given.pop(f"max_{name}", high))
@@ -69,7 +69,7 @@ def crowd(request: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
 def scene(
     info: runtime.SceneInfo, basis: Basis, lease_s: float, endpoint: schema.Endpoint | None
 ) -> schema.Scene:
-    """A scene as its client sees it."""
+    """Describes a scene for its client."""
     axes = basis.axes
     x0, y0, x1, y1 = info.bounds
     corners = axes.points_to_wire(np.array([[x0, y0, 0.0], [x1, y1, 0.0]]))
@@ -102,7 +102,7 @@ def scene_version(info: runtime.SceneInfo) -> schema.SceneVersion:
 
 
 def scene_path(way: runtime.Way, axes: Axes) -> schema.ScenePath:
-    """A way as its client sees it."""
+    """Describes a way for its client."""
     return schema.ScenePath(
         points=tuple(vector(p) for p in axes.points_to_wire(np.array(way.points))),
         length=axes.length_to_wire(way.length),
@@ -113,7 +113,7 @@ def scene_path(way: runtime.Way, axes: Axes) -> schema.ScenePath:
 
 
 def outlines(found: runtime.Outlines, axes: Axes) -> schema.SceneOutlines:
-    """A scene to be drawn. Takes some time for a large one."""
+    """A scene for drawing. Takes long for a large scene."""
     return schema.SceneOutlines(
         walkable=tuple(
             schema.Polygon(
@@ -134,7 +134,7 @@ def outlines(found: runtime.Outlines, axes: Axes) -> schema.SceneOutlines:
 def fields_named(
     solids: Sequence[schema.Solid] = (), obstacle: schema.Obstacle | None = None
 ) -> Iterator[None]:
-    """Name fields as the client has them: the runtime knows `center`, `yaw` and world axes."""
+    """Names fields as the client does: the runtime knows `center`, `yaw` and world axes."""
     try:
         yield
     except InvalidArgument as error:
@@ -155,7 +155,7 @@ _RENAMED: Mapping[type, Mapping[str, str]] = {
 def _client_field(
     field: str, solids: Sequence[schema.Solid], obstacle: schema.Obstacle | None
 ) -> str:
-    """`solids[3].yaw` → `solids[3].box.heading`; `entries[0][1]` → `entries[0]`; …"""
+    """Renames fields: `solids[3].yaw` → `solids[3].box.heading`, `entries[0][1]` → `entries[0]`."""
     if field == "mesh.data":
         return "data"
     found = _SOLID.fullmatch(field)
@@ -226,7 +226,7 @@ def _block(block: runtime.Block, axes: Axes, name: str = "") -> schema.Block:
 
 
 def _flat(points: Sequence[Sequence[float]], axes: Axes) -> tuple[float, ...]:
-    """Points of two or three coordinates, as numbers one after the other, three of each."""
+    """Points of two or three coordinates as a flat list, three numbers for each."""
     if not points:
         return ()
     found = np.array(points, dtype=float)

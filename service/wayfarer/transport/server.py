@@ -35,10 +35,10 @@ WATCH_S: Final = 0.25
 
 
 class HttpServer(uvicorn.Server):
-    """uvicorn, bounded. Signals are the composition root's business."""
+    """uvicorn with limits. The composition root handles signals."""
 
     def __init__(self, app: ASGIApp, limits: Limits, operation: ServerOptions) -> None:
-        """HTTP on the sockets that `serve` gets."""
+        """HTTP on the sockets that `serve` receives."""
         tls = operation.tls
         super().__init__(
             uvicorn.Config(
@@ -60,12 +60,12 @@ class HttpServer(uvicorn.Server):
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Leave them alone."""
+        """Leaves signals alone."""
         yield
 
 
 class Server:
-    """gRPC and HTTP. Binds when created, so a port in use is known at once."""
+    """gRPC and HTTP. Binds when created, so that a port in use is detected at once."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class Server:
         grpc_port: int,
         operation: ServerOptions | None = None,
     ) -> None:
-        """Ports 0: any free one. Raises Unavailable when a port is taken."""
+        """A port 0 stands for any free one. Raises Unavailable if a port is taken."""
         self._gateway = gateway
         if operation is None:
             rates = CallRates(gateway.limits.calls_per_second)
@@ -105,11 +105,11 @@ class Server:
 
     @property
     def ports(self) -> tuple[int, int]:
-        """Of gRPC and of HTTP."""
+        """The ports of gRPC and of HTTP."""
         return self._grpc.port, int(self._socket.getsockname()[1])
 
     async def start(self) -> None:
-        """Take calls. Health says NOT_SERVING until the runtime is ready."""
+        """Accepts calls. Health is NOT_SERVING until the runtime is ready."""
         await self._grpc.start()
         self._tasks = [
             asyncio.create_task(self._watch(), name="watch"),
@@ -117,7 +117,7 @@ class Server:
         ]
 
     async def until_ready(self) -> None:
-        """Return when the runtime is ready. Raises Unavailable when it will never be."""
+        """Returns when the runtime is ready. Raises Unavailable if it never will be."""
         while not (self._gateway.runtime_ready and self._http.started):
             if not self._gateway.alive:
                 raise Unavailable("the motion loop ended while it was starting; see the log")
@@ -126,9 +126,9 @@ class Server:
         await self._grpc.set_serving(True)
 
     async def stop(self) -> None:
-        """Refuse new work, tell and end the streams, let calls end, stop.
+        """Refuses new work, ends the streams with an event, lets calls end, and stops.
 
-        Takes twice `drain_s` at most, and a second.
+        Takes at most twice `drain_s` and a second.
         """
         watch, serving = self._tasks
         watch.cancel()
@@ -139,12 +139,12 @@ class Server:
         self._operation.tracing.close()
 
     async def _watch(self) -> None:
-        """Keep grpc.health.v1 in step with the runtime; end what has no lease or key any more."""
+        """Keeps grpc.health.v1 in step with the runtime; ends what has lost its lease or key."""
         while True:
             await self._grpc.set_serving(self._gateway.ready)
             self._gateway.end_streams_of_revoked(self._operation.guard.authenticator.is_good)
             try:
                 await self._gateway.end_expired_sessions()
-            except Exception:  # else no lease would ever end again
+            except Exception:  # otherwise no lease would ever end again
                 log.exception("sessions whose lease is over not ended; tried again")
             await asyncio.sleep(WATCH_S)

@@ -1,4 +1,4 @@
-"""How a server is run rather than what it does: guard, origins, TLS, metrics, traces, bounds."""
+"""How a server is operated: guard, origins, TLS, metrics, traces, limits."""
 
 from dataclasses import dataclass, field
 from ipaddress import ip_network
@@ -21,7 +21,7 @@ class ServerOptions:
     guard: Guard = field(default_factory=Guard)
     origins: Origins = field(default_factory=Origins)
     metrics: Metrics = field(default_factory=Metrics)
-    metrics_access: str = "guarded"  # as the setting `metrics`
+    metrics_access: str = "guarded"  # like the setting `metrics`
     tracing: Tracing = field(default_factory=NoTracing)
     tls: Tls | None = None
     connections: int = 1024

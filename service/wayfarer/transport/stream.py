@@ -28,7 +28,7 @@ from wayfarer.world.events import Event, EventKind
 HEARTBEAT_S: Final = 1.0
 
 FEW: Final = 8
-"""Agents that are asked for one by one; for more, all of the session are listed at once."""
+"""Maximum number of agents that are looked up one by one; otherwise the session's are listed."""
 
 SHUTDOWN: Final = "the server is shutting down"
 
@@ -48,10 +48,10 @@ class MotionStream:
         interest: DetailLevels | None = None,
         axes: Axes = Basis.GLTF.axes,
     ) -> None:
-        """`followed`: see `filter_mark`. `since`: how far the reader's earlier stream had come.
+        """`followed`: see `filter_mark`. `since`: progress of the reader's earlier stream.
 
         `gone`: aliases of deleted agents that it may still show. `interest`: rings and viewpoints;
-        none: all agents come alike. `axes`: of the session's basis.
+        None: all agents have the same detail. `axes`: of the session's basis.
         """
         self._service = service
         self._session_id = session_id
@@ -64,23 +64,23 @@ class MotionStream:
         self._resumes = since is not None  # the reader may show agents that were not introduced
         self._token = ""  # of what has been sent
         self._interest, self._axes = interest, axes
-        self._count = 1  # of tiers; this number stands for nothing
+        self._count = 1  # number of tiers; as a tier, this number means out of sight
         if interest is not None:
             self._count = len(interest.rings)
             interest.resumed = subscription.resumed
         self._sent_at = clock()
-        self._known: set[int] = set()  # aliases of agents introduced
-        self._seen: set[int] = set()  # of those: within the rings
-        self._gone = set(gone)  # aliases deleted: their late chunks are dropped
+        self._known: set[int] = set()  # aliases of agents that were introduced
+        self._seen: set[int] = set()  # aliases of those that are within the rings
+        self._gone = set(gone)  # deleted aliases, whose late chunks are dropped
         self._removed = list(gone)  # deleted and not yet reported
 
     def remove(self, alias: int) -> None:
-        """Tell the reader, with the next message, that an agent was deleted."""
+        """Reports a deleted agent to the reader with the next message."""
         self._leave(alias)
         self._gone.add(alias)
 
     def end(self, error: WayfarerError) -> bool:
-        """End it with `error`; False when it was ending already."""
+        """Ends it with `error`; returns False if it was ending already."""
         if self._error is not None:
             return False
         self._error = error
@@ -88,7 +88,8 @@ class MotionStream:
         return True
 
     def ack(self, token: str, playhead: float) -> None:
-        """The reader has received all up to `token` and shows the moment `playhead` (Unix s).
+        """Records that the reader has received everything up to `token` and shows the moment
+        `playhead` (Unix s).
 
         Raises InvalidArgument.
         """
@@ -97,7 +98,7 @@ class MotionStream:
             self._subscription.ack(progress.position, playhead)
 
     def look(self, viewpoints: schema.Viewpoints) -> None:
-        """See the agents from here, from the next batch on.
+        """Sets the viewpoints from the next batch on.
 
         Raises InvalidArgument, also for a stream without rings.
         """
@@ -108,11 +109,12 @@ class MotionStream:
     async def messages(
         self, writers: Sequence[BatchWriter], resume_s: float, most: int = 0
     ) -> AsyncGenerator[bytes]:
-        """Header, then batches, events and heartbeats until the session ends: each a
-        StreamMotionResponse, encoded.
+        """Yields a header, then batches, events and heartbeats until the session ends: each an
+        encoded StreamMotionResponse.
 
-        `writers`: one for each ring, else one. `most`: bytes of a message; 0: no bound. Raises
-        what it was ended with; Unavailable after an event that says so. Close it with `aclose`.
+        `writers`: one for each ring, or one alone. `most`: maximum bytes of a message; 0: no limit.
+        Raises the error that it was ended with; Unavailable after an event that says so. Close it
+        with `aclose`.
         """
         yield self._response(header=self._header(writers, resume_s))
         portions = PortionWriter(writers, most)
@@ -134,7 +136,7 @@ class MotionStream:
                         self._count_sent(batch, len(message))
                         yield message
                 elif published and self._interest:
-                    # nobody is in sight; now and then the reader gets a token to resume from
+                    # no agent is in sight; now and then the reader gets a token to resume from
                     if self._clock() - self._sent_at >= HEARTBEAT_S:
                         empty = motion_pb2.MotionBatch(resume_token=self._token)
                         yield self._batch([empty.SerializeToString()])
@@ -143,7 +145,7 @@ class MotionStream:
                 for token, event in events:
                     yield self._response(event=event_message(event, self._axes))
                     self._token = token
-                    if event.kind is EventKind.AGENT_LEFT:  # no chunk of it comes after that
+                    if event.kind is EventKind.AGENT_LEFT:  # no chunk of the agent comes after that
                         self._leave(event.alias)
         if self._error:
             if isinstance(self._error, Unavailable):
@@ -151,10 +153,10 @@ class MotionStream:
             raise self._error
 
     async def events(self) -> AsyncGenerator[tuple[str, motion_pb2.Event] | None]:
-        """Events alone, each with its resume token; None at once, and when nothing else happens.
+        """Yields only events, each with its resume token; None at once, and as a heartbeat.
 
-        Raises what it was ended with; Unavailable after an event that says so. Close it with
-        `aclose`.
+        Raises the error that it was ended with; Unavailable after an event that says so. Close it
+        with `aclose`.
         """
         yield None
         async with aclosing(self._publications()) as publications:
@@ -208,7 +210,7 @@ class MotionStream:
     def _progress(self, published: Publication, events: int | None, later: int = 0) -> str:
         """The resume token after `events` events of a publication; None: after all of it.
 
-        `later`: of the publication so many positions later.
+        `later`: counts from the publication that is this many positions later.
         """
         position = published.position + later
         return Progress(self._subscription.epoch, position, events, self._followed).token()
@@ -222,13 +224,13 @@ class MotionStream:
         ]
         since = self._since
         if since and since.epoch == epoch and since.position == published.position:
-            self._since = None  # news of a loss may come with the same position later
+            self._since = None  # the report of a loss may come later with the same position
             return NO_CHUNKS, events[since.events :]
         return published.chunks, events
 
     async def _show(self, chunks: MotionChunks, roots: Roots | None) -> Shown:
-        """What to send of chunks, and of their `roots`: tiers, and descriptions of the agents that
-        the reader does not see yet.
+        """What to send of chunks and their `roots`: tiers, and descriptions of the agents that the
+        reader does not see yet.
         """
         if not chunks:
             return Shown(chunks, NO_ROWS)
@@ -243,12 +245,12 @@ class MotionStream:
         within = zip(aliases, chunks.agent_id, tiers < self._count, strict=True)
         new = {alias: name for alias, name, is_in in within if is_in and alias not in self._seen}
         added = await self._introduce(new) if new else {}
-        if new.keys() - added.keys():  # they have been deleted
+        if new.keys() - added.keys():  # these have been deleted
             tiers = np.where([alias in self._seen for alias in aliases], tiers, self._count)
         return Shown(chunks, tiers, roots, added, [a for a in left if a not in self._gone])
 
     async def _introduce(self, agents: Mapping[int, str]) -> dict[int, AgentInfo]:
-        """Descriptions of agents, ids by alias: of those that live."""
+        """Descriptions of the agents that still exist; `agents` has ids by alias."""
         agents = {alias: name for alias, name in agents.items() if alias not in self._gone}
         if len(agents) > FEW:
             try:
@@ -257,7 +259,7 @@ class MotionStream:
                 infos = []
         else:
             infos = [info for name in agents.values() if (info := await self._agent(name))]
-        wanted = agents.keys() - self._gone  # some have gone while it was asked for them
+        wanted = agents.keys() - self._gone  # some may have been deleted meanwhile
         found = {info.alias: info for info in infos if info.alias in wanted}
         self._known |= found.keys()
         self._seen |= found.keys()

@@ -1,4 +1,4 @@
-"""TLS, from PEM files that are checked at the start: of the public ports, and between nodes."""
+"""TLS for the public ports and between nodes, from PEM files that are checked at start."""
 
 import ssl
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ SOON: Final = timedelta(days=14)
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """Certificate chain and key of the server; the authority of client certificates, if asked."""
+    """Certificate chain and key of the server; the authority of client certificates, if used."""
 
     cert: Path
     key: Path
     client_ca: Path | None = None
-    settings: tuple[str, str, str] = ("tls_cert", "tls_key", "tls_client_ca")  # that name them
+    settings: tuple[str, str, str] = ("tls_cert", "tls_key", "tls_client_ca")  # that name the files
 
     def check(self) -> None:
-        """Raises InvalidArgument that names the setting whose file does not do."""
+        """Raises InvalidArgument that names the setting whose file is not valid."""
         cert, _, client_ca = self.settings
         _dated(cert, self.cert)
         if self.client_ca:
@@ -35,7 +35,7 @@ class Tls:
         self.http()
 
     def http(self) -> ssl.SSLContext:
-        """For HTTP. A client without a certificate gets as far as what is open to everybody."""
+        """For HTTP. A client without a certificate reaches only what needs no credentials."""
         context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         setting = self.settings[1]
@@ -56,7 +56,7 @@ class Tls:
         return context
 
     def grpc(self) -> grpc.ServerCredentials:
-        """For gRPC. Where client certificates are asked, there is no connection without one."""
+        """For gRPC. If client certificates are required, there is no connection without one."""
         return grpc.ssl_server_credentials(
             [(self.key.read_bytes(), self.cert.read_bytes())],
             self.client_ca.read_bytes() if self.client_ca else None,
@@ -64,7 +64,7 @@ class Tls:
         )
 
     def grpc_channel(self) -> Any:
-        """To a server of the same authority, which asks for this certificate."""
+        """A channel to a server of the same authority, which requires this certificate."""
         assert self.client_ca is not None
         return grpc.ssl_channel_credentials(
             self.client_ca.read_bytes(), self.key.read_bytes(), self.cert.read_bytes()
@@ -72,7 +72,7 @@ class Tls:
 
 
 def peer_tls(settings: PeerTls) -> Tls | None:
-    """Between nodes, and of entries with them. Raises InvalidArgument as `Tls.check`."""
+    """TLS between nodes, and between entries and nodes. Raises InvalidArgument as `Tls.check`."""
     if not (settings.cert and settings.key and settings.ca):
         return None
     names = ("peer_tls.cert", "peer_tls.key", "peer_tls.ca")
@@ -82,7 +82,7 @@ def peer_tls(settings: PeerTls) -> Tls | None:
 
 
 def _dated(setting: str, path: Path) -> None:
-    """Refuse what is no certificate or out of date; warn of what soon will be."""
+    """Refuses an invalid or expired certificate; warns before one expires."""
     # 9 MB that a server without TLS does not need
     from cryptography import x509
 
@@ -107,7 +107,7 @@ def _unreadable(setting: str, path: Path, error: OSError) -> InvalidArgument:
 
 
 def _no_password(setting: str) -> str:
-    """Rather than to ask for one on a terminal that nobody sits at."""
+    """Raises an error; otherwise the library would ask for a password on the terminal."""
     raise InvalidArgument(
         f"setting {setting}: the private key is encrypted; a server needs it in the clear, in a "
         "file that only its user can read",

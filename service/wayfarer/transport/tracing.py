@@ -1,7 +1,7 @@
-"""OpenTelemetry spans, of calls and of engine calls; never of messages. Off unless set up.
+"""OpenTelemetry spans of calls and of engine calls, but not of messages. Off by default.
 
-The packages come with the extra `otel`, and are imported only where traces are wanted. Sampling,
-headers and the like are OpenTelemetry's own variables (OTEL_TRACES_SAMPLER, …).
+The packages come with the extra `otel` and are imported only if traces are wanted. Sampling,
+headers and the like are set by OpenTelemetry's own variables (OTEL_TRACES_SAMPLER, …).
 """
 
 import time
@@ -13,50 +13,50 @@ from wayfarer import __version__
 
 
 class Tracing(Protocol):
-    """Where spans go."""
+    """Receives spans."""
 
     def call(
         self, name: str, headers: Mapping[str, str]
     ) -> AbstractContextManager[Callable[[str], None]]:
         """A context manager around a call; `headers` may carry the client's `traceparent`.
 
-        It yields a function that gives the span another name.
+        It yields a function that renames the span.
         """
         ...
 
     def step(self, agents: int, seconds: float) -> None:
-        """An engine call that has just ended."""
+        """Records an engine call that has just ended."""
         ...
 
     def close(self) -> None:
-        """Send what is left."""
+        """Sends the remaining spans."""
         ...
 
 
 def _unnamed(name: str) -> None:
-    """There is no span to name."""
+    """Does nothing, since there is no span."""
 
 
 class NoTracing:
-    """Nothing is traced."""
+    """Traces nothing."""
 
     @contextmanager
     def call(self, name: str, headers: Mapping[str, str]) -> Iterator[Callable[[str], None]]:
-        """See `Tracing`, as for all below."""
+        """Implements `Tracing`, as do the methods below."""
         yield _unnamed
 
     def step(self, agents: int, seconds: float) -> None:
-        """See `Tracing`."""
+        """Implements `Tracing`."""
 
     def close(self) -> None:
-        """See `Tracing`."""
+        """Implements `Tracing`."""
 
 
 class OtlpTracing:
-    """Spans over OTLP. They are sent in batches by a thread of the library."""
+    """Spans over OTLP. A thread of the library sends them in batches."""
 
     def __init__(self, endpoint: str, exporter: Any = None) -> None:
-        """Raises ModuleNotFoundError without the extra. `exporter`: another place for spans."""
+        """Raises ModuleNotFoundError without the extra. `exporter`: replaces OTLP's."""
         from opentelemetry.exporter.otlp.proto.grpc.trace_exporter import OTLPSpanExporter
         from opentelemetry.propagate import extract
         from opentelemetry.sdk.resources import Resource
@@ -76,12 +76,12 @@ class OtlpTracing:
 
     @contextmanager
     def call(self, name: str, headers: Mapping[str, str]) -> Iterator[Callable[[str], None]]:
-        """See `Tracing`, as for all below."""
+        """Implements `Tracing`, as do the methods below."""
         with self._tracer.start_as_current_span(
             name,
             context=self._extract(headers),
             kind=self._server,
-            record_exception=False,  # its text belongs in the log, where secrets are taken out
+            record_exception=False,  # its text belongs in the log, which removes secrets
             set_status_on_exception=False,
         ) as span:
             try:
@@ -91,7 +91,7 @@ class OtlpTracing:
                 raise
 
     def step(self, agents: int, seconds: float) -> None:
-        """See `Tracing`."""
+        """Implements `Tracing`."""
         end = time.time_ns()
         span = self._tracer.start_span(
             "step", start_time=end - round(1e9 * seconds), attributes={"agents": agents}
@@ -99,10 +99,10 @@ class OtlpTracing:
         span.end(end)
 
     def close(self) -> None:
-        """See `Tracing`."""
+        """Implements `Tracing`."""
         self._provider.shutdown()
 
 
 def tracing(endpoint: str) -> Tracing:
-    """A tracer that exports to an OTLP endpoint; None when that is empty."""
+    """A tracer that exports to an OTLP endpoint, or traces nothing if that is empty."""
     return OtlpTracing(endpoint) if endpoint else NoTracing()

@@ -1,7 +1,7 @@
-"""Values of messages between a client's basis and world space, by the units of their fields.
+"""Conversion of message fields between a client's basis and world space, by their units.
 
-A schema class says what each field is (`schema.Quantity`); points are `schema.Vector3`. Fields
-without a unit mean the same in every basis.
+A schema class defines the unit of each field (`schema.Quantity`); points are `schema.Vector3`.
+Fields without a unit mean the same in every basis.
 """
 
 from collections.abc import Mapping
@@ -23,14 +23,14 @@ TO_WIRE: Final = {Quantity.LENGTH: Axes.length_to_wire, Quantity.HEADING: Axes.h
 def in_world(request: BaseModel, axes: Axes) -> dict[str, Any]:
     """The fields that are given, in world space: metres, headings about +Z, points as x, y, z.
 
-    Other messages, and lists of them, are left as they are.
+    Nested messages, and lists of them, are not converted.
     """
     units = _units(type(request))
     return {name: _in_world(v, units.get(name), axes) for name, v in request if v is not None}
 
 
 def on_wire(kind: type[BaseModel], found: object, axes: Axes) -> dict[str, Any]:
-    """The fields of `kind`, as `found` has them in world space, in the basis."""
+    """The fields of `kind`, taken from `found` in world space, in the basis."""
     units = _units(kind)
     values = {name: getattr(found, name) for name in kind.model_fields}
     return {name: _on_wire(v, units.get(name), axes) for name, v in values.items()}

@@ -1,4 +1,4 @@
-"""What pydantic found wrong in a request, as sentences that say what is allowed and what came."""
+"""Pydantic's findings in a request, as sentences that state the allowed and the given value."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,10 +11,10 @@ from wayfarer.transport.errors import MOST_VIOLATIONS, InvalidRequest
 from wayfarer.transport.schema import LINE
 
 VALUE_LENGTH: Final = 40
-"""Characters of a value that an error repeats."""
+"""Maximum characters of a value that an error repeats."""
 
 NAME_LENGTH: Final = 64
-"""Characters of a field's name that an error repeats."""
+"""Maximum characters of a field's name that an error repeats."""
 
 _NUMBER: Final = "must be a number, not {value}"
 _WHOLE: Final = "must be a whole number, not {value}"
@@ -47,20 +47,20 @@ TEXTS: Final[Mapping[str, str]] = {
     "tuple_type": "must be a list, not {value}",
     "value_error": "{error}",
 }
-"""By pydantic's type of error; placeholders are its context, `value` and its `length`."""
+"""Sentences by pydantic's error type; placeholders: its context, `value` and its `length`."""
 
 
 def invalid_request(error: ValidationError, field: str = "", kind: Any = None) -> InvalidRequest:
-    """What pydantic found in the part `field` of a request; `kind` is the class of that part."""
+    """The error for pydantic's findings in the part `field` of a request, of class `kind`."""
     return refusal(error.errors(include_url=False), (field,), kind)
 
 
 def refusal(
     found: Sequence[Mapping[str, Any]], within: tuple[str, ...] = (), kind: Any = None
 ) -> InvalidRequest:
-    """A refusal from pydantic's list of errors, with places relative to `within`, a `kind`.
+    """The error for a list of pydantic's findings; their places are relative to `within`, a `kind`.
 
-    A list whose items are wrong is then too short as well; that is left out.
+    Pydantic also reports a list with wrong items as too short; that finding is omitted.
     """
     around = {e["loc"][:depth] for e in found for depth in range(len(e["loc"]))}
     causes = [e for e in found if e["loc"] not in around]
@@ -69,7 +69,7 @@ def refusal(
 
 
 def sentence(error: Mapping[str, Any], kind: Any = None) -> str:
-    """The fault at one place of a `kind`."""
+    """The sentence for one finding in a `kind`."""
     value, context = error["input"], error.get("ctx", {})
     if error["type"] == "extra_forbidden":
         *parents, name = error["loc"]
@@ -93,7 +93,7 @@ def field_path(parts: Iterable[int | str]) -> str:
 
 
 def _written(value: object) -> str:
-    """A value as JSON, cut; of lists and objects only that they are."""
+    """A value as JSON, shortened; lists and objects appear only as such."""
     if isinstance(value, list | tuple):
         return "a list"
     if not isinstance(value, str | int | float | None):

@@ -1,7 +1,7 @@
 """`WS /v1/stream` and `WS /v1/control`: messages of StreamMotion and Control in binary frames.
 
-Closed with 1000 when the session ends, or with 4000 + the HTTP status of the error and its text
-as the reason (errors.py).
+Closes with 1000 when the session ends, or with 4000 + the error's HTTP status and its text as the
+reason (errors.py).
 """
 
 import asyncio
@@ -28,13 +28,13 @@ from wayfarer.v1 import control_pb2
 log = structlog.get_logger(__name__)
 
 STALL_S: Final = 30.0
-"""Seconds after which a reader that takes nothing is disconnected. It may resume."""
+"""Seconds after which a reader that accepts nothing is disconnected. It may resume."""
 
 LOOKS: Final = 20
-"""Times a second that viewpoints are moved at most; the last ones count."""
+"""Maximum rate at which viewpoints are moved, per second; the last ones count."""
 
 JSON_LENGTH: Final = 8_000
-"""Characters of rings or viewpoints at most."""
+"""Maximum characters of rings or viewpoints."""
 
 Kind = TypeVar("Kind", bound=BaseModel)
 
@@ -45,7 +45,7 @@ PARAMETERS: Final = (
 
 
 def add_sockets(app: FastAPI, gateway: Gateway) -> None:
-    """Add the routes."""
+    """Adds the routes."""
 
     @app.websocket("/v1/stream")
     async def stream(socket: WebSocket) -> None:
@@ -108,7 +108,7 @@ def stream_request(query: QueryParams) -> schema.StreamRequest:
 
 @contextmanager
 def _query_names() -> Iterator[None]:
-    """Name fields of StreamMotionRequest as the query does."""
+    """Names fields of StreamMotionRequest as the query does."""
     try:
         yield
     except InvalidArgument as error:
@@ -118,8 +118,8 @@ def _query_names() -> Iterator[None]:
 
 
 class LatestText:
-    """The last of the texts that come, and a look at it: those between are never read, so that a
-    flood costs little and delays nothing.
+    """Holds the last text that came; earlier ones are never parsed, so that a flood costs little
+    and delays nothing.
     """
 
     def __init__(self) -> None:
@@ -127,12 +127,12 @@ class LatestText:
         self._came = asyncio.Event()
 
     def put(self, text: str) -> None:
-        """A text has come."""
+        """Stores a text."""
         self._text = text
         self._came.set()
 
     async def next(self) -> str:
-        """The last message, once there is a new one."""
+        """Returns the last text, once there is a new one."""
         await self._came.wait()
         self._came.clear()
         return self._text
@@ -164,7 +164,7 @@ async def _send_asked(socket: WebSocket, gateway: Gateway, texts: LatestText) ->
 
 
 async def _look(stream: MotionStream, texts: LatestText) -> None:
-    """Move the viewpoints as the client says, `LOOKS` times a second at most.
+    """Moves the viewpoints as the client asks, at most `LOOKS` times per second.
 
     Raises InvalidArgument.
     """
@@ -184,18 +184,18 @@ def _from_json(kind: type[Kind], text: str, field: str) -> Kind:
 
 
 async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:
-    """Sends all messages. Raises TimeoutError when the reader takes none."""
+    """Sends all messages. Raises TimeoutError if the reader accepts none."""
     async with aclosing(messages):
         async for message in messages:
             try:
                 async with asyncio.timeout(STALL_S):
                     await socket.send_bytes(message)
-            except RuntimeError:  # uvicorn has closed it by itself meanwhile
+            except RuntimeError:  # uvicorn has closed it meanwhile
                 raise WebSocketDisconnect(1006) from None
 
 
 async def _until_gone(socket: WebSocket, texts: LatestText) -> None:
-    """Keep the last text that the client sends, and ignore other frames, until it leaves."""
+    """Keeps the client's last text, and ignores other frames, until it leaves."""
     while (message := await socket.receive())["type"] != "websocket.disconnect":
         if text := message.get("text"):
             texts.put(text)
@@ -214,7 +214,7 @@ async def _requests(socket: WebSocket) -> AsyncGenerator[control_pb2.ControlRequ
 
 
 async def _close(socket: WebSocket, error: BaseException | None) -> None:
-    """Tell the client why the stream is over."""
+    """Sends the client the reason why the stream ended."""
     if isinstance(error, WebSocketDisconnect | TimeoutError):
         log.info("stream reader gone or stalled", error=type(error).__name__)
         return
@@ -222,7 +222,7 @@ async def _close(socket: WebSocket, error: BaseException | None) -> None:
     if error is not None:
         errors.log_unexpected(log, error, socket.url.path)
         code, reason = errors.close_code(error), errors.close_reason(error)
-    # It has left at the same moment; a RuntimeError when uvicorn has answered its close, or broken
+    # The client left at the same moment. RuntimeError: uvicorn has answered its close, or broken
     # frames, by itself.
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         await socket.close(code, reason)

@@ -1,6 +1,6 @@
-"""Protobuf ↔ schema, by field name: any message and its twin of schema/.
+"""Protobuf ↔ schema, by field name: any message and its twin in schema/.
 
-Among values enums stand as their short lower-case names, bytes as base64 text.
+As values, enums are their short lower-case names, and bytes are base64 text.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ from wayfarer.transport.violations import invalid_request
 from wayfarer.v1 import common_pb2
 
 MOST_ITEMS: Final = 2048
-"""Most items of a list in a request; no schema allows more."""
+"""Maximum items of a list in a request; no schema allows more."""
 
 VECTOR: Final = common_pb2.Vector3.DESCRIPTOR
 
@@ -27,9 +27,9 @@ Proto = TypeVar("Proto", bound=ProtoMessage)
 
 
 def from_message(call: Rpc, method: Callable[..., Any]) -> Callable[[Any], Any]:
-    """`method` of the gateway as a function of the protobuf request.
+    """Wraps a method of the gateway as a function of the protobuf request.
 
-    Fields of the request are its arguments by name. A parameter that is a message of schema/ takes
+    Fields of the request are arguments by name. A parameter whose type is a class of schema/ takes
     the body, which is the whole request unless the options say otherwise.
     """
     body = call.options.body
@@ -48,9 +48,9 @@ def from_message(call: Rpc, method: Callable[..., Any]) -> Callable[[Any], Any]:
 
 
 def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
-    """The schema twin of a protobuf message, itself the `field` of a request.
+    """Converts a protobuf message, which is the `field` of a request, to its schema twin.
 
-    Fields that the twin does not have are left out. Raises InvalidArgument.
+    Fields that the twin does not have are ignored. Raises InvalidArgument.
     """
     found = values(message, field)
     try:
@@ -60,7 +60,7 @@ def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
 
 
 async def first(requests: AsyncIterator[Any], payload: str, seconds: float, hint: str) -> Any:
-    """The `payload` of the first message, which must come within `seconds`.
+    """Returns the `payload` of the first message, which must come within `seconds`.
 
     Raises InvalidArgument with `hint`.
     """
@@ -76,14 +76,14 @@ async def first(requests: AsyncIterator[Any], payload: str, seconds: float, hint
 
 
 def message(kind: type[Proto], twin: BaseModel) -> Proto:
-    """The protobuf message of a schema twin."""
+    """Converts a schema twin to the protobuf message."""
     return kind(**_arguments(kind.DESCRIPTOR, twin.model_dump()))
 
 
 def answer(kind: type[Proto], found: Any) -> Proto:
-    """The response that holds what a call gave: a message, a twin, bytes, a number, or nothing.
+    """The response that holds a call's result: a message, a twin, bytes, a number, or nothing.
 
-    A twin is the response itself where it has the response's fields, otherwise its first field.
+    A twin becomes the response itself if they have the same fields, otherwise its first field.
     """
     if found is None or isinstance(found, kind):
         return found or kind()
@@ -96,9 +96,9 @@ def answer(kind: type[Proto], found: Any) -> Proto:
 
 
 def values(message: ProtoMessage, path: str = "") -> dict[str, Any]:
-    """Fields by name. Absent ones and unspecified enums are left to the twin's defaults.
+    """Fields by name. Missing ones and unspecified enums are left to the twin's defaults.
 
-    Raises InvalidArgument where an enum's number is unknown, or a list is too long.
+    Raises InvalidArgument if an enum's number is unknown, or a list is too long.
     """
     found: dict[str, Any] = {}
     for field in message.DESCRIPTOR.fields:
@@ -126,7 +126,7 @@ def _value(field: Any, value: Any, path: str) -> Any:
 
 
 def _arguments(descriptor: Any, values: dict[str, Any]) -> dict[str, Any]:
-    """Constructor arguments of a protobuf message; None stands for an absent field."""
+    """Constructor arguments of a protobuf message; None stands for a missing field."""
     arguments: dict[str, Any] = {}
     for name, value in values.items():
         field = descriptor.fields_by_name[name]
@@ -154,5 +154,5 @@ def _enum_name(enum: Any, number: int, path: str) -> str:
 
 
 def _prefix(enum: Any) -> str:
-    """Enum values carry their enum's name, as buf's STANDARD rules want: "GENDER_"."""
+    """The prefix of an enum's values, which buf's STANDARD rules require: "GENDER_"."""
     return str(enum.values[0].name).removesuffix("UNSPECIFIED")

@@ -22,8 +22,8 @@ CharacterJoints character_joints(const BoneMap& map, const Basis& basis = bases:
 /// Turns frames of an agent into poses of a character.
 class Retarget {
  public:
-  /// `rest_offsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest; `soles`: what
-  /// its mesh tells of them (measure_soles). All in the stream's basis and unit, as is the character's own space. Throws
+  /// `rest_offsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest; `soles`:
+  /// found in its mesh (measure_soles). All in the stream's basis and unit, as is the character's own space. Throws
   /// std::invalid_argument.
   Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, const Basis& basis = bases::gltf,
            double floor = std::numeric_limits<double>::quiet_NaN(), const Soles* soles = nullptr);
@@ -36,12 +36,12 @@ class Retarget {
   const std::vector<int>& mapped() const { return mapped_; }
   /// Node of a bone; -1 when the character lacks it.
   int node(int bone) const { return nodes_[at(bone)]; }
-  /// Of the last pose: in the world; relative to the node's parent; place of the hips' node relative to its parent.
+  /// The last pose: rotations and places in the world, and relative to the nodes' parents.
   const Quat& rotation(int bone) const { return world_[at(bone)]; }
   const Vec3& place(int bone) const { return places_[at(bone)]; }
   const Quat& local(int bone) const { return local_[at(bone)]; }
   const Vec3& hips() const { return moved_[0]; }
-  /// Bones whose places are to be set, too: the hips, and those that hang from another bone than they follow; and their
+  /// Bones whose places must be set, too (the hips, and bones that hang from another bone than they follow), and their
   /// places relative to the nodes' parents.
   const std::vector<int>& loose() const { return loose_; }
   const Vec3& moved(int bone) const { return moved_[at(bone)]; }

@@ -1,5 +1,5 @@
-// Legs of a body: what is fixed by its shape, and where joints and soles are in a posed frame; and two-bone inverse
-// kinematics. The server's world/output/legs.py and twobone.py, for one person. Left comes before right.
+// Legs of a body: the properties of its shape, the places of joints and soles in a posed frame, and two-bone inverse
+// kinematics. It mirrors the server's world/output/legs.py and twobone.py, for one person. Left comes before right.
 #pragma once
 
 #include "geometry.hpp"
@@ -10,7 +10,7 @@ template <class T>
 using Feet = std::array<T, 2>;
 using Soles = std::array<Vec3, SOLES>;
 
-/// Both legs in the T-pose: each joint seen from the one above it; sole markers as ankle and ball have them, times
+/// Both legs in the T-pose: each joint relative to the one above it, and sole markers relative to ankle and ball, times
 /// their share. `standing`: height of the hips.
 struct Legs {
   Feet<Vec3> hip, knee, ankle, ball;

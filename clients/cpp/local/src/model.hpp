@@ -1,4 +1,4 @@
-// An export (wayfarer.json, body_<gender>.bin): what the graph takes, start poses, bones and soles of any shape.
+// An export (wayfarer.json, body_<gender>.bin): the graph's inputs, start poses, bones and soles of any shape.
 #pragma once
 
 #include "footlock.hpp"
@@ -29,7 +29,7 @@ class Body {
   std::vector<Vec3> shaped(const std::string& name, const Betas& betas) const;
 };
 
-/// What the graph is told of a mode.
+/// The graph's inputs for a mode.
 struct ModeInputs {
   std::vector<float> term_weights;
   float policy = 0, temperature = 0, own = 0;  // own: share of the noise that is a person's own

@@ -26,7 +26,7 @@ struct Planned {
   Motion end;
 };
 
-/// What the next step is asked for.
+/// The request for the next step.
 struct Asked {
   Start start;
   Gait gait;

@@ -1,5 +1,5 @@
-// What a person does next: stand, walk, stop, turn, or go in side steps. The server's world/goals/steering.py, for one
-// person.
+// Chooses what a person does next: stand, walk, stop, turn, or step sideways. It mirrors the server's
+// world/goals/steering.py, for one person.
 #pragma once
 
 #include <map>
@@ -13,7 +13,7 @@ namespace wayfarer::local {
 enum Mode { STANDING, WALKING, STOPPING, TURNING, STRAFING };
 inline constexpr const char* MODES[] = {"STANDING", "WALKING", "STOPPING", "TURNING", "STRAFING"};
 
-/// What is remembered from step to step.
+/// The state from step to step.
 struct Gait {
   Mode mode = STANDING;
   double speed = 0, slow_seconds = 0;  // m/s over the last step
@@ -40,7 +40,7 @@ struct GoalRow {
 
 /// The rows of a path that is walked from `start`.
 std::vector<GoalRow> goal_rows(const std::vector<LocalGoal>& goals, Point start);
-/// The goal at a place of a path; one that is not given beyond its end.
+/// The goal at a place of a path; beyond its end, a goal that is not given.
 GoalRow goal_at(const std::vector<GoalRow>& rows, int waypoint);
 
 /// Hips and facing where a step starts; `first`: hips in the first frame of the seed.
@@ -48,7 +48,7 @@ struct Start {
   Point hips, first, facing;
 };
 
-/// What the next step aims at.
+/// The target of the next step.
 struct Targets {
   Point place, facing;
   double speed = 0;
@@ -62,9 +62,9 @@ class Steering {
 
   int reactions = 0;
 
-  /// Who is done with a goal that another follows is sent on.
+  /// Sends a person that is done with a goal on to the next.
   Gait advance(Gait gait, const GoalRow& goal) const;
-  /// The gait of the next step. `ready`: whoever waits may set off.
+  /// The gait of the next step. `ready`: a waiting person may set off.
   Gait decide(Gait gait, const Start& start, const GoalRow& goal, bool ready) const;
   Targets targets(const Gait& gait, const Start& start, const GoalRow& goal) const;
 
@@ -76,7 +76,7 @@ class Steering {
   Point rest(const Gait& gait, const Start& start) const;
 };
 
-/// What a step brought.
+/// The gait after a step.
 Gait observe(Gait gait, Point start, const std::array<Vec3, FRAMES>& hips, const GoalRow& goal);
 
 }  // namespace wayfarer::local

@@ -1,4 +1,4 @@
-// Who is stepped when, and what the graph is asked. Time: frames at 40 a second.
+// When each person is stepped, and the graph's inputs. Time: frames, 40 per second.
 
 #include <algorithm>
 #include <limits>

@@ -44,7 +44,7 @@ namespace Wayfarer
         /// <param name="restOffsets">Of the agent, three numbers a bone, in the stream's basis and unit.</param>
         /// <param name="basis">Of the stream, and of the character's own space.</param>
         /// <param name="floor">Height of the character's soles at rest; NaN: 0, or below its feet where they are not near 0.</param>
-        /// <param name="soles">What the character's mesh tells of its soles, or null.</param>
+        /// <param name="soles">The soles found in the character's mesh, or null.</param>
         /// <exception cref="ArgumentException">Rest offsets are lacking.</exception>
         public Retarget(
             BoneMap boneMap, IReadOnlyList<double> restOffsets, Basis basis, double floor = double.NaN, Soles soles = null)
@@ -65,7 +65,7 @@ namespace Wayfarer
         /// <summary>Numbers of the bones that the character has, parents first.</summary>
         public IReadOnlyList<int> Mapped => mapped;
 
-        /// <summary>Bones whose places are to be set, too: the hips, and those that hang from another bone than they follow.</summary>
+        /// <summary>Bones whose places must be set, too: the hips, and bones that hang from another bone than they follow.</summary>
         public IReadOnlyList<int> Loose => rest.Loose;
 
         /// <summary>Places of the loose bones' nodes relative to their parents: x, y, z a bone.</summary>
@@ -74,13 +74,13 @@ namespace Wayfarer
         /// <summary>Height of the character's thigh joints by that of the agent's.</summary>
         public double Ratio => rest.Ratio;
 
-        /// <summary>Height of the ground that the last pose stands on.</summary>
+        /// <summary>Height of the ground below the last pose.</summary>
         public double Ground { get; private set; }
 
-        /// <summary>Of the bones' nodes in the world: x, y, z, w a bone.</summary>
+        /// <summary>Rotations of the bones' nodes in the world: x, y, z, w per bone.</summary>
         public double[] Rotations => rotations;
 
-        /// <summary>Of the bones' nodes in the world: x, y, z a bone.</summary>
+        /// <summary>Places of the bones' nodes in the world: x, y, z per bone.</summary>
         public double[] Places => places;
 
         /// <summary>Rotations relative to the nodes' parents: x, y, z, w a bone.</summary>
@@ -89,7 +89,7 @@ namespace Wayfarer
         /// <summary>Place of the hips' node relative to its parent.</summary>
         public double[] Hips => hips;
 
-        /// <summary>Node of a bone, -1 for those that the character lacks.</summary>
+        /// <summary>Node of a bone, -1 if the character lacks it.</summary>
         public int Node(int bone)
         {
             return rest.Nodes[bone];
@@ -271,8 +271,8 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// How far an ankle may be from its thigh joint: as straight as the agent's leg is, and from there smoothly less of
-        /// what the goal asks for.
+        /// How far an ankle may be from its thigh joint: as straight as the agent's leg is, and beyond that a
+        /// smoothly decreasing part of what the goal asks for.
         /// </summary>
         private double FindReach(int leg)
         {

@@ -23,13 +23,13 @@ namespace Wayfarer
         /// <summary>Bones that there are, parents first.</summary>
         public readonly int[] Mapped;
 
-        /// <summary>The bone that each follows, of those that there are, or -1.</summary>
+        /// <summary>The existing bone that each bone follows, or -1.</summary>
         public readonly int[] Above = new int[Bones.Count];
 
         /// <summary>The bone that each one's node hangs from in the file, or -1.</summary>
         public readonly int[] Hangs = new int[Bones.Count];
 
-        /// <summary>Bones whose places are to be set, too: the hips, and those that hang from another bone than they follow.</summary>
+        /// <summary>Bones whose places must be set, too: the hips, and bones that hang from another bone than they follow.</summary>
         public readonly int[] Loose;
 
         /// <summary>Of each node in the T-pose.</summary>
@@ -299,7 +299,7 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// A foot from the ankle's joint: Ball and Heel are on the ground; Fixed turn with the ankle, Toes turn with the toes
+        /// A foot relative to the ankle's joint. Ball and Heel are on the ground. Fixed turn with the ankle; Toes turn
         /// about Joint, and are relative to it. x, y, z each.
         /// </summary>
         internal sealed class Sole

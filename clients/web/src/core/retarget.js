@@ -18,15 +18,15 @@ const BEND = 0.1; // of the thigh's length: a knee that bends less than this ben
 // places in the scratch array of vectors
 const AHEAD = 0, BESIDE = 3, GOALS = 6, ALONG = 12, SIDE = 15, FRONT = 18, FROM = 21, TO = 24, BALL = 27, TURN = 30, MORE = 34;
 const GROUND = 37, LOW = 38, SOLE = 39, MOST = 40, LEAST = 41, LENGTH = 42, SUNK = 43, REACHES = 44, STAYS = 46; // and of numbers
-// (those that a function returned would be boxed; GOALS, REACHES, STAYS: one a leg)
+// (returned numbers would be boxed; GOALS, REACHES and STAYS have one per leg)
 
 /** Turns frames of an agent into poses of a character. */
 export class Retarget {
   #rest;
 
   /**
-   * `restOffsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest; `soles`: what
-   * its mesh tells of them (`measureSoles`). All in the stream's basis and unit, as is the character's own space.
+   * `restOffsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest; `soles`:
+   * found in its mesh (`measureSoles`). All in the stream's basis and unit, as is the character's own space.
    * @param {import("./bone_map.js").BoneMap} boneMap @param {ArrayLike<number>} restOffsets
    * @param {import("./bases.js").Basis} [basis] @param {number} [floor] @param {import("./soles.js").Soles | null} [soles]
    */
@@ -34,7 +34,7 @@ export class Retarget {
     const rest = new Rest(boneMap, restOffsets, basis, floor, soles);
     this.#rest = rest;
     this.basis = basis;
-    /** Node of each bone, -1 for those that the character lacks. */
+    /** Node of each bone, -1 if the character lacks it. */
     this.nodes = rest.nodes;
     /** Numbers of the bones that it has, parents first. */
     this.mapped = rest.mapped;
@@ -45,7 +45,7 @@ export class Retarget {
     this.places = new Float64Array(3 * COUNT);
     /** Relative to the nodes' parents. */
     this.local = new Float64Array(4 * COUNT);
-    /** Bones whose nodes are to be moved, too: the hips, and those that hang from another bone than they follow. */
+    /** Bones whose nodes must be moved, too: the hips, and bones that hang from another bone than they follow. */
     this.loose = rest.loose;
     /** The bone that each one's node hangs from in the file; -1: none. */
     this.hangs = rest.hangs;
@@ -56,12 +56,12 @@ export class Retarget {
     /** The rotation from the character's axes to the basis, and the point of the ground below it at rest. */
     this.turn = rest.turn;
     this.origin = rest.origin;
-    /** Of the agent in the world: rotations, places, heights of the two soles. */
+    /** The agent in the world: rotations, places, heights of the two soles. */
     this.turns = new Float64Array(4 * COUNT);
     this.source = new Float64Array(3 * COUNT);
     this.clear = new Float64Array(2);
     this.scratch = new Float64Array(STAYS + 2);
-    /** Height of the ground that the last pose stands on, in an array of one. */
+    /** Height of the ground below the last pose, in an array of one. */
     this.ground = this.scratch.subarray(GROUND, GROUND + 1);
   }
 

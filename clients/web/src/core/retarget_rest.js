@@ -15,8 +15,8 @@ const HEEL = 0.34; // in lengths from ankle to ball: how far the heel is behind 
 const TIP = 0.38; // in lengths from ankle to ball: how far the tip of the toes is before the ball
 
 /**
- * A foot in the T-pose, from the ankle's joint: `ball` and `heel` are on the ground; `fixed` turn with the ankle, `toes`
- * turn with the toes about `joint`, and are relative to it. x, y, z each.
+ * A foot in the T-pose, relative to the ankle's joint. `ball` and `heel` are on the ground. `fixed` turn with the
+ * ankle; `toes` turn about `joint`, and are relative to it. x, y, z each.
  * @typedef {{ ball: Float64Array, heel: Float64Array, joint: Float64Array, fixed: Float64Array, toes: Float64Array }} Sole
  */
 
@@ -43,7 +43,7 @@ export class Rest {
       const node = rig.ancestors(this.nodes[b]).find((n) => boneOf.has(n));
       if (node !== undefined) this.hangs[b] = /** @type {number} */ (boneOf.get(node));
     }
-    /** Bones whose places are to be set, too: the hips, and those that hang from another bone than they follow. */
+    /** Bones whose places must be set, too: the hips, and bones that hang from another bone than they follow. */
     this.loose = this.mapped.filter((b) => b === 0 || this.hangs[b] !== this.above[b]);
     this.offsets = Float64Array.from({ length: 3 * COUNT }, (_, k) => restOffsets[k]);
     if (this.offsets.some(Number.isNaN)) throw new Error(`rest offsets of ${COUNT} bones are needed`);

@@ -5,7 +5,7 @@ import { bounded } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /**
- * What is remembered of a person from step to step.
+ * The memory of a person from step to step.
  * @typedef {object} Memory
  * @property {Point} preferred where it would have gone @property {Point} chosen where it went
  * @property {number} waited seconds for which it has not got on @property {number} yields seconds for which it makes way
@@ -37,7 +37,7 @@ const EVEN = 1e-4, FACING = 0.3, BLOCKING = 1.6;
 export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0, yields: 0, retreat: [0, 0] });
 
 /**
- * The velocity that one of the people takes who would walk at `preferred`, not zero; and what is remembered of it.
+ * The velocity of a person that would walk at `preferred`, not zero, and its new memory.
  * `clear`: metres to the nearest wall; null: there are none. `seconds`: since it was asked last.
  * `left`: metres to where it will stop; `half`: half the width of its way.
  * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds @param {number} [left] @param {number} [half]
@@ -153,7 +153,7 @@ function remember({ velocity, memory }, preferred, chosen, seconds) {
   return { preferred, chosen, waited, yields: Math.max(Math.fround(memory.yields - passed), 0), retreat: memory.retreat };
 }
 
-/** Who has waited too long before others of lower numbers begins to make way. @param {Memory} memory @param {Other} self @param {Neighbour[]} near @returns {Memory} */
+/** Makes a person give way that has waited too long before others of lower numbers. @param {Memory} memory @param {Other} self @param {Neighbour[]} near @returns {Memory} */
 function makeWay(memory, self, near) {
   if (memory.waited <= PATIENCE || memory.yields > 0) return memory;
   const mine = memory.preferred, pace = Math.max(Math.hypot(...mine), 1e-6);

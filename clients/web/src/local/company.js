@@ -18,8 +18,8 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
 /** @typedef {import("./person.js").Person} Person */
 /** @typedef {import("./steering.js").GoalRow} GoalRow */
 /**
- * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it was
- * given; `spot`: where it will stand; `barred`: seconds for which standing people have blocked its way.
+ * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it
+ * received. `spot`: where it will stand. `barred`: seconds for which standing people have blocked its way.
  * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number }} Aims
  */
 /** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */

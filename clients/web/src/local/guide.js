@@ -26,7 +26,7 @@ const FORESIGHT = 0.4, SLOW = 0.15;
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
 /**
- * `ahead`: the goal that steering sees, the next stretch of the way; `judged`: the goal by which arrival is judged.
+ * `ahead` is the goal that steering sees, the next stretch of the way. `judged` is the goal by which arrival is judged.
  * @typedef {{ ahead: GoalRow, judged: GoalRow }} Course
  */
 /**

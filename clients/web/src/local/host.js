@@ -11,7 +11,7 @@ const DRAWS = 16; // most draws of a place to wander to, until one is free
 
 /** @typedef {import("./person.js").Person} Person */
 /**
- * A chunk for the page. `frames`: hips x, y, z and 22 rotations of each frame, glTF basis; `contacts`: 1 left, 2 right.
+ * A chunk for the page. `frames` has hips x, y, z and 22 rotations of each frame, glTF basis. `contacts`: 1 left, 2 right.
  * @typedef {{ kind: "chunk", alias: number, seq: number, at: number, goalRevision: number, state: string, flags: number, waypoint: number, frames: Float32Array, contacts: Uint8Array }} ChunkMessage
  */
 /** @typedef {{ kind: "event", event: { kind: string, agentId: string, alias: number, at: number, goalRevision: number, waypoint: number, detail: string } }} EventMessage */

@@ -33,7 +33,7 @@ export function measureLegs({ bones, soleOfAnkle, soleOfBall, ballShare }) {
   };
 }
 
-/** Posed legs of frames: turns in the world; places off the root, [frame, side, 3]; soles in the world, [frame, side, 4, 3]. */
+/** Posed legs of frames: rotations in the world, places off the root [frame, side, 3], soles in the world [frame, side, 4, 3]. */
 export class LegPose {
   /** @param {Legs} legs @param {ArrayLike<number>} translation @param {Float64Array} rotations @param {number} [frames] */
   constructor(legs, translation, rotations, frames = FRAMES) {

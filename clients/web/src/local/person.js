@@ -157,8 +157,8 @@ export class Person {
   }
 
   /**
-   * The inputs of the next step that depend on the goal. `ahead`: the goal that steering sees, `judged`: the goal by
-   * which arrival is judged (see guide.js).
+   * The inputs of the next step that depend on the goal. `ahead` is the goal that steering sees, and `judged` the
+   * goal by which arrival is judged (see guide.js).
    * @param {Begun} begun @param {import("./guide.js").Course} course
    */
   next({ seed, start, gait: before }, { ahead, judged }) {

@@ -14,7 +14,7 @@ const FARTHEST = 10_000; // metres
 /** @typedef {import("../api.js").Goal} Goal */
 /**
  * `model`: address of a folder written by `wayfarer export --for web`, with a final slash. `runtime`: address of
- * `ort.wasm.min.mjs` of the package onnxruntime-web, with its .wasm beside it. `scene`: address of a folder written by
+ * `ort.wasm.min.mjs` of the package onnxruntime-web, with its .wasm in the same folder. `scene`: address of a folder written by
  * `wayfarer export --for web --scene`, with a final slash: people walk around its obstacles. Without it the floor is
  * endless. `avoid`: false lets them walk through each other. `on`: callbacks of a stream's player, `loaded(bytes)`
  * while files come, and `failed(reason)` when people can no longer be moved.

@@ -167,7 +167,7 @@ export class Steering {
 }
 
 /**
- * The gait after a step; `translation`: hips of its frames.
+ * The gait after a step. `translation` has the hips of its frames.
  * @param {Gait} gait @param {Point} start @param {Float64Array} translation @param {GoalRow} goal @returns {Gait}
  */
 export function observe(gait, start, translation, goal) {

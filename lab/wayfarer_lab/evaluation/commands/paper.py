@@ -20,7 +20,7 @@ app = typer.Typer()
 RESULTS: Final = Path("benchmarks/results")
 
 BENCHMARK: Final = "performance_*.json"
-"""Of `python -m benchmarks.record`; its part `paper_s3_onnxruntime` is Table S3."""
+"""Result of `python -m benchmarks.record`; its part `paper_s3_onnxruntime` is Table S3."""
 
 
 SHOWN_POSES: Final = 4
@@ -28,7 +28,7 @@ SHOWN_POSES: Final = 4
 FIGURES: Final = "figures.json"
 """Result of `wayfarer eval figures`: motions, of which the page's pictures are drawn."""
 FAILURES: Final = "failures.json"
-"""Result of `wayfarer eval failures`: poses, likewise."""
+"""Result of `wayfarer eval failures`: poses, of which pictures are drawn."""
 
 
 @app.command(short_help="The motions that the paper's pictures show (Fig. 4, S1, S2).")

@@ -1,4 +1,4 @@
-"""Figures with two sides: ranges of recorded people, and the bare model beside them."""
+"""Two-sided figures: ranges of recorded people, compared with the bare model."""
 
 from pathlib import Path
 from typing import Annotated

@@ -209,7 +209,7 @@ def nothing_more(rows: Rows, shots: MeasuredTakes) -> dict[tuple[str, str], Figu
 
 @dataclass(frozen=True)
 class Maneuver:
-    """What is played, and how it is measured."""
+    """A test that is played, and its measurement."""
 
     name: str
     about: str  # a line

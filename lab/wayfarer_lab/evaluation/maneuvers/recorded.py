@@ -153,7 +153,7 @@ def is_acted(clip: ClipRange) -> bool:
 
 
 def _style(clip: ClipRange) -> str:
-    """Of a take of 100STYLE, `Style_Content`; "" of any other."""
+    """`Style_Content` for a take of 100STYLE, "" for any other."""
     found = STYLED.match(clip.name)
     return found[1] if found else ""
 
@@ -173,7 +173,7 @@ def smooth(values: Array, seconds: float) -> Array:
 
 
 def velocity_of(take: Take, seconds: float) -> Array:
-    """Of the hips, horizontal, m/s. [T, 2]"""
+    """Horizontal velocity of the hips, m/s. [T, 2]"""
     return smooth(np.gradient(take.hips[:, :2], axis=0) * FPS, seconds)
 
 

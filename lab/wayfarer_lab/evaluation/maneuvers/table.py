@@ -34,7 +34,7 @@ class Verdict:
         return self.bar.met(self.value)
 
     def row(self) -> dict[str, Any]:
-        """For JSON."""
+        """The verdict for JSON."""
         return {
             "maneuver": self.maneuver,
             "case": self.case,

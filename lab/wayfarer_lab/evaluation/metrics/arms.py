@@ -26,7 +26,7 @@ def elbow_bend(shoulders: Array, elbows: Array, wrists: Array) -> Array:
 
 def outward(shoulders: Array, elbows: Array, chest: Array) -> Array:
     """Degrees of each upper arm away from the body: the arc sine of its outward part in the
-    chest's frame. 0: hanging, wherever it swings; 90: held out; negative: across the body.
+    chest's frame. 0: hanging, wherever it swings. 90: held out. Negative: across the body.
 
     Places [T, 2, 3]; chest [T, 3, 3], world rotations with columns right, forward, up. [T, 2]
     """

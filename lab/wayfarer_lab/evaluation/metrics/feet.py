@@ -18,10 +18,10 @@ Array = NDArray[np.floating[Any]]
 Flags = NDArray[np.bool_]
 
 LIFTED: Final = 0.015
-"""Metres: a foot whose lowest point rises above this is lifted; …"""
+"""Height in metres above which a foot's lowest point counts as lifted."""
 
 SET_DOWN: Final = 0.010
-"""… the lift lasts until that point is lower than this, so that it counts once."""
+"""Height in metres at which a lift ends; it is lower than LIFTED, so that a lift counts once."""
 
 UP: Final = 0.03
 """Metres: with both feet higher than this the body floats (or jumps, or runs)."""
@@ -65,8 +65,8 @@ def heights(soles: Array) -> Array:
 
 
 def lifts(height: Array) -> list[list[slice]]:
-    """Lifts of each foot, of heights [T, 2]; one that had begun before the first frame is left
-    out. A foot that comes down to `SET_DOWN` in between is lifted twice.
+    """Lifts of each foot by its height [T, 2], without a lift that began before the first
+    frame. A foot that comes down to `SET_DOWN` in between is lifted twice.
     """
     found = []
     for foot in (0, 1):
@@ -150,7 +150,7 @@ def slides(soles: Array, height: Array) -> list[float]:
     """Metres that a foot came while it was not lifted, for each time between two lifts of either
     foot: the farthest that its patch on the ground was from where it began.
 
-    It need not bear: a foot that hovers low for ever slides, too.
+    It need not bear weight: a foot that always hovers low slides, too.
     """
     shift, found = patch_shift(soles), []
     for foot, mine in enumerate(lifts(height)):
@@ -203,7 +203,7 @@ def double_support(height: Array) -> float:
 
 
 def first_foot(height: Array) -> int | None:
-    """The foot that is lifted first: 0 left, 1 right; None when none is."""
+    """The foot that is lifted first (0 left, 1 right), or None."""
     left, right = lifts(height)
     starts = [found[0].start if found else np.inf for found in (left, right)]
     return None if min(starts) == np.inf else int(np.argmin(starts))

@@ -68,8 +68,9 @@ def floor_turn_share(heading: Array, stances: list[feet.Stance]) -> float:
 
 
 def lead(ahead: Array, heading: Array) -> float:
-    """Degrees by which something is turned ahead of the pelvis, the way of a turn, at most in its
-    first half: `ahead` [T] against the pelvis, to the left; heading [T] of the pelvis.
+    """Maximum degrees by which something is ahead of the pelvis in the first half of a turn.
+
+    `ahead` [T] is its angle to the left of the pelvis, `heading` [T] the pelvis's.
     """
     turned = heading - heading[0]
     way = float(np.sign(turned[-1]))

@@ -37,7 +37,7 @@ FRAMES: Final = 2 * FPS
 HOP: Final = NEW_FRAMES
 SIZE: Final = 37
 ENOUGH: Final = 2 * SIZE
-"""With fewer windows there is no useful covariance, and no distance."""
+"""Minimum windows for a useful covariance, and so for a distance."""
 
 WAIST: Final = ("LFWT", "LBWT", "RFWT", "RBWT")
 SITES: Final = {
@@ -62,7 +62,7 @@ NAMES: Final = (
     ),
     *(f"{a} with {b}" for a, b in PAIRS),
 )  # fmt: skip
-"""Of the numbers, in their order."""
+"""Names of the numbers, in order."""
 
 STILL: Final = 0.01
 """m²/s²: keeps the correlation of parts that hardly move near 0."""
@@ -109,7 +109,7 @@ class Reference:
 
     @classmethod
     def of(cls, tracks: Iterable[Array], names: Sequence[str]) -> "Reference":
-        """From tracks of markers [T, M, 3]."""
+        """Measures tracks of markers [T, M, 3]."""
         return cls(np.concatenate([np.zeros((0, SIZE)), *(features(t, names) for t in tracks)]))
 
     def distance(self, values: Array) -> float:

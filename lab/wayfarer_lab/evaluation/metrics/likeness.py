@@ -14,7 +14,7 @@ Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 SHRINKAGE: Final = 0.1
-"""Of the within-class covariance towards a multiple of the identity."""
+"""Shrinkage of the within-class covariance towards a multiple of the identity."""
 
 FOLDS: Final = 4
 

@@ -2,7 +2,7 @@
 
 A strike is the moment in which an ankle is farthest ahead of the hips (Zeni, Richards and
 Higginson 2008, "Two simple methods for determining gait events"): it needs no floor and no
-threshold of speed. Places are [T, 3], world, metres; T frames at 40 fps; left comes before right.
+threshold of speed. Places are [T, 3], world, metres, at 40 fps. Left comes before right.
 """
 
 import itertools
@@ -34,7 +34,7 @@ class FootStrikes:
     frames: NDArray[np.int64]  # [N]
     feet: NDArray[np.int64]  # [N] 0 left, 1 right
     length: Array  # [N - 1] metres along the way, ankle to ankle of consecutive strikes
-    width: Array  # [N - 1] metres across it; negative: the feet cross
+    width: Array  # [N - 1] metres across it; negative if the feet cross
     seconds: Array  # [N - 1] from strike to strike
 
     @property
@@ -81,15 +81,15 @@ def steps(ankles: Array, hips: Array) -> FootStrikes | None:
     frames, feet = (np.array(column) for column in zip(*kept, strict=True))
     places = ankles[frames, feet, :2]
     step = np.diff(places, axis=0)
-    # from a right foot to a left one is to the left: positive; back again is negative
+    # positive from a right foot to a left one, negative back again
     side = np.where(feet[1:] == 0, 1.0, -1.0)
     return FootStrikes(frames, feet, step @ along, (step @ left) * side, np.diff(frames) / FPS)
 
 
 def oscillation(values: Array, stride: int) -> float:
     """Range of a sine that swings as much as values [T] do, 2 √2 σ, after their mean over a stride
-    (in frames) is taken off: what changes from stride to stride, a drift or a curve, does not
-    count. NaN when there are less than two strides.
+    (in frames) is subtracted. Changes from stride to stride, a drift or a curve, do not count.
+    NaN when there are less than two strides.
     """
     if len(values) < 2 * stride:
         return float("nan")

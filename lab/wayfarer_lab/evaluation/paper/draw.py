@@ -104,7 +104,7 @@ class _Canvas:
         self._letters: list[tuple[tuple[float, float], str]] = []
 
     def body(self, joints: Array, at: Project, inks: Mapping[str, str]) -> None:
-        """A stick figure of joints [22, 3]; `inks` by side: left, right, and neither."""
+        """A stick figure of joints [22, 3]; `inks` has the colours of left, right, and neither."""
         places = at(joints)
         for joint, parent in _BONES:
             ink = inks.get(_SIDES[joint], inks[""])

@@ -1,6 +1,6 @@
 """The motions that the paper's pictures show (Fig. 4, S1, S2): made once, kept as JSON.
 
-Of a motion only places of joints are kept, to the millimetre, so that a picture can be drawn again
+Only a motion's joint places are kept, to the millimetre, so that a picture can be drawn again
 without the models.
 """
 

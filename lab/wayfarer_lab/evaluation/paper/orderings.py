@@ -1,4 +1,4 @@
-"""What the paper says is better than what, and whether it is so here."""
+"""The paper's comparisons of its methods, and whether they hold for ours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -87,7 +87,7 @@ ALIKE: Final = "no two that are trained alike: " + RUNS.format("predictors")
 
 
 def _alike(predictor: Row, motion: Row, why: str, how: str = "") -> tuple[Ordering, ...]:
-    """What the paper says of its four predictors, of ours that are trained alike."""
+    """The paper's statements about its four predictors, for ours that are trained alike."""
     return (
         *(
             Ordering(

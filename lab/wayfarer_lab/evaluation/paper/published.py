@@ -26,7 +26,7 @@ class Line:
     name: str
     paper: Values = ()
     source: Source | None = None
-    why: str = ""  # without a measured row: what is missing
+    why: str = ""  # the missing part, if there is no measured row
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True)
 class View:
-    """How a camera looks, wherever it stands: what is drawn far away can be kept for a view."""
+    """The direction of a camera, wherever it stands; distant parts are kept per view."""
 
     azimuth: float  # radians about +Z of the horizontal way it looks; 0 looks along +Y
     elevation: float  # radians above the horizon from which it looks down
@@ -40,7 +40,7 @@ class View:
     def wide(
         cls, azimuth: float, elevation: float, distance: float, angle: float, size: Size
     ) -> "View":
-        """By its vertical opening angle (radians) in place of metres."""
+        """The view with a vertical opening angle (radians) instead of metres."""
         return cls(azimuth, elevation, distance, 2 * distance * tan(angle / 2), size)
 
 

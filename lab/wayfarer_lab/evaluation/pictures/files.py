@@ -114,7 +114,7 @@ def _palette(film: Film) -> Image.Image:
 
 
 def _write_mp4(path: Path, film: Film, pictures: Iterator[Image.Image]) -> None:
-    # H.264 comes with GPL code: as a program of its own, it stays apart from this package
+    # H.264 comes with GPL code; as a separate program, it stays apart from this package
     from imageio_ffmpeg import write_frames
 
     even = (film.size[0] // 2 * 2, film.size[1] // 2 * 2)  # as H.264 wants it

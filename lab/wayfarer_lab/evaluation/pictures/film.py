@@ -1,4 +1,4 @@
-"""Films: a camera that follows each clip, side by side, or one that stands before a crowd."""
+"""Films: a camera follows each clip, side by side, or stands before a crowd."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

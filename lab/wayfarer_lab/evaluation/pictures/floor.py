@@ -50,7 +50,7 @@ class Shadow:
 
     corner: Array  # [2] world place of the patch's first texel
     sun: NDArray[np.uint8]  # [rows, columns], rows along +Y
-    sky: NDArray[np.uint8]  # what the body close above keeps away
+    sky: NDArray[np.uint8]  # the part that the body close above hides
 
 
 def cast(vertices: Array, faces: Faces, sun: Array) -> Shadow:
@@ -88,7 +88,7 @@ def _blurred(texels: NDArray[np.uint8], size: tuple[int, int], radius: float) ->
 
 
 class FloorImage:
-    """The floor as a view sees it from a height: what does not change when the camera slides."""
+    """The floor as a view sees it from a height; it does not change when the camera slides."""
 
     def __init__(self, view: View, height: float) -> None:
         width, rows = view.size

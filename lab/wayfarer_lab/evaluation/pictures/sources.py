@@ -79,7 +79,7 @@ def random_runs(
     """People of both genders in turn, of random shape and heading, each sent to `stops` goals.
 
     Run i depends on `seed` and i alone, not on `count`. A run ends 1 s after the last stand, or
-    after so many seconds.
+    at the limit of seconds.
     """
     made = []
     for number in range(count):
@@ -97,7 +97,7 @@ def random_runs(
 
 
 def caption(name: str, clip: Clip) -> str:
-    """What a clip is, in a line: who, how long, and how near to its last goal it ends."""
+    """Describes a clip in a line: who, how long, and how near to its last goal it ends."""
     parts = [name, clip.gender, f"{clip.seconds:.1f} s"]
     if clip.goals:
         left = np.linalg.norm(clip.translation[-1, :2] - np.array(clip.goals[-1][:2]))

@@ -35,7 +35,7 @@ def strip(
     """One body each `every` frames, and below them the feet's height and speed over time.
 
     Floor lines are fixed in the world, 0.25 m apart; a red (left) or blue (right) bar is a
-    contact flag; what is under the floor is red. `height` is that of a cell in pixels.
+    contact flag; parts under the floor are red. `height` is that of a cell in pixels.
     """
     check_view(view)
     if every < 1 or columns < 1:

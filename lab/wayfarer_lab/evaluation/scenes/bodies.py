@@ -28,7 +28,7 @@ LIMBS: Final = (
     ("elbow", "wrist", ("elbow",)),
     ("wrist", "middle1", ("wrist",)),
 )
-"""Capsules: from joint, to joint, and the joints whose skin they stand for; limbs on both sides.
+"""Capsules: their two joints, and the joints whose skin they represent. Limbs are on both sides.
 
 The trunk is wider than deep, so hips and chest are capsules that lie across it.
 """

@@ -77,7 +77,7 @@ class Depths:
     frames: int = 0
     touching: int = 0
     deep: int = 0
-    total: float = 0.0  # metres, of those that touch
+    total: float = 0.0  # metres, of touching bodies
     worst: list[tuple[float, int, int]] = field(default_factory=list)  # metres, agent, frame
 
     def add(self, depth: Array, agent: NDArray[np.int64], frame: NDArray[np.int64]) -> None:

@@ -23,7 +23,7 @@ SHORTEST = 1.0
 
 
 def random_pairs(scene: Scene, count: int, random: np.random.Generator) -> list[Pair]:
-    """Free points anywhere in the scene, each with another one that can be reached from it."""
+    """Free points anywhere in the scene, each with another point that it can reach."""
     x0, y0, x1, y1 = scene.bounds
     pairs: list[Pair] = []
     while len(pairs) < count:
@@ -46,8 +46,8 @@ _SLACK: Final = 1e-6
 def shortest_lengths(scene: Scene, pairs: Sequence[tuple[Point2, Point2]]) -> Array:
     """Metres of the shortest way between each pair of free points; inf where there is none. [n]
 
-    Every corner of the free ground sees every other one that a straight line over free ground leads
-    to: quadratic in the corners. One layer only.
+    Corners of the free ground see each other if the straight line between them is free: quadratic
+    in the corners. One layer only.
     """
     free = shapely.union_all(shapely.polygons(scene.mesh.corners))
     corners = np.unique(shapely.get_coordinates(free), axis=0)

@@ -69,7 +69,7 @@ def ground_height(scene: Scene, solids: Sequence[SceneSolid], points: Array) -> 
 
 
 def signed_distance(solid: Solid | Obstacle, points: Array) -> Array:
-    """Of points [..., 3]; exact but near a ramp's edges, where it may be less. [...]"""
+    """Signed distance of points [..., 3]; near a ramp's edges it may be too small. [...]"""
     beside = _beside(solid, points[..., :2])
     low, high = solid.bottom, solid.bottom + solid.height
     above = np.maximum(low - points[..., 2], points[..., 2] - high)

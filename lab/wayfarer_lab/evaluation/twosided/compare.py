@@ -42,7 +42,7 @@ class Side:
         return f"{self.source}, seed {self.seed}"
 
     def row(self) -> dict[str, Any]:
-        """For JSON."""
+        """The figures for JSON."""
         return {
             "source": self.source,
             "seed": self.seed,

@@ -43,8 +43,8 @@ def led(
 def searched(
     step: PrimitiveStep, random: torch.Generator, candidates: int = CANDIDATES
 ) -> BareStep:
-    """Of `candidates` draws from N(0, I), that whose place and facing after .2 s come nearest to
-    what is wished, as the waist's markers tell.
+    """The draw, of `candidates` from N(0, I), whose place and facing after .2 s come nearest to the
+    wish, by the waist's markers.
     """
 
     def choose(seed: Tensor, ways: Tensor, facings: Tensor) -> Tensor:

@@ -243,8 +243,8 @@ def starting(take: Take) -> Values:
 
 
 def stopping(take: Take) -> Values:
-    """Of the second before a walker slows to .3 m/s, and what follows: seconds from there to rest,
-    footfalls in that time, feet apart along the facing at rest.
+    """Figures of a stop, from the second before a walker slows to .3 m/s: seconds from there to
+    rest, footfalls in that time, feet apart along the facing at rest.
     """
     speed = smooth_speed(take.hips, 0.2)
     slowed = np.flatnonzero(speed > 0.3)

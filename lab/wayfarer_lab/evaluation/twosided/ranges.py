@@ -1,6 +1,6 @@
-"""Ranges of recorded people: made from prepared recordings, kept in `ranges.json` beside this file.
+"""Ranges of recorded people: made from prepared recordings, kept in `ranges.json` in this folder.
 
-Of each situation all stretches are found and measured; each performer counts once, however often
+All stretches of each situation are found and measured. Each performer counts once, however often
 it is recorded. A range goes from the 10th to the 90th percentile.
 """
 

@@ -19,7 +19,7 @@ Array = NDArray[np.floating[Any]]
 Row = dict[str, float]
 
 EVERY: Final = 4
-"""Steps of an agent from one that is measured to the next."""
+"""Steps of an agent between two measured steps."""
 
 ALL: Final = "all rules"
 
@@ -42,8 +42,8 @@ class RepairedStep(NamedTuple):
 class Repair:
     """A `rules.Watch`: gathers how far each rule moves joints, in places and in angles.
 
-    Agents have the slots 0, 1, … in the order of `specs`, as in a world of their own. What was
-    planned and thrown away by a replan counts for the rules before, not for all together.
+    Agents have the slots 0, 1, … in the order of `specs`, as in a separate world. Motion that
+    a replan discards counts for the single rules, not for all together.
     """
 
     specs: Sequence[AgentSpec]
@@ -119,7 +119,7 @@ class Repair:
             self._sent[slot] = (made, frames)
 
     def _finish(self, slot: int) -> None:
-        """What an agent was sent is complete when the next frames leave for it."""
+        """Completes the frames that were sent to an agent, when the next ones leave."""
         if slot in self._sent:
             made, last = self._sent.pop(slot)
             self._note(ALL, slot, made, last)

@@ -69,7 +69,7 @@ class RangeVerdict:
 
     @property
     def text(self) -> str:
-        """For the table."""
+        """The verdict as text for the table."""
         if self.people * 2 < self.asked:
             return "not measured"
         if not self.inside:
@@ -77,7 +77,7 @@ class RangeVerdict:
         return "holds" if self.differs else "alike"
 
     def row(self) -> dict[str, Any]:
-        """For JSON."""
+        """The verdict for JSON."""
         return {
             "situation": self.situation,
             "figure": self.figure,

@@ -41,7 +41,7 @@ class Wish:
 
     heading: Array  # [N]
     velocity: Array  # [N, 2] world, m/s
-    stays: bool  # asked back to where it was to be
+    stays: bool  # whether it is sent back to its place
     parts: dict[str, list[slice]]  # by situation: frames that are measured
 
     def ways(self, frame: int, hips: Array) -> Array:

@@ -2,7 +2,7 @@
 
 Two layouts of `.npz` are read: SMPL+H (`*_poses.npz`: `poses` [N, 156], `mocap_framerate`) and
 SMPL-X (`*_stageii.npz`: `poses` [N, 165], `mocap_frame_rate`, `surface_model_type`); both have
-`trans` [N, 3], `betas` and `gender`. Of the poses only root and body joints are taken. Nothing
+`trans` [N, 3], `betas` and `gender`. Only root and body joints of the poses are used. Nothing
 pickled is read: the layouts keep notes in pickled arrays, which are not opened.
 
 Frames: the world is Z up, the body of the zero pose Y up, which a root rotation turns upright.
@@ -44,7 +44,7 @@ def read_amass(path: Path, models: Path | None) -> SkeletonMotion:
     `models` is the user's folder of body models (`smpl_joints.PLACES`).
 
     Raises:
-        DataError: the file is not of these layouts; names the array and what was expected.
+        DataError: the file has neither layout; the error names the array and what was expected.
         ArtifactError: the body model is missing or is not one.
     """
     # imported here: scipy comes with the `train` extra

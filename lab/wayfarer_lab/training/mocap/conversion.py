@@ -14,7 +14,7 @@ def to_our_joints(
     """Places [N, 22, 3], world rotations [N, 22, 3, 3] and rest places [22, 3] in our frame.
 
     `up` is the world's upward axis, y or z. The rest pose is the file's zero pose, or `reference`.
-    Raises DataError if the rest pose does not stand or `unit` cannot be told.
+    Raises DataError if the rest pose does not stand or `unit` cannot be determined.
     """
     rows = joint_map(motion.skeleton)
     every, everywhere = motion.world()

@@ -3,11 +3,11 @@
 The axes and the unit that a file declares are converted to Y up and metres. A joint keeps the
 places that it has in the file: where bones stretch or hips move below a still root, offsets move.
 
-The zero pose is the first of these that stands: what the skin was bound to, the bind pose, all
+The zero pose is the first of these that stands: the pose of the skin's binding, the bind pose, all
 rotations zero, the pose in which the file was saved. If none does, it is all rotations zero, which
 files of the same rig share.
 
-Files are read in a process of its own: the bindings (0.0.5) can crash, and one file must not end
+Files are read in a separate process: the bindings (0.0.5) can crash, and one file must not end
 a run over many.
 """
 
@@ -226,7 +226,7 @@ def _zero_poses(
 ) -> Iterator[Array]:
     """World transforms [K, 3, 4] of poses in which the file's rig may stand, best first.
 
-    What is missing of a pose hangs from its parent as in the file's saved pose.
+    Missing parts of a pose hang from their parents as in the file's saved pose.
     """
     saved = _worlds(scene, kept)
     bound: dict[int, Any] = {}

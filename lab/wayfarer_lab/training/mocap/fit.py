@@ -32,7 +32,7 @@ TURN = {"pelvis": 4.0, "spine": 3.0, "neck": 4.0, "head": 4.0, "collar": 6.0, "a
 TURN |= {"foot": 12.0, "wrist": 12.0, "hip": 20.0, "knee": 20.0, "shoulder": 20.0, "elbow": 20.0}
 SCALES = (1, 5, 17, 65)
 """Frames over which parts of a correction are averaged. The terms couple neighbouring frames, so
-slow corrections are found 3 times sooner when they are variables of their own."""
+slow corrections are found 3 times sooner as separate variables."""
 SOLE_THICKNESS = 0.015  # metres: skin lower than this in the T-pose is sole
 
 
@@ -52,7 +52,7 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class FittedClip:
-    """A clip on our body: what a `FitProblem` becomes."""
+    """A clip on our body: the solution of a `FitProblem`."""
 
     info: ClipInfo
     shape: RetargetShape

@@ -139,7 +139,7 @@ def fit_all(
 
 
 def _start_worker() -> None:
-    """One core per worker; Ctrl-C is the parent's business; no worker outlives a killed parent."""
+    """Gives a worker one core, leaves Ctrl-C to its parent, and ends it with a killed parent."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()

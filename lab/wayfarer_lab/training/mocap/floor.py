@@ -1,4 +1,4 @@
-"""Where the floor is, and when which part of a foot stands on it.
+"""The height of the floor, and when each part of a foot stands on it.
 
 Everything is seen at the ball-of-foot joints (`left_foot`, `right_foot`) and the ankles.
 Floor convention: z = 0 is the height of a standing foot's ball joint.

@@ -55,7 +55,7 @@ def joint_map(skeleton: MocapSkeleton) -> list[int]:
 
 
 def _by_systems(plain: dict[str, int]) -> list[int]:
-    """By the names of `_SIDED`, `_CENTRAL` and `_SPINES`; `plain` is lower case."""
+    """Joints by the names of `_SIDED`, `_CENTRAL` and `_SPINES`; `plain` is lower case."""
     found: list[int] = []
     spine = next((s for s in _SPINES if all(n.lower() in plain for n in s)), None)
     for name in JOINT_NAMES:

@@ -75,7 +75,7 @@ def _steps(lead: Array) -> list[int]:
 
 
 def odd_pace(clip: SourceClip) -> str | None:
-    """What is odd about a clip's pace, if anything is; only what counts as locomotion is judged."""
+    """The fault of a clip's pace, if there is one; only locomotion is judged."""
     found = pace(clip) if clip.info.locomotion else None
     if found is None:
         return None

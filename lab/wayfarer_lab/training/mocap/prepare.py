@@ -65,7 +65,7 @@ class Prepared:
 
 @dataclass
 class Messages:
-    """What a run tells about its files: those it skipped, and what else the user should know."""
+    """A run's messages about its files: skipped files, and other notes for the user."""
 
     skipped: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)

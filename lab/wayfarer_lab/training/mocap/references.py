@@ -1,7 +1,7 @@
 """Rest poses of files whose zero pose does not stand: a frame in which the person does.
 
 Files with the same joints and bone lengths share their zero pose, so one standing frame serves
-all of them; a walk needs none of its own.
+all of them, and a walk needs none itself.
 """
 
 from collections.abc import Iterable
@@ -89,7 +89,7 @@ class References:
         )
 
     def notes(self) -> list[str]:
-        """What was taken, a line for each zero pose."""
+        """The frames that were taken, a line for each zero pose."""
         found = []
         for rig in self._rigs:
             axis = next((a for a in self._axes if a in rig.found), None)

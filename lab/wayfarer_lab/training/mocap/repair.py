@@ -19,7 +19,7 @@ def mend_cmu_bvh(skeleton: MocapSkeleton, asf: MocapSkeleton | None = None) -> M
 
     The conversion wrote a zero OFFSET for Neck and the shoulders (the thorax bone, 12 cm) and
     for the finger bases and thumbs (the wrist bone, 10 cm). With the subject's ASF the lengths
-    are exact; else the thorax is taken as long as Spine1, the wrist as half the forearm.
+    are exact; otherwise the thorax is taken as long as Spine1, the wrist as half the forearm.
     """
     at = {n: i for i, n in enumerate(skeleton.names)}
     lost = ["Neck", "LeftShoulder", "RightShoulder"]

@@ -41,8 +41,8 @@ def list_entries(
 ) -> list[SourceFile]:
     """All motion files of `src`, in a stable order. `skip` is called with rows of missing files.
 
-    `index` names the tables that list them; without one, `src/index.csv` if there is one, else
-    every file counts.
+    `index` names the tables that list them; without one, `src/index.csv` if it exists;
+    otherwise every file counts.
 
     Raises DataError when there is nothing to read or the index is malformed.
     """

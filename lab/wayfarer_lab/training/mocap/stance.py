@@ -1,6 +1,6 @@
 """How the people of a file stand: which way is up, and which pose counts as their rest pose.
 
-A zero pose is a rest pose when it stands upright along one of its own axes. Where it does not, a
+A zero pose is a rest pose when it stands upright along one of its axes. Otherwise, a
 frame of the motion in which the person stands takes its place (a `RestFrame`).
 Joints are our 22, in the axes and unit of the file.
 """

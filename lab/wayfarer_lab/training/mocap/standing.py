@@ -84,7 +84,7 @@ def _angles(local: Array) -> Array:
 
 
 def _unnatural(local: Array) -> float:
-    """Largest of: lean of hips, bend of knees, twist of spine, tilt of head; weighted degrees."""
+    """Maximum of hips' lean, knees' bend, spine's twist and head's tilt, in weighted degrees."""
     lean = _tilt(local[0])
     angles = _angles(local)
     knees = angles[[J["left_knee"], J["right_knee"]]].max()
@@ -137,7 +137,7 @@ def _mirrored(pose: StandingPose) -> StandingPose:
 
 
 def save_start_poses(folder: Path, poses: list[StandingPose]) -> None:
-    """Write `start_poses.npz`: rotations [P, 22, 4] (x, y, z, w; heading 0) and sources [P]."""
+    """Writes `start_poses.npz`: rotations [P, 22, 4] (x, y, z, w, heading 0) and sources [P]."""
     rotations = np.array([matrix_quaternions(p.local) for p in poses]).reshape(-1, 22, 4)
     atomically(
         folder / "start_poses.npz",

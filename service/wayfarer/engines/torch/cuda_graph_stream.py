@@ -45,10 +45,10 @@ class CudaGraphStream:
             self._stream.synchronize()
 
     def record(self, work: Callable[[], T], *generators: torch.Generator) -> Callable[[], T]:
-        """`work`, to be run again and again on the same tensors: it may not look at their values.
+        """Records `work`, for repeated runs on the same tensors; it must not look at their values.
 
-        `generators` are those that it draws from. On a GPU, `work` is run a few times here, and
-        the next run overwrites its results.
+        `generators`: the random generators it uses. On a GPU, `work` is run a few times at once,
+        and the next run overwrites its results.
         """
         if not self.on_gpu:
             return work

@@ -60,7 +60,7 @@ def load_networks(
 
 
 class TorchEngine(WarmEngine):
-    """Steps agents on a GPU. Implements `Engine`, but for the last bits of its rows.
+    """Steps agents on a GPU. Implements `Engine`, except for the last bits of its rows.
 
     The same inputs give the same bits if the rows are padded to the same size, on one GPU and one
     version of its libraries. A single size in `batch_sizes` therefore keeps rows independent of

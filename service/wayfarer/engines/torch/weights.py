@@ -1,8 +1,8 @@
-"""The step of a model folder as a torch module: its weights, out of the ONNX graph that serves.
+"""The step of a model folder as a torch module: its weights, from the ONNX graph that serves.
 
 A graph names its weights as the networks do, so one file is enough for every engine. Only the
-biases of the regressor's last layers go by other names: the exporter folds the order of the
-regressor's numbers into them; they are found beside those layers' products, and put back into the
+biases of the regressor's last layers have other names, since the exporter folds the order of the
+regressor's numbers into them. They are found next to those layers' products, and restored to the
 order of training.
 """
 

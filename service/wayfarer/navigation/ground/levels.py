@@ -46,7 +46,7 @@ class Floors:
     """All surfaces that are flat enough, sorted by cell and height: cell, z, headroom [n].
 
     `room`: metres from the floor up to whatever is in a body's way; infinite under the sky.
-    `triangle`: the one that each belongs to.
+    `triangle`: the triangle that each belongs to.
     """
 
     grid: Grid

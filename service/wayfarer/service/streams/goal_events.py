@@ -1,4 +1,4 @@
-"""What chunks say of goals: reached, and the path done."""
+"""Goal events from chunks: a goal reached, a path done."""
 
 from collections.abc import Callable, Iterator
 from math import dist
@@ -27,13 +27,13 @@ class GoalEvents:
         info: Callable[[str], AgentInfo],
         failed: Callable[[str, Exception], None],
     ) -> None:
-        """`info(agent_id)` tells the agent's path as it is now.
+        """`info(agent_id)` returns the agent with its present path.
 
         `failed(agent_id, error)`: the events of one agent are lost.
         """
         self._info = info
         self._failed = failed
-        # Agents who have reached the last goal of their path and do not stand there yet.
+        # Agents that have reached the last goal of their path and do not stand yet.
         self.stopping: dict[str, Place] = {}
 
     def events(self, chunks: MotionChunks) -> tuple[Event, ...]:
@@ -51,7 +51,7 @@ class GoalEvents:
         return tuple(found)
 
     def adopt(self, record: AgentRecord) -> None:
-        """An agent comes from elsewhere; it may have reached its goal and not stand there yet."""
+        """Adds an agent from another server, which may have reached its goal and not stand yet."""
         gait, path = record.motion.gait, record.path
         waypoint = int(gait.waypoint[0])
         is_stopping = gait.arrived[0] and gait.mode[0] != Mode.STANDING
@@ -59,7 +59,7 @@ class GoalEvents:
             self.stopping[record.agent_id] = record.goal_revision, waypoint
 
     def forget(self, agent_id: str) -> None:
-        """An agent has been deleted."""
+        """Forgets a deleted agent."""
         self.stopping.pop(agent_id, None)
 
     def _of(self, chunk: MotionChunk) -> Iterator[Event]:
@@ -72,7 +72,7 @@ class GoalEvents:
             elif last is not None:
                 yield _event(EventKind.PATH_DONE, chunk, "the last goal was passed")
         if name in self.stopping:
-            if self.stopping[name] != _place(chunk):  # it has been sent elsewhere since
+            if self.stopping[name] != _place(chunk):  # it has received another goal since
                 del self.stopping[name]
             elif chunk.state is AgentState.STANDING:
                 del self.stopping[name]
@@ -80,7 +80,7 @@ class GoalEvents:
                     yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
 
     def _reached(self, chunk: MotionChunk) -> tuple[str, tuple[Metres, ...]]:
-        """The text for a reached goal, with the distance at which others kept the agent."""
+        """The text for a reached goal, with the distance at which other agents kept it."""
         text, info = f"goal {chunk.waypoint} was reached", self._info(chunk.agent_id)
         if info.goal is None or _place(chunk) != (info.goal_revision, info.waypoint):
             return text, ()
@@ -90,7 +90,7 @@ class GoalEvents:
         return text + " as nearly as others let it, {} from it", (Metres(round(away, 2)),)
 
     def _last_goal(self, chunk: MotionChunk) -> Goal | None:
-        """The goal that a chunk was planned for, if it is the last of the agent's path."""
+        """The goal that a chunk was planned for, if it is the last one of the agent's path."""
         info = self._info(chunk.agent_id)
         is_last = _place(chunk) == (info.goal_revision, info.waypoints - 1)
         return info.goal if is_last else None

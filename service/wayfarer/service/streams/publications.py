@@ -17,7 +17,7 @@ class Publication:
     position: int  # 1, 2, 3 … per session
     chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
     events: tuple[Event, ...] = ()  # after the chunks
-    added: tuple[AgentInfo, ...] = ()  # in clips and replays, the agents whose first chunk this is
+    added: tuple[AgentInfo, ...] = ()  # in clips and replays: agents whose first chunk this is
     roots: Roots | None = None  # of `chunks`, once a subscriber has asked for them
 
     @property
@@ -28,18 +28,18 @@ class Publication:
 
 @dataclass(frozen=True, slots=True)
 class Resume:
-    """How far an earlier subscription of the session has come."""
+    """The progress of an earlier subscription to the session."""
 
     epoch: str  # life of the session on a server; see `Subscription.epoch`
     position: int  # of the last publication received
-    same_agents: bool = True  # it followed those that are followed now
+    same_agents: bool = True  # it followed the agents that are followed now
 
 
 class SlowReader(StrEnum):
-    """What to do with chunks that wait too long for a subscriber."""
+    """The treatment of chunks that wait too long for a subscriber."""
 
     DROP_OLDEST = "drop_oldest"
-    HOLD = "hold"  # let the session's agents wait, while no other subscriber reads
+    HOLD = "hold"  # the session's agents wait, unless another subscriber reads
     DISCONNECT = "disconnect"  # end with ResourceExhausted
 
 
@@ -47,18 +47,18 @@ class SlowReader(StrEnum):
 class StreamOptions:
     """A subscriber's request."""
 
-    agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
+    agent_ids: tuple[str, ...] = ()  # empty: all agents of the session, later ones too
     slow_reader: SlowReader = SlowReader.DROP_OLDEST
     resume: Resume | None = None  # of an earlier subscription to the same agents
     hold_s: float = 30.0  # HOLD: longest time that agents wait; the session's lease
-    roots: bool = False  # publications shall have roots
-    events_only: bool = False  # it shows nobody
-    sights: Sights | None = None  # of a stream with rings; none: it shows everybody in full
+    roots: bool = False  # whether publications must have roots
+    events_only: bool = False  # it shows no agents
+    sights: Sights | None = None  # of a stream with rings; None: it shows all agents in full
     pack: Callable[[MotionChunks], object] | None = None  # ahead, on the motion thread; see _pack
 
 
 def model_changed(agent: AgentInfo, at: float) -> Event:
-    """An agent is moved by another model, of which it knows already; Unix seconds."""
+    """The event for an agent that is moved by another model, which it has already; Unix seconds."""
     return Event(
         EventKind.MODEL_CHANGED,
         at,

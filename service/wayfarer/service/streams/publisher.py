@@ -1,7 +1,7 @@
 """Publishes sessions' motion: positions, a ring for resuming readers, deliveries to subscribers.
 
-Lives on the motion thread. Subscribers are reached by their event loops, each of which is called
-once per `flush` whatever the number of its subscribers.
+Lives on the motion thread. Subscribers are reached through their event loops, each of which is
+called once per `flush`, however many subscribers it has.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.events import Event, EventKind
 
 LEAST_STEP: Final = 1e-3
-"""Seconds that a publication counts at least, so that a bound in seconds bounds their number."""
+"""Minimum seconds that a publication counts, so that a limit in seconds limits their number."""
 
 Delivery = tuple[Subscription, QueuedPublication, bool]
 
@@ -41,38 +41,38 @@ class Publisher:
     def __init__(
         self, limits: Limits, meter: MetricsSink, info: Callable[[str], AgentInfo], faults: Faults
     ) -> None:
-        """`info(agent_id)` tells where an agent belongs and its path."""
+        """`info(agent_id)` returns an agent with its session and path."""
         self._faults = faults
         self._limits = limits
         self._meter = meter
         self._info = info
         self._logs: dict[str, _Log] = {}
-        self._holders: set[str] = set()  # sessions that have had subscribers who ask to HOLD
+        self._holders: set[str] = set()  # sessions that have had subscribers with HOLD
         self._deliveries: dict[asyncio.AbstractEventLoop, list[Delivery]] = defaultdict(list)
 
     def publish(self, session_id: str, chunks: MotionChunks) -> None:
-        """Tell what of a session fell due now; goal events go with it."""
+        """Publishes the chunks of a session that are due now, with their goal events."""
         log = self._log(session_id)
         log.answer(chunks, self._meter)
         self._deliver(session_id, log, chunks, log.goal_events.events(chunks))
 
     def sights(self, session_id: str, chunks: MotionChunks) -> list[Sight] | Sight:
-        """How well the readers of a session see the agents [A] that these chunks are of."""
+        """How well the readers of a session see the agents [A] of these chunks."""
         return self._log(session_id).sights(chunks)
 
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
-        """Publishes events of other origin, also to subscribers that resume."""
+        """Publishes other events, also to subscribers that resume."""
         log = self._log(session_id)
         self._deliver(session_id, log, NO_CHUNKS, tuple(events))
 
     def flush(self) -> None:
-        """Deliver the events that were noted since the last call."""
+        """Delivers the events that were noted since the last call."""
         deliveries, self._deliveries = self._deliveries, defaultdict(list)
         for loop, batch in deliveries.items():
             post(loop, self._put, batch)
 
     def subscribe(self, subscription: Subscription, now: float) -> None:
-        """Start a subscription at the position that it asks for. Raises InvalidArgument."""
+        """Starts a subscription at the position that it asks for. Raises InvalidArgument."""
         log = self._log(subscription.session_id)
         start = self._start(log, subscription.options.resume, now)
         log.follow(subscription)
@@ -81,7 +81,7 @@ class Publisher:
         post(subscription.loop, subscription.begin, start)
 
     def await_goal(self, session_id: str, agent_id: str, revision: int, asked_at: float) -> None:
-        """Measure how long the first chunk of a goal takes from now on."""
+        """Starts to measure the time until the first chunk of a goal."""
         self._log(session_id).awaited[agent_id] = revision, asked_at
 
     def adopt(self, record: SessionRecord) -> None:
@@ -99,7 +99,7 @@ class Publisher:
         self._log(session_id).restore(state)
 
     def forget_agent(self, session_id: str, agent_id: str) -> None:
-        """It has been deleted."""
+        """Forgets a deleted agent."""
         if log := self._logs.get(session_id):
             log.awaited.pop(agent_id, None)
             log.goal_events.forget(agent_id)
@@ -107,7 +107,7 @@ class Publisher:
                 log.roots.forget(agent_id)
 
     def end(self, session_id: str, error: WayfarerError | None = None) -> None:
-        """End a session's subscriptions and forget it; if it comes again, it starts afresh."""
+        """Ends a session's subscriptions and forgets it; if its id returns, it starts afresh."""
         self.flush()
         self._holders.discard(session_id)
         if log := self._logs.pop(session_id, None):
@@ -115,12 +115,12 @@ class Publisher:
                 post(subscription.loop, subscription.end, error)
 
     def end_all(self, error: WayfarerError | None) -> None:
-        """End every session's subscriptions."""
+        """Ends every session's subscriptions."""
         for session_id in list(self._logs):
             self.end(session_id, error)
 
     def waiting_sessions(self, now: float) -> list[str]:
-        """Sessions whose agents shall wait now: all their readers ask to HOLD and have stalled."""
+        """Sessions whose agents must wait: all their readers have HOLD and have stalled."""
         found = list[str]()
         for name in list(self._holders):
             try:
@@ -138,7 +138,7 @@ class Publisher:
         for log in self._logs.values():
             yield from log.open()
 
-    # Within
+    # Private
 
     def _log(self, session_id: str) -> "_Log":
         if session_id not in self._logs:
@@ -156,13 +156,13 @@ class Publisher:
             self._deliveries[reader.loop].append((reader, entry, spare))
 
     def _roots(self, session_id: str, log: "_Log", chunks: MotionChunks) -> Roots | None:
-        """None: no reader asks for them, or makes them itself."""
+        """Returns None if no reader asks for roots, or they fail."""
         if log.roots is None or not chunks:
             return None
         try:
             return log.roots.follow(chunks)
         except Exception as error:
-            log.roots = RootTracks()  # what it remembers may be what it fails for
+            log.roots = RootTracks()  # its state may be the cause of the failure
             self._faults.session(session_id, Stage.ROOTS, error)
             return None
 
@@ -215,9 +215,9 @@ class _Log:
         self.epoch = secrets.token_hex(8)
         self.position = 0
         self.goal_events = goal_events
-        self.awaited: dict[str, tuple[int, float]] = {}  # goal revision, asked at; by agent
+        self.awaited: dict[str, tuple[int, float]] = {}  # goal revision and time asked, by agent
         self.is_waiting = False  # the agents wait for their readers
-        self.roots: RootTracks | None = None  # from the first subscriber on that asks for them
+        self.roots: RootTracks | None = None  # from the first subscriber that asks for them
         self._resume_s = resume_s
         self._ring: deque[QueuedPublication] = deque()
         self.motion = 0.0  # seconds of motion so far
@@ -228,7 +228,7 @@ class _Log:
     def add(
         self, chunks: MotionChunks, events: tuple[Event, ...], roots: Roots | None
     ) -> QueuedPublication:
-        """Enter a publication into the ring."""
+        """Enters a publication into the ring."""
         self.position += 1
         publication = Publication(self.position, chunks, events, roots=roots)
         self.motion += self._step(publication)
@@ -246,7 +246,7 @@ class _Log:
         return LEAST_STEP if last is None else min(max(at - last, LEAST_STEP), STEP_SECONDS)
 
     def answer(self, chunks: MotionChunks, meter: MetricsSink) -> None:
-        """Measure the goals whose first chunks these are."""
+        """Measures the goals whose first chunks these are."""
         if not self.awaited:
             return
         for row, agent_id in enumerate(chunks.agent_id):
@@ -261,13 +261,13 @@ class _Log:
         return SessionLog(self.epoch, self.position, self.motion, self._last_at, stopping, held)
 
     def restore(self, state: SessionLog) -> None:
-        """Go on with the state of a log elsewhere."""
+        """Continues a log from another server."""
         self.epoch, self.position, self.motion = state.epoch, state.position, state.motion
         self._last_at, self._ring = state.last_at, deque(state.held)
         self.goal_events.stopping = dict(state.stopping)
 
     def sights(self, chunks: MotionChunks) -> list[Sight] | Sight:
-        """How well the readers see the agents [A]; who have no rings, or are none, do so alike."""
+        """How well the readers see the agents [A]; one value if no reader has rings."""
         options = [reader.options for reader in self.open() if not reader.options.events_only]
         ringed = [each.sights for each in options if each.sights is not None]
         if not ringed or len(ringed) < len(options):
@@ -277,17 +277,17 @@ class _Log:
     # Starts
 
     def present(self, position: int, gap: Event) -> SubscriptionStart:
-        """Begin with what falls due next, having lost all since a position."""
+        """Begins with the next chunks due, having lost all since a position."""
         opening = Publication(position, events=(gap,))
         return SubscriptionStart(self.epoch, self.position, self.motion, opening=opening)
 
     def holds_after(self, position: int) -> bool:
-        """All that followed a position is in the ring."""
+        """Whether the ring holds everything after a position."""
         first = self._ring[0].publication.position if self._ring else self.position + 1
         return first <= position + 1
 
     def after(self, position: int) -> SubscriptionStart:
-        """Begin right after a position."""
+        """Begins right after a position."""
         motion = self.motion
         for entry in self._ring:
             if entry.publication.position > position:
@@ -298,13 +298,13 @@ class _Log:
     # Subscribers
 
     def follow(self, subscription: Subscription) -> None:
-        """Add one."""
+        """Adds a subscription."""
         if subscription.options.roots and self.roots is None:
             self.roots = RootTracks()
         self._subscribers = [*map(weakref.ref, self.open()), weakref.ref(subscription)]
 
     def open(self) -> list[Subscription]:
-        """Closed and vanished ones are forgotten here."""
+        """The open subscriptions; closed and vanished ones are forgotten."""
         found = [ref() for ref in self._subscribers]
         kept = [s for s in found if s is not None and not (s.closed or s.loop.is_closed())]
         if len(kept) < len(found):
@@ -312,15 +312,15 @@ class _Log:
         return kept
 
     def has_holders(self) -> bool:
-        """Somebody asks the agents to wait."""
+        """Whether a subscription asks the agents to wait."""
         return any(reader.options.slow_reader is SlowReader.HOLD for reader in self.open())
 
     def has_stalled(self, reader: Subscription, queue_s: float) -> bool:
-        """It has left more motion than that untaken."""
+        """Whether it has left more motion than that untaken."""
         return self.motion - reader.taken > queue_s
 
     def spares(self, reader: Subscription, queue_s: float) -> bool:
-        """Nothing may be dropped for it now: the agents wait, or will as soon as it stalls."""
+        """Whether nothing may be dropped for it: the agents wait, or will as soon as it stalls."""
         return reader.options.slow_reader is SlowReader.HOLD and (
             self.is_waiting or not self.has_stalled(reader, queue_s)
         )
@@ -343,10 +343,10 @@ class _Log:
 
 
 def _pack(chunks: MotionChunks, readers: Iterable[Subscription]) -> None:
-    """Pack what falls due here: compiled code does it beside the event loop, which only writes."""
+    """Packs due chunks ahead: compiled code runs beside the event loop, which only writes."""
     for reader in readers if chunks else ():
         if reader.options.pack is not None:
-            with suppress(Exception):  # the stream packs again, and ends with what that raises
+            with suppress(Exception):  # the stream packs again, and ends with the error
                 reader.options.pack(chunks)
 
 

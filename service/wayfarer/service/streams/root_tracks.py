@@ -1,12 +1,12 @@
-"""Smooth roots: where the agents of a session are, which way they face and where their gait is.
+"""Smooth roots: the places of a session's agents, their headings and the phases of their gait.
 
 For readers that want no poses: a crowd far away. Hips surge and sway with each step, and the pelvis
 turns; the root follows them with the alpha-beta filter of clients/README.md ("Smooth root"), which
 has no lag at steady speed. Lives on the motion thread, like the publisher.
 
-The phase of the gait comes from the swing of the legs: the sine of the left thigh's angle before
-the pelvis minus that of the right goes like A cos(2π phase) while one walks, so that phase 0 is
-where the left leg is farthest forward, as it strikes the ground, and 0.5 the same of the right one.
+The phase of the gait comes from the swing of the legs. During a walk, the sine of the left thigh's
+angle before the pelvis minus that of the right follows A cos(2π phase). At phase 0 the left leg is
+farthest forward and strikes the ground; at 0.5 the right one does.
 """
 
 import math
@@ -23,26 +23,26 @@ STRIDE: Final = FPS // ROOT_FPS
 STEP: Final = 1 / ROOT_FPS
 
 SMOOTHING: Final = np.array([0.3, 0.3, 0.3, 0.3, 0.15])
-"""Seconds: time constants of x, y, z, heading and phase."""
+"""Time constants of x, y, z, heading and phase, in seconds."""
 
 STRIDE_SMOOTHING: Final = 0.2
-"""Seconds: time constant of the stride."""
+"""Time constant of the stride, in seconds."""
 
 JUMP: Final = 2.0
-"""Metres beyond which a root starts again in place."""
+"""Distance in metres beyond which a root starts again in place."""
 
 CADENCE: Final = (0.5, 1.0, 1.6)
-"""Strides a second: least, usual and most, to weigh the speed of the legs against their angle."""
+"""Minimum, usual, maximum strides per second, to weigh the legs' speed against their angle."""
 
 CLEAR_SWING: Final = 0.2
-"""Swing from which on it tells the phase in full; while one stands, the phase stays."""
+"""Swing from which it fully determines the phase; while an agent stands, the phase stays."""
 
 LEFT_HIP, RIGHT_HIP = 1, 2
 COLUMNS: Final = 6
 """x, y, z (metres), heading (radians), phase (turns), stride (swing of the legs, 0 to 2)."""
 
 Roots = NDArray[np.float32]
-"""[A, R, COLUMNS]: of each chunk, its frames at 10 a second."""
+"""Roots [A, R, COLUMNS]: for each chunk, its frames at 10 per second."""
 
 
 class RootTracks:
@@ -60,15 +60,15 @@ class RootTracks:
         return len(self._slots)
 
     def forget(self, agent_id: str) -> None:
-        """It has been deleted."""
+        """Forgets a deleted agent."""
         slot = self._slots.pop(agent_id, None)
         if slot is not None:
             self._free.append(slot)
             self._seq[slot] = -2
 
     def follow(self, chunks: MotionChunks) -> Roots:
-        """The roots of chunks that follow those before. An agent starts in place where its last
-        chunk is not the one before.
+        """The roots of chunks that follow the previous ones. An agent starts in place if its
+        previous chunk was missed.
         """
         rows = np.array([self._slot(name) for name in chunks.agent_id], np.intp)
         value, rate, swing = self._value[rows], self._rate[rows], self._swing[rows]
@@ -145,7 +145,7 @@ def _follow(
     amplitude: NDArray[np.float64],
     going: NDArray[np.bool_],
 ) -> None:
-    """One step of the filter, in place, of the rows `going`."""
+    """Makes one step of the filter, in place, for the rows `going`."""
     ahead = value + rate * STEP
     off = target - ahead
     off[:, 3] = np.remainder(off[:, 3] + math.pi, 2 * math.pi) - math.pi

@@ -12,16 +12,16 @@ SILENCE: Final = 10.0
 
 
 class SequenceTracker:
-    """The last sequence number of each agent that the reader has got, to mark chunks by."""
+    """The last sequence number of each agent that the reader received, for marking chunks."""
 
     def __init__(self) -> None:
-        # Two generations: an agent in neither has been silent for `SILENCE` at least.
+        # Two generations: an agent in neither has had no chunk for at least `SILENCE`.
         self._new: dict[int, int] = {}  # by alias
         self._old: dict[int, int] = {}
         self._next_turn = SILENCE
 
     def learn(self, publications: Iterable[Publication], position: int) -> None:
-        """What a reader that resumes after `position` has got before."""
+        """Learns what a reader that resumes after `position` has received before."""
         got, next_ = dict[int, int](), dict[int, int]()
         for publication in publications:
             aliases, seqs = _numbers(publication.chunks)
@@ -30,11 +30,11 @@ class SequenceTracker:
             else:
                 next_ = dict(zip(aliases, seqs, strict=True)) | next_
         if position > 0:
-            # Who went on after it had sent the chunk before it, held or not.
+            # agents that continued after the chunk before was sent, whether or not it is held
             self._new = {alias: seq - 1 for alias, seq in next_.items() if seq > 0} | got
 
     def put(self, publication: Publication, motion: float) -> Publication:
-        """The publication, its chunks flagged; `motion` seconds of motion came before it."""
+        """The publication with flagged chunks; `motion` seconds of motion came before it."""
         if motion >= self._next_turn:
             self._new, self._old = {}, self._new
             self._next_turn = motion + SILENCE
@@ -55,7 +55,7 @@ def _numbers(chunks: MotionChunks) -> tuple[list[int], list[int]]:
 
 
 def _marked(chunks: MotionChunks, last: Sequence[int | None]) -> MotionChunks:
-    """Flagged where `last`, the number of the agent's chunk before, is not the one before it."""
+    """Flags chunks whose predecessor is not `last`, the last number of the agent."""
     flags = chunks.flags.copy()
     for row, (seq, before) in enumerate(zip(chunks.seq.tolist(), last, strict=True)):
         if before is None:

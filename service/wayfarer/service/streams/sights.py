@@ -1,5 +1,5 @@
-"""How well one reader sees each agent of its session, for the motion thread: who is seen well goes
-first when time is short.
+"""How well one reader sees each agent of its session, for the motion thread: well-seen agents are
+stepped first when time is short.
 """
 
 from collections.abc import Iterable
@@ -8,8 +8,8 @@ from wayfarer.world.agents.agent import Sight
 
 
 class Sights:
-    """Of one stream with rings. The stream writes; the motion thread may read at any time, since it
-    only looks up single agents.
+    """How well one reader sees each agent, for one stream with rings. The stream writes; the motion
+    thread may read at any time, since it only looks up single agents.
     """
 
     def __init__(self) -> None:
@@ -20,14 +20,14 @@ class Sights:
         self._by_alias.update(sights)
 
     def forget(self, alias: int) -> None:
-        """It has been deleted."""
+        """Forgets a deleted agent."""
         self._by_alias.pop(alias, None)
 
     def of(self, alias: int) -> Sight:
-        """An agent that has not been seen yet counts as near."""
+        """How well it sees an agent; one without an entry counts as near."""
         return self._by_alias.get(alias, Sight.NEAR)
 
 
 def best_of(readers: Iterable[Sights], aliases: Iterable[int]) -> list[Sight]:
-    """How well the reader that sees each agent best does."""
+    """How well each agent is seen by the reader that sees it best."""
     return [min(column) for column in zip(*(map(r.of, aliases) for r in readers), strict=True)]

@@ -1,7 +1,7 @@
 """One subscriber's bounded queue of publications. Lives on the subscriber's event loop.
 
-All bounds count seconds of motion, not of the clock: a schedule that waits, or is moved, fills no
-queue.
+All limits count seconds of motion rather than of the clock: a schedule that waits, or is moved,
+fills no queue.
 """
 
 import asyncio
@@ -26,13 +26,13 @@ from wayfarer.service.streams.sequence_tracker import SequenceTracker
 from wayfarer.world.events import Event, EventKind
 
 MIN_WAITING: Final = 3
-"""Never dropped below this, however far apart the publications are in time."""
+"""Minimum number of publications that are kept, however far apart they are in time."""
 
 MAX_EVENTS: Final = 64
-"""Events of lost publications that are kept for a slow reader."""
+"""Maximum events of lost publications that are kept for a slow reader."""
 
 MAX_AHEAD: Final = 60.0
-"""Seconds by which a playhead may be ahead of the clock; beyond lies a mistaken unit or clock."""
+"""Maximum seconds of a playhead ahead of the clock; more means a wrong unit or clock."""
 
 
 class QueuedPublication(NamedTuple):
@@ -43,16 +43,16 @@ class QueuedPublication(NamedTuple):
 
 
 class SubscriptionStart(NamedTuple):
-    """Where a subscription begins."""
+    """The start of a subscription."""
 
     epoch: str
     position: int  # of the last publication before it
-    motion: float  # place of that
-    resumed: bool = False  # nothing is missing between the reader's last one and what follows
+    motion: float  # its place in the motion
+    resumed: bool = False  # nothing is missing between the reader's last one and the next
     held: tuple[
         QueuedPublication, ...
-    ] = ()  # of a subscription that resumes: all that the server holds
-    opening: Publication | None = None  # to be yielded first
+    ] = ()  # of a resuming subscription: everything that the server holds
+    opening: Publication | None = None  # is yielded first
 
     @property
     def replay(self) -> list[QueuedPublication]:
@@ -76,7 +76,8 @@ class _Loss:
     def told(self, position: int) -> Publication:
         """An event GAP, and the events that were lost.
 
-        `position` is of the last publication that was not: who resumes there may still get them.
+        `position`: of the last publication that was kept; a reader that resumes there may still get
+        them.
         """
         lost = "1 publication was" if self.count == 1 else f"{self.count} publications were"
         detail = f"{lost} lost: the reader was too slow"
@@ -87,8 +88,8 @@ class _Loss:
 class Subscription:
     """A bounded queue of publications, for one reader, in order until the session ends.
 
-    An agent's first chunk carries FIRST, a chunk after a lost one GAP. A GAP event, with the events
-    that were lost, tells a slow reader of its losses before the next publication.
+    An agent's first chunk carries FIRST, a chunk after a lost one GAP. A GAP event, with the lost
+    events, reports the losses to a slow reader before the next publication.
     """
 
     def __init__(
@@ -99,19 +100,19 @@ class Subscription:
         meter: MetricsSink,
         clock: Callable[[], float],
     ) -> None:
-        """Must be made on the reader's event loop. Takes nothing in before `begin`."""
+        """Must be made on the reader's event loop. Accepts nothing before `begin`."""
         self.session_id = session_id
         self.options = options
         self.loop = asyncio.get_running_loop()
         self.epoch = ""
         """Changes when the session's positions start again: with a restart or an import."""
         self.resumed = False
-        """The subscription continues without a gap where `StreamOptions.resume` left off."""
+        """Whether the subscription continues without a gap where `StreamOptions.resume` ended."""
         # These four are read by the motion thread.
         self.agent_ids = frozenset(options.agent_ids)
         self.closed = False
         self.dropped = 0  # publications lost so far
-        self.taken = 0.0  # place in the motion of what the reader took last
+        self.taken = 0.0  # place in the motion of the reader's last publication
         self._limits = limits
         self.meter = meter
         self._clock = clock
@@ -127,24 +128,24 @@ class Subscription:
         self._waiter: asyncio.Future[None] | None = None
 
     def begin(self, start: SubscriptionStart) -> None:
-        """Set where it begins. On the reader's event loop, before the first `put`."""
+        """Sets its start. Called on the reader's event loop, before the first `put`."""
         self.epoch, self.resumed = start.epoch, start.resumed
         self.taken, self._position, self._opening = start.motion, start.position, start.opening
         resume = self.options.resume
-        if resume is None or resume.same_agents:  # else nobody knows who is new to the reader
+        if resume is None or resume.same_agents:  # otherwise new agents are unknown
             self._tracker.learn((entry.publication for entry in start.held), start.position)
         for entry in start.replay:
             self.put(entry, spare=True)
-        # until the reader has caught up; one that resumes waits for its header, too
+        # until the reader has caught up; a resuming reader also waits for its header
         self._bound += max(self._span(), self._limits.resume_s if self.resumed else 0.0)
 
     def __aiter__(self) -> Self:
         return self
 
     async def __anext__(self) -> Publication:
-        """Next publication. Raises StopAsyncIteration at the end of the session.
+        """The next publication. Raises StopAsyncIteration at the end of the session.
 
-        Raises ResourceExhausted when the reader was too slow, Unavailable if the loop failed.
+        Raises ResourceExhausted if the reader was too slow, Unavailable if the loop failed.
         """
         while (publication := self._next()) is None:
             if self._ended:
@@ -160,10 +161,11 @@ class Subscription:
         return publication
 
     def ack(self, position: int, playhead: float) -> None:
-        """The reader has received all up to `position` and shows the moment `playhead` (Unix s).
+        """Records that the reader has received everything up to `position` and shows the moment
+        `playhead` (Unix s).
 
-        From the first call on, nothing is yielded that begins later than the lead after it. Raises
-        InvalidArgument for what cannot be true.
+        From the first call on, only publications that begin within the lead after it are yielded.
+        Raises InvalidArgument for impossible values.
         """
         if not 0 <= position <= self._position:
             raise InvalidArgument(
@@ -181,16 +183,16 @@ class Subscription:
         self._wake()
 
     async def close(self) -> None:
-        """Stop receiving. Safe to call twice."""
+        """Stops receiving. Safe to call twice."""
         self.closed = True
         self._waiting.clear()
         self._opening = self._loss = None
         self.end()
 
-    # From the motion thread, by way of the event loop
+    # Calls from the motion thread, through the event loop
 
     def put(self, entry: QueuedPublication, spare: bool) -> None:
-        """Add a publication; drop the oldest ones beyond the bound, unless `spare`.
+        """Adds a publication; drops the oldest ones beyond the limit, unless `spare`.
 
         Nothing is dropped for a reader that waits: several publications come at once when this
         process got no CPU for a while.
@@ -209,16 +211,16 @@ class Subscription:
         self._wake()
 
     def end(self, error: WayfarerError | None = None) -> None:
-        """Nothing follows; the reader still gets what waits, and then `error`."""
+        """Ends the queue; the reader still gets the waiting publications, and then `error`."""
         if not self._ended:
             self._ended, self._error = True, error
             self._horizon = math.inf
         self._wake()
 
-    # Within
+    # Private
 
     def _is_awaited(self) -> bool:
-        """The reader waits for what is there: it is not slow, its event loop has not run since."""
+        """Whether the reader waits: it is not slow, its event loop has not run since."""
         first = self._waiting[0].publication
         return self._waiter is not None and first.scheduled_at <= self._horizon
 
@@ -227,7 +229,7 @@ class Subscription:
         return waiting[-1].motion - waiting[0].motion if waiting else 0.0
 
     def _wanted(self, publication: Publication) -> Publication | None:
-        """The part for this reader; None: there is none."""
+        """The part for this reader; None if it is empty."""
         ids = self.agent_ids
         if not ids:
             return publication

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from wayfarer.transport.auth.tokens import TokenCheck
 
 MOST_BYTES = 8192
-"""Characters of a key or token; longer ones are refused unread."""
+"""Maximum length of a key or token in characters; longer ones are refused unread."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Credentials:
 
 
 class Authenticator:
-    """Knows callers by API key, JWT or client certificate, as far as each is set up."""
+    """Identifies callers by API key, JWT or client certificate, whichever are configured."""
 
     def __init__(
         self,
@@ -33,14 +33,14 @@ class Authenticator:
         tokens: "TokenCheck | None" = None,
         certificate_scopes: frozenset[Scope] | None = None,
     ) -> None:
-        """`certificate_scopes`: None where no client certificates are asked for."""
+        """`certificate_scopes`: None if the server asks for no client certificates."""
         self._keys = keys
         self._tokens = tokens
         self._certificate_scopes = certificate_scopes
 
     @classmethod
     def from_settings(cls, settings: Settings) -> "Authenticator":
-        """Reads the files named there. Raises InvalidArgument with the line at fault."""
+        """Reads the files that the settings name. Raises InvalidArgument with the line at fault."""
         auth = settings.auth
         tokens = None
         if auth.jwt_keys:
@@ -59,18 +59,18 @@ class Authenticator:
 
     @property
     def is_open(self) -> bool:
-        """Nobody is asked who they are."""
+        """Whether the server asks for no credentials."""
         return self._keys is None and self._tokens is None and self._certificate_scopes is None
 
     def reload(self) -> None:
-        """Read the keys again, whether or not they seem changed. A bad file changes nothing."""
+        """Reads the keys again, even if the file seems unchanged. A bad file changes nothing."""
         if self._keys:
             self._keys.reload()
 
     async def caller(self, shown: Credentials) -> Caller:
-        """The caller of a call with these credentials.
+        """Returns the caller that these credentials belong to.
 
-        Raises Unauthenticated; Unavailable while the keys of the JWT issuer cannot be had.
+        Raises Unauthenticated; Unavailable while the JWT issuer's keys cannot be fetched.
         """
         if self.is_open:
             return LOCAL
@@ -90,9 +90,9 @@ class Authenticator:
         raise Unauthenticated(f"credentials are missing; accepted are {self._accepted()}")
 
     def is_good(self, caller: Caller) -> bool:
-        """Whether an authenticated caller is still good: its API key has not been revoked.
+        """Whether an authenticated caller is still valid: its API key has not been revoked.
 
-        Tokens and certificates are good until they expire, and calls begun with them continue.
+        Tokens and certificates are valid until they expire; calls that began with them continue.
         """
         return not caller.key or self._keys is None or self._keys.is_good(caller)
 

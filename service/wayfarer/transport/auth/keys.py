@@ -1,13 +1,13 @@
-"""API keys: random texts of which the server keeps only SHA-256, in a TOML file.
+"""API keys: random texts of which the server stores only the SHA-256, in a TOML file.
 
     [keys.studio]
     sha256 = "9f86d0…"                 # of the key; `wayfarer keys new studio` makes both
     scopes = ["read", "control"]
-    [keys.studio.quota]                # each is optional; without it the server's limits hold
+    [keys.studio.quota]                # all optional; otherwise the server's limits apply
     agents = 16
 
-The file is read again when it has changed, or on SIGHUP; a bad file is logged, and the keys read
-before stay good.
+The file is read again when it changes, and on SIGHUP. A bad file is logged, and the previous keys
+stay valid.
 """
 
 import hmac
@@ -29,7 +29,7 @@ log = structlog.get_logger(__name__)
 
 KEY_PREFIX: Final = "wf_"
 LOOK_S: Final = 1.0
-"""Seconds between checks whether the file has changed."""
+"""Seconds between checks for changes of the file."""
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._@-]{0,63}$")]
 
@@ -55,7 +55,7 @@ class _File(BaseModel):
 
 
 class KeyFile:
-    """The keys of a file. `clock` gives seconds; it need not be the time of day."""
+    """The keys of a file. `clock` returns seconds; it need not be the time of day."""
 
     def __init__(self, path: Path, clock: Callable[[], float] = time.monotonic) -> None:
         """Raises InvalidArgument that names the entry at fault."""
@@ -66,11 +66,11 @@ class KeyFile:
         self._known = read_keys(path)
 
     def caller(self, key: str) -> Caller:
-        """Whose key it is. Raises Unauthenticated."""
+        """Returns the owner of a key. Raises Unauthenticated."""
         self._look()
         digest = sha256(key.encode()).digest()
         found = None
-        for caller in self._known:  # all of them: the time taken tells nothing
+        for caller in self._known:  # always all of them, so that the time taken reveals nothing
             if hmac.compare_digest(caller.key, digest):
                 found = caller
         if found is None:
@@ -78,7 +78,7 @@ class KeyFile:
         return found
 
     def is_good(self, caller: Caller) -> bool:
-        """Whether the key of a caller of this file still opens as much as it did."""
+        """Whether the key of a caller from this file is still valid, with the same rights."""
         self._look()
         return any(
             known.key == caller.key and known.name == caller.name and known.scopes >= caller.scopes
@@ -86,7 +86,7 @@ class KeyFile:
         )
 
     def reload(self) -> None:
-        """Read the file again."""
+        """Reads the file again."""
         self._mark = _mark(self._path)
         try:
             self._known = read_keys(self._path)
@@ -104,7 +104,7 @@ class KeyFile:
 
 
 def read_keys(path: Path) -> list[Caller]:
-    """The caller of each key. Raises InvalidArgument."""
+    """Reads the caller of each key. Raises InvalidArgument."""
     where = f"keys file {path}"
     try:
         content = _File.model_validate(tomllib.loads(path.read_text("utf-8")))
@@ -134,7 +134,7 @@ def new_key() -> tuple[str, str]:
 
 
 def _mark(path: Path) -> tuple[int, int, int] | None:
-    """Changes when the file does."""
+    """A value that changes when the file does."""
     try:
         found = path.stat()
     except OSError:

@@ -18,10 +18,10 @@ from wayfarer.transport.caller import Caller, Scope
 log = structlog.get_logger(__name__)
 
 FRESH_S: Final = 300.0
-"""Seconds after which keys are fetched again; until that succeeds the old ones stay good."""
+"""Seconds after which keys are fetched again; the old ones stay valid until that succeeds."""
 
 PAUSE_S: Final = 30.0
-"""Least seconds between fetches, however many tokens name unknown keys."""
+"""Minimum seconds between fetches, however many tokens name unknown keys."""
 
 FETCH_TIMEOUT_S: Final = 5.0
 NAME_LENGTH: Final = 128
@@ -35,7 +35,7 @@ _REASONS: Final[tuple[tuple[type[Exception], str], ...]] = (
     (jwt.InvalidAlgorithmError, "is signed with an algorithm that is not allowed here"),
     (jwt.InvalidSignatureError, "has a signature that does not hold"),
 )
-"""The reason in our own words, since the library's may quote the token."""
+"""Reasons in our own words, since the library's may quote the token."""
 
 
 class IssuerKeys:
@@ -51,7 +51,7 @@ class IssuerKeys:
         self._tried_at = float("-inf")
         self._got_at = float("-inf")
         self._fetching: asyncio.Task[None] | None = None
-        # of its own: an issuer that does not answer must not hold up other work
+        # a separate thread: an issuer that does not answer must not hold up other work
         self._thread = ThreadPoolExecutor(1, "jwks")
 
     @classmethod
@@ -68,7 +68,7 @@ class IssuerKeys:
         return cls(read)
 
     async def find(self, kid: str) -> jwt.PyJWK:
-        """The key. Raises Unauthenticated, or Unavailable when none was ever fetched."""
+        """Returns the key. Raises Unauthenticated; Unavailable if no keys were ever fetched."""
         now = self._clock()
         if now - self._got_at > FRESH_S or kid not in self._keys:
             fetching = self._refresh(now)
@@ -81,7 +81,7 @@ class IssuerKeys:
         raise Unauthenticated("the token is signed with a key that its issuer does not have")
 
     def _refresh(self, now: float) -> asyncio.Task[None] | None:
-        """The fetch under way, or a new one unless the last was just now."""
+        """Returns the fetch in progress, or starts one unless the last was just now."""
         if self._fetching and not self._fetching.done():
             return self._fetching
         if now - self._tried_at < PAUSE_S:
@@ -100,7 +100,7 @@ class IssuerKeys:
 
 
 class TokenCheck:
-    """Conditions under which a token stands for a caller."""
+    """The conditions under which a token identifies a caller."""
 
     def __init__(
         self,
@@ -110,7 +110,7 @@ class TokenCheck:
         algorithms: tuple[str, ...],
         leeway_s: float,
     ) -> None:
-        """`algorithms`: of public keys only."""
+        """`algorithms`: public-key algorithms only."""
         self._keys = keys
         self._claims: dict[str, Any] = {
             "issuer": issuer,
@@ -121,7 +121,7 @@ class TokenCheck:
         }
 
     async def caller(self, token: str) -> Caller:
-        """Whose token it is. Raises Unauthenticated, Unavailable."""
+        """Returns the owner of a token. Raises Unauthenticated, Unavailable."""
         try:
             kid = jwt.get_unverified_header(token).get("kid")
             if not isinstance(kid, str):
@@ -138,7 +138,7 @@ class TokenCheck:
 
 
 def _scopes(claims: dict[str, Any]) -> frozenset[Scope]:
-    """Scopes in `scope` ("read control") or `scp` (a list), without those of other services."""
+    """Scopes in `scope` ("read control") or `scp` (a list); those of other services are ignored."""
     found = claims.get("scope", claims.get("scp", ""))
     names = found.split() if isinstance(found, str) else found if isinstance(found, list) else []
     scopes = set()
@@ -149,10 +149,10 @@ def _scopes(claims: dict[str, Any]) -> frozenset[Scope]:
 
 
 def _parsed(document: dict[str, Any]) -> dict[str, jwt.PyJWK]:
-    """Public keys with a name. Raises ValueError or PyJWTError when there is none."""
+    """Public keys by name. Raises ValueError or PyJWTError if there are none."""
     try:
         keys = jwt.PyJWKSet.from_dict(document).keys
-    except (AttributeError, KeyError, TypeError):  # the library takes their forms for granted
+    except (AttributeError, KeyError, TypeError):  # the library does not check their shape
         raise ValueError("it is no JWKS document") from None
     found = {
         key.key_id: key

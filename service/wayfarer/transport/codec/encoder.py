@@ -1,4 +1,4 @@
-"""Remembers what has been packed, so that many streams cost as much as one."""
+"""A memory of packed poses, so that many streams cost as much as one."""
 
 from collections import OrderedDict
 from threading import Lock
@@ -14,26 +14,26 @@ Key = tuple[Basis, PoseFormat, int]
 
 
 class PoseEncoder:
-    """Packs what is published together once per basis and format, however many streams carry it.
+    """Packs each publication once per basis and format, however many streams carry it.
 
-    It is known by its array of rotations: streams share it, whatever flags they add, and no other
-    motion has it, even where numbers repeat (clips, replays, a session imported again).
-    Thread-safe: the motion thread packs, event loops find it here.
+    The key is the identity of the array of rotations: streams share it, whatever flags they add,
+    and no other motion has it, even with equal numbers (clips, replays, a session imported again).
+    Thread-safe: the motion thread packs, and event loops find the result here.
     """
 
     def __init__(self, capacity: int = 4 << 20) -> None:
-        """`capacity`: bytes that are remembered, the oldest are forgotten."""
+        """`capacity`: maximum bytes to remember; the oldest are forgotten first."""
         prepare()
         self._capacity = capacity
         self._bytes = 0
         self._lock = Lock()
-        # the array is kept beside its id, which would otherwise be given to another one
+        # the array is kept too, since otherwise its id could be given to another array
         self._packed: OrderedDict[Key, tuple[PackedPoses, NDArray]] = OrderedDict()
 
     def encode(
         self, chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()
     ) -> PackedPoses:
-        """As the function `encode`, from memory where another stream was first."""
+        """Like the function `encode`, from memory if another stream has packed the chunks."""
         key = basis, pose_format, id(chunks.rotations)
         with self._lock:
             if key in self._packed:

@@ -24,7 +24,7 @@ Index = NDArray[np.int64]
 
 
 class PackedPoses(NamedTuple):
-    """The frames of chunks, one chunk after the other, as they go on the wire."""
+    """The packed frames of chunks, one chunk after the other."""
 
     poses: memoryview
     contacts: bytes
@@ -41,16 +41,16 @@ class DecodedPoses(NamedTuple):
 def encode(
     chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()
 ) -> PackedPoses:
-    """Pack chunks into the basis and the format.
+    """Packs chunks in the basis and the format.
 
-    Each begins with a frame whose number is a multiple of `spec.NEW_FRAMES`, and so of the stride
-    of every format: what is sent stays evenly spaced from chunk to chunk.
+    Each chunk begins with a frame whose number is a multiple of `spec.NEW_FRAMES`, and therefore of
+    the stride of every format. So the frames sent are evenly spaced across chunks.
     """
     stride, axes = pose_format.stride, basis.axes
     translation = chunks.translation[:, ::stride]
     packed = np.empty(translation.shape[:2], pose_format.frame)
     axes.points_to_wire(translation, out=packed["translation"])
-    # arrays of another kind would be compiled for
+    # numba would compile the function again for other kinds of arrays
     rotations = np.require(chunks.rotations, np.float32, ("C", "W"))
     pack = _PACKERS[pose_format.encoding]
     pack(rotations, stride, pose_format.posed, *axes.quaternion_parts, packed["rotations"])
@@ -61,7 +61,7 @@ def encode(
 def decode(
     poses: bytes, contacts: bytes, basis: Basis, pose_format: PoseFormat = PoseFormat()
 ) -> DecodedPoses:
-    """The inverse of `encode` for one chunk. Raises InvalidArgument where lengths do not fit."""
+    """The inverse of `encode` for one chunk. Raises InvalidArgument if the lengths do not fit."""
     if len(poses) != pose_format.frame_bytes * len(contacts):
         raise InvalidArgument(
             f"{len(poses)} bytes of poses for {len(contacts)} frames of "
@@ -82,8 +82,9 @@ def decode(
 def _pack_floats(
     rotations: Float, stride: int, posed: Index, sources: Index, signs: Float, out: Float
 ) -> None:
-    """Rotations [A, F · stride, 22, 4] into those of frames [A, F, B, 4]: first the bones `posed`,
-    then fingers, which are at rest. `sources` and `signs` as of `Axes.quaternion_parts`.
+    """Packs rotations [A, F · stride, 22, 4] into those of frames [A, F, B, 4]: first the bones
+    `posed`, then the fingers, which are at rest. `sources` and `signs` as in
+    `Axes.quaternion_parts`.
     """
     for row in range(len(out)):
         for frame in range(out.shape[1]):
@@ -100,7 +101,7 @@ def _pack_floats(
 def _pack_three(
     rotations: Float, stride: int, posed: Index, sources: Index, signs: Float, out: Words
 ) -> None:
-    """As `_pack_floats`, into words [A, F, B, 3] of smallest_three.py."""
+    """Like `_pack_floats`, into words [A, F, B, 3] of smallest_three.py."""
     still = pack_one(0.0, 0.0, 0.0, 1.0)
     for row in range(len(out)):
         for frame in range(out.shape[1]):
@@ -126,7 +127,7 @@ _PACKERS: Final = {
 
 @cache
 def prepare() -> None:
-    """Compile the packing, or load it, before anybody is sent."""
+    """Compiles the packing, or loads it, before the first chunk is sent."""
     turns = np.ones((1, NEW_FRAMES, POSED_JOINTS, 4), np.float32)
     for encoding, pack in _PACKERS.items():
         out = np.empty((1, NEW_FRAMES), PoseFormat(encoding).frame)["rotations"]

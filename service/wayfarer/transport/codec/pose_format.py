@@ -1,4 +1,4 @@
-"""What poses hold and how they are packed: the choices of a stream, clip or lock-step call."""
+"""The contents and packing of poses: the choices of a stream, clip or lock-step call."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from wayfarer.spec import FPS, JOINTS, POSED_JOINTS
 from wayfarer.transport.codec.root import ROOT_FRAME
 
 RATES: Final = (FPS, FPS // 2, FPS // 4)
-"""Frames per second that may be asked for; every first, second or fourth frame is sent."""
+"""Frame rates that can be chosen; every, every second or every fourth frame is sent."""
 
 SHOWN_NAMES: Final = 8
-"""Names at fault that an error repeats at most."""
+"""Maximum number of wrong names that an error repeats."""
 
 
 class PoseEncoding(StrEnum):
@@ -68,7 +68,7 @@ class PoseFormat:
     ) -> Self:
         """The format that a client asks for; `fps` 0 is the full rate.
 
-        Raises InvalidArgument, which names the part at fault below `field`.
+        Raises InvalidArgument that names the part at fault below `field`.
         """
         path = f"{field}." if field else ""
         if encoding is PoseEncoding.ROOT:
@@ -110,11 +110,11 @@ class PoseFormat:
 
     @cached_property
     def posed(self) -> NDArray[np.intp]:
-        """Those of `bones` that move, first: fingers stay at rest."""
+        """The bones that move, which come first in `bones`: fingers stay at rest."""
         return np.array([bone for bone in self.bones if bone < POSED_JOINTS], np.intp)
 
     def header(self) -> dict[str, Any]:
-        """The fields of StreamHeader that say all this."""
+        """The fields of StreamHeader that describe this format."""
         return {
             "pose_encoding": f"POSE_ENCODING_{self.encoding.name}",
             "sent_fps": self.fps,

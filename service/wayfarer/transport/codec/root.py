@@ -1,4 +1,4 @@
-"""Roots ↔ bytes: 16 of each frame, in every basis. See docs/wire-format.md, "ROOT"."""
+"""Roots ↔ bytes: 16 bytes per frame, in every basis. See docs/wire-format.md, "ROOT"."""
 
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ ROOT_FRAME: Final = np.dtype(
 
 
 def pack_roots(roots: NDArray[np.float32], basis: Basis) -> NDArray[Any]:
-    """Roots [A, R, 6] of root_tracks.py → frames [A, R]."""
+    """Packs roots [A, R, 6] of root_tracks.py as frames [A, R]."""
     packed = np.empty(roots.shape[:2], ROOT_FRAME)
     axes = basis.axes
     axes.points_to_wire(roots[..., :3], out=packed["translation"])

@@ -1,11 +1,11 @@
 """Unit quaternions in 48 bits: the three smallest components, 15 bits each.
 
-The component of greatest magnitude (the first of equals) is left out, since it follows from
-the length 1. Its sign is made positive by turning the sign of all four, which is the same rotation.
-The others, in the order x, y, z, w, lie in [-1/√2, 1/√2] and are counted in steps of
-1/(16383 √2) from 16383, which is exactly 0. Three little-endian 16-bit words hold
+The component of greatest magnitude (the first of several equal ones) is omitted, since it follows
+from the length 1. If it is negative, all four change sign, which gives the same rotation. The other
+three, in the order x, y, z, w, lie in [-1/√2, 1/√2] and are counted in steps of 1/(16383 √2); the
+count 16383 is exactly 0. Three little-endian 16-bit words hold
 
-    word 0: bits 0-14 first component,  bit 15: bit 0 of the index of the one left out
+    word 0: bits 0-14 first component,  bit 15: bit 0 of the index of the omitted one
     word 1: bits 0-14 second component, bit 15: bit 1 of that index
     word 2: bits 0-14 third component,  bit 15: 0
 """
@@ -24,16 +24,17 @@ STEPS_PER_ONE: Final = MIDDLE * 2**0.5
 FACTOR: Final = np.float32(STEPS_PER_ONE)
 
 WORST_ERROR_DEG: Final = 0.0086
-"""Greatest angle between a rotation and its decoded self: half a step in each of three components,
-with all four at 1/2, is 4 √3 · (1/2) / (16383 √2) rad; float32 adds less than 0.0001°."""
+"""Maximum angle between a rotation and its decoded value: half a step in each of three components,
+with all four at 1/2, is 4 √3 · (1/2) / (16383 √2) rad; float32 adds less than 0.0001°.
+"""
 
 OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-"""[left out] → the three that are sent."""
+"""Index of the omitted component → indices of the three that are sent."""
 
 
 @compiled
 def pack_one(x: float, y: float, z: float, w: float) -> tuple[int, int, int]:
-    """The words of a unit quaternion, of float32 numbers."""
+    """The words of a unit quaternion of float32 numbers."""
     counts = _count(x), _count(y), _count(z), _count(w)
     out = 0
     for k in range(1, 4):

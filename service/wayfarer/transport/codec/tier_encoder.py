@@ -1,4 +1,4 @@
-"""Packs some chunks of what was published, each once per basis and format."""
+"""Packs some of a publication's chunks, each once per basis and format."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -19,23 +19,23 @@ Rows = NDArray[np.intp]
 
 @dataclass(slots=True)
 class _Packed:
-    """Chunks of one publication, of which some are packed."""
+    """The chunks of one publication, some of them packed."""
 
-    rotations: NDArray[np.float32]  # kept, so that its id stays its own
+    rotations: NDArray[np.float32]  # kept, so that its id is not given to another array
     poses: NDArray[np.uint8]  # [A, bytes of a chunk]
     contacts: NDArray[np.uint8]  # [A, F]
     done: NDArray[np.bool_]  # [A]
 
 
 class TierEncoder:
-    """As PoseEncoder, for streams that have a part of the chunks in each of several formats.
+    """Like PoseEncoder, for streams that carry some of the chunks in each of several formats.
 
-    Readers who have the same agents in the same format share what has been packed; a chunk that
-    nobody has in a format is not packed in it.
+    Readers that have the same agents in the same format share the packed chunks. A chunk is packed
+    only in the formats in which some reader has it.
     """
 
     def __init__(self, capacity: int = 4 << 20) -> None:
-        """`capacity`: bytes that are remembered, the oldest are forgotten."""
+        """`capacity`: maximum bytes to remember; the oldest are forgotten first."""
         prepare()
         self._capacity = capacity
         self._bytes = 0
@@ -49,7 +49,7 @@ class TierEncoder:
         pose_format: PoseFormat,
         roots: NDArray[np.float32] | None = None,
     ) -> PackedPoses:
-        """The chunks of `rows`, in their order. `roots`: of all chunks, for the encoding ROOT."""
+        """Packs the chunks `rows`, in this order. `roots`: of all chunks, for the encoding ROOT."""
         packed = self._of(chunks, basis, pose_format)
         missing = rows[~packed.done[rows]]
         if len(missing):

@@ -1,4 +1,4 @@
-"""Administration: models in and out, and the end."""
+"""Administration: loads and unloads models, shuts the server down."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ class AdminApi:
 
     @implements("LoadModel")
     async def load_model(self, request: schema.NewModel) -> schema.Model:
-        """Load a model beside the others. Raises NotFound, AlreadyExists, FailedPrecondition."""
+        """Loads another model. Raises NotFound, AlreadyExists, FailedPrecondition."""
         try:
             await self._context.service.load_model(request.name)
         except ArtifactError as error:
@@ -33,19 +33,19 @@ class AdminApi:
 
     @implements("UseModel")
     async def use_model(self, name: str, request: schema.ModelUse) -> schema.ModelUsed:
-        """Moves agents with a loaded model. Raises NotFound."""
+        """Makes a loaded model move agents. Raises NotFound."""
         moved = await self._context.service.use_model(name, request.move_agents)
         log.info("model in use", model=name, moved=moved, caller=current_caller().name)
         return schema.ModelUsed(moved=moved)
 
     @implements("UnloadModel")
     async def unload_model(self, name: str) -> None:
-        """Unload a model. Raises NotFound, FailedPrecondition."""
+        """Unloads a model. Raises NotFound, FailedPrecondition."""
         await self._context.service.unload_model(name)
         log.info("model unloaded", model=name, caller=current_caller().name)
 
     @implements("Drain")
     async def drain(self) -> None:
-        """Begin to shut down."""
+        """Begins to shut down."""
         log.info("drain asked for", caller=current_caller().name)
         self._stop()

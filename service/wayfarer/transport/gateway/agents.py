@@ -13,7 +13,7 @@ from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.world.agents.agent import AgentInfo
 
 AT_ONCE: Final = 4
-"""Agents that are described without letting others go ahead."""
+"""Number of agents that are described before other calls get a turn."""
 
 
 class AgentApi:
@@ -24,7 +24,7 @@ class AgentApi:
 
     @implements("CreateAgents")
     async def create(self, session_id: str, request: schema.NewAgents) -> schema.Agents:
-        """Create agents, all or none. Raises NotFound, InvalidArgument, ResourceExhausted, …"""
+        """Creates all or none. Raises NotFound, InvalidArgument, ResourceExhausted, Aborted."""
         self._context.require_ready()
         self._context.book.session(session_id)
         return await self._context.replies.once(
@@ -43,7 +43,7 @@ class AgentApi:
 
     async def _made(self, session: OpenSession, request: schema.NewAgents) -> list[AgentInfo]:
         first, asked = session.drawn, len(request.agents)
-        session.drawn += asked  # before the first await: two calls at a time draw other seeds
+        session.drawn += asked  # before the first await: concurrent calls draw other seeds
         try:
             specs = [
                 convert.agent_spec(
@@ -63,39 +63,39 @@ class AgentApi:
 
     @implements("GetAgent")
     async def get(self, agent_id: str) -> schema.Agent:
-        """Describe one agent. Raises NotFound."""
+        """Describes one agent. Raises NotFound."""
         session = await self._context.session_of(agent_id)
         info = await self._context.service.get_agent(agent_id)
         return convert.agent(info, session.basis, self._context.bodies)
 
     @implements("ListAgents")
     async def list_of(self, session_id: str) -> schema.Agents:
-        """Describe all agents of a session. Raises NotFound."""
+        """Describes all agents of a session. Raises NotFound."""
         session = self._context.book.session(session_id)
         infos = await self._context.service.list_agents(session_id)
         return await self._described(session, infos)
 
     @implements("UpdateAgent")
     async def update(self, agent_id: str, request: schema.AgentUpdate) -> schema.Agent:
-        """Change its name, its foot lock. Raises NotFound, InvalidArgument."""
+        """Changes its name or its foot lock. Raises NotFound, InvalidArgument."""
         session = await self._context.session_of(agent_id)
         info = await self._context.service.update_agent(agent_id, convert.agent_change(request))
         return convert.agent(info, session.basis, self._context.bodies)
 
     @implements("DeleteAgent")
     async def delete(self, agent_id: str) -> None:
-        """Remove an agent; the session's streams report it. Raises NotFound."""
+        """Removes an agent; the session's streams report it. Raises NotFound."""
         await finish(self._delete(await self._context.session_of(agent_id), agent_id))
 
     async def _delete(self, session: OpenSession, agent_id: str) -> None:
         alias = session.aliases.get(agent_id)
-        if alias is None:  # one of a crowd
+        if alias is None:  # a person of a crowd
             alias = (await self._context.service.get_agent(agent_id)).alias
         await self._context.service.delete_agent(agent_id)
         self._context.book.remove_agent(session, agent_id, alias)
 
     async def _described(self, session: OpenSession, infos: Sequence[AgentInfo]) -> schema.Agents:
-        """A few at a time: each takes half a millisecond, in which other calls wait."""
+        """Describes a few at a time: each takes half a millisecond in which other calls wait."""
         described: list[schema.Agent] = []
         for info in infos:
             if len(described) % AT_ONCE == 0:

@@ -1,4 +1,4 @@
-"""What all parts of the API share."""
+"""The parts of the gateway that all APIs share."""
 
 import asyncio
 import functools
@@ -25,7 +25,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def needs(scope: Scope) -> Callable[[Method], Method]:
-    """Let only callers with the scope call a method of the API. Raises PermissionDenied."""
+    """Lets only callers with the scope call a method of the API. Raises PermissionDenied."""
 
     def guarded(method: Method) -> Method:
         @functools.wraps(method)
@@ -40,7 +40,7 @@ def needs(scope: Scope) -> Callable[[Method], Method]:
 
 
 def implements(rpc: str) -> Callable[[Method], Method]:
-    """Mark a method of the API as what carries out an RPC; it needs the scope of the contract."""
+    """Marks a method of the API as the implementation of an RPC; it needs the RPC's scope."""
 
     def named(method: Method) -> Method:
         guarded = needs(CALLS[rpc].scope)(method)
@@ -67,7 +67,7 @@ class GatewayContext:
     skeleton: schema.Skeleton = field(default_factory=convert.skeleton)
     draining: asyncio.Event = field(default_factory=asyncio.Event)
     taken_over: bool = (
-        False  # the sessions that the runtime has kept over a restart are in the book
+        False  # whether the registries hold the sessions that the runtime kept over a restart
     )
 
     def __post_init__(self) -> None:
@@ -77,7 +77,7 @@ class GatewayContext:
 
     @property
     def ready(self) -> bool:
-        """New work is welcome."""
+        """Whether new work is accepted."""
         return (
             self.service.ready
             and self.service.alive
@@ -87,15 +87,15 @@ class GatewayContext:
         )
 
     def require_ready(self) -> None:
-        """Raises Unavailable while new work is not welcome."""
+        """Raises Unavailable while no new work is accepted."""
         if self.draining.is_set():
             raise Unavailable("the server is shutting down")
         if not self.ready:
             raise Unavailable("the server is not ready yet")
 
     async def session_of(self, agent_id: str) -> OpenSession:
-        """As the book's, also of people of a crowd: they come and go without a call, so the book
-        does not have them.
+        """Like the registry's method, also for people of a crowd, who come and go without a call
+        and are not in the registry.
         """
         try:
             return self.book.session_of(agent_id)
@@ -107,6 +107,6 @@ class GatewayContext:
                 raise error from None
 
     def writer(self, basis: Basis, pose_format: PoseFormat) -> BatchWriter:
-        """Writes motion for one reader; all of them share what has been packed."""
+        """Writes motion for one reader; all writers share the packed poses."""
         shared = (self.encoder, self.bodies, self.skeleton, self.tier_encoder)
         return BatchWriter(basis, pose_format, *shared)

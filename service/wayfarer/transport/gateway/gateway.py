@@ -1,8 +1,8 @@
 """The API behind both transports: gRPC and HTTP only translate their own forms into its calls.
 
-Arguments and results are schema/'s, in the basis of the session. Every call is made by the present
-caller (caller.py): its scopes are checked at the method's door (`implements`), its sessions in
-session_registry.py.
+Arguments and results are classes of schema/, in the basis of the session. Every call is made by the
+present caller (caller.py): its method checks the caller's scopes (`implements`), and
+session_registry.py the ownership of sessions.
 """
 
 import asyncio
@@ -72,27 +72,27 @@ class Gateway:
 
     @property
     def alive(self) -> bool:
-        """The motion loop runs."""
+        """Whether the motion loop runs."""
         return self._context.service.alive
 
     @property
     def runtime_ready(self) -> bool:
-        """The runtime takes work; the gateway does once it has taken over its sessions."""
+        """Whether the runtime accepts work; the gateway does once it has its sessions."""
         return self._context.service.ready and self._context.service.alive
 
     @property
     def started(self) -> bool:
-        """The server has been ready; it may not be any more."""
+        """Whether the server has ever been ready."""
         return self._context.taken_over
 
     @property
     def ready(self) -> bool:
-        """New work is welcome."""
+        """Whether new work is accepted."""
         return self._context.ready
 
     @property
     def streams(self) -> int:
-        """Open streams."""
+        """Number of open streams."""
         return self._context.book.streams
 
     def nodes(self) -> Sequence[Endpoint]:
@@ -104,29 +104,29 @@ class Gateway:
         return await self._context.service.stats()
 
     async def take_over(self) -> None:
-        """Begin to take work, once the runtime is ready: first enter what it has kept."""
+        """Enters the sessions that the ready runtime has kept, then accepts work."""
         await self.scenes.take_over()
         kept = await self.sessions.take_over()
         if kept:
             log.info("sessions taken over", sessions=kept)
 
     async def end_expired_sessions(self) -> list[str]:
-        """End the sessions whose lease is over; their ids. To be called a few times a second.
+        """Ends the sessions whose lease has expired, and such scenes; returns the sessions' ids.
 
-        Scenes whose lease is over go with them.
+        Should be called a few times per second.
         """
         ended = await self.sessions.end_expired()
         await self.scenes.end_expired()
         return ended
 
     def end_streams_of_revoked(self, is_good: Callable[[Caller], bool]) -> None:
-        """Ends the streams of callers whose credentials no longer hold. Called now and then."""
+        """Ends the streams of callers whose credentials are no longer valid. Called regularly."""
         revoked = Unauthenticated("the API key of this stream has been taken back")
         if ended := self._context.book.end_streams(revoked, lambda caller: not is_good(caller)):
             log.info("streams of revoked keys ended", streams=ended)
 
     async def drain(self, grace: float) -> None:
-        """Refuse new work and end all streams with Unavailable; wait for that, `grace` seconds."""
+        """Refuses new work and ends all streams with Unavailable; waits up to `grace` seconds."""
         self._context.draining.set()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(grace):

@@ -9,8 +9,8 @@ from wayfarer.transport.goal_convert import CommandRequest, fields_named, goal_c
 class GoalApi:
     """GoalService. Each call returns the new revision.
 
-    All raise as `MotionService.give`: InvalidArgument names the field as the client wrote it,
-    Unreachable gives the nearest place in the session's basis.
+    All raise what `MotionService.give` raises. InvalidArgument names the field as the client wrote
+    it; Unreachable has the nearest place in the session's basis.
     """
 
     def __init__(self, context: GatewayContext) -> None:
@@ -20,14 +20,14 @@ class GoalApi:
     async def set_goal(
         self, agent_id: str, goal: schema.Goal, expected_revision: int | None = None
     ) -> schema.GoalRevision:
-        """Replaces the agent's goal, path or behaviour by a goal."""
+        """Replaces the agent's goal, path or behaviour with a goal."""
         return await self._give(agent_id, goal, expected_revision)
 
     @implements("SetPath")
     async def set_path(
         self, agent_id: str, path: schema.Goals, expected_revision: int | None = None
     ) -> schema.GoalRevision:
-        """Replaces them by goals to visit in turn."""
+        """Replaces the agent's goal, path or behaviour with goals to visit in turn."""
         return await self._give(agent_id, path, expected_revision)
 
     @implements("AppendGoals")
@@ -41,21 +41,21 @@ class GoalApi:
     async def wander(
         self, agent_id: str, request: schema.Wander, expected_revision: int | None = None
     ) -> schema.GoalRevision:
-        """Replaces them by the behaviour `wander`."""
+        """Replaces the agent's goal, path or behaviour with the behaviour `wander`."""
         return await self._give(agent_id, request, expected_revision)
 
     @implements("Behave")
     async def behave(
         self, agent_id: str, behaviour: schema.Behaviour, expected_revision: int | None = None
     ) -> schema.GoalRevision:
-        """Replaces them by a behaviour."""
+        """Replaces the agent's goal, path or behaviour with a behaviour."""
         return await self._give(agent_id, behaviour, expected_revision)
 
     @implements("ClearGoal")
     async def clear_goal(
         self, agent_id: str, expected_revision: int | None = None
     ) -> schema.GoalRevision:
-        """Removes them: the agent stops."""
+        """Removes the agent's goal, path or behaviour, so that it stops."""
         return await self._give(agent_id, None, expected_revision)
 
     async def _give(

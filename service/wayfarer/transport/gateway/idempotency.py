@@ -1,4 +1,4 @@
-"""Idempotency: the same request, sent again under the same id, gets the same reply."""
+"""Idempotency: a request that is sent again under the same id gets the same reply."""
 
 import asyncio
 from collections import OrderedDict
@@ -14,10 +14,10 @@ from wayfarer.transport.caller import current_caller
 
 KEPT_S: Final = 600.0
 KEPT: Final = 128
-"""Replies of one caller; the oldest are forgotten first."""
+"""Maximum number of replies kept for one caller; the oldest are forgotten first."""
 
 CALLERS: Final = 1024
-"""Callers whose replies are kept; of those that have been silent longest they are forgotten."""
+"""Maximum number of callers whose replies are kept; the longest silent are forgotten first."""
 
 Reply = TypeVar("Reply")
 
@@ -25,9 +25,9 @@ _running: Final[set[asyncio.Task[Any]]] = set()  # asyncio itself holds tasks on
 
 
 async def finish(work: Coroutine[Any, Any, Reply]) -> Reply:
-    """The outcome of `work`, which goes on to its end even where the caller goes away.
+    """The outcome of `work`, which runs to its end even if the caller disconnects.
 
-    So the runtime never holds a session that the transport has not heard of.
+    So the runtime never holds a session that the transport does not know.
     """
     task = asyncio.get_running_loop().create_task(work)
     _running.add(task)
@@ -43,7 +43,7 @@ class _Kept:
 
 
 class IdempotencyCache:
-    """Those of the last ten minutes, by caller and request id."""
+    """The replies of the last ten minutes, by caller and request id."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -57,9 +57,9 @@ class IdempotencyCache:
     ) -> Reply:
         """The outcome of `act()`, or that of the same request under the same id before.
 
-        `request` is where it was addressed and what it said. A duplicate of a request that is under
-        way waits for it; one that has failed may be tried again. A caller that goes away does not
-        break off what it asked for. Raises Aborted where the id was another request's.
+        `request` is the address and the content of the request. A duplicate of a request in
+        progress waits for it; a request that failed may be tried again. A caller that disconnects
+        does not cancel its request. Raises Aborted if the id belonged to another request.
         """
         if not request_id:
             return await finish(act())

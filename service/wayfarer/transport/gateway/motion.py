@@ -32,8 +32,8 @@ class MotionApi:
 
     @implements("StreamMotion")
     async def stream(self, request: schema.StreamRequest) -> AsyncGenerator[bytes]:
-        """Messages until the session ends, each a StreamMotionResponse, encoded. Close it with
-        `aclose`.
+        """Yields messages until the session ends, each an encoded StreamMotionResponse. Close it
+        with `aclose`.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition, Unavailable.
         """
@@ -45,7 +45,7 @@ class MotionApi:
     async def events(
         self, request: schema.StreamRequest
     ) -> AsyncGenerator[tuple[str, motion_pb2.Event] | None]:
-        """Events with their resume tokens, None for a sign of life. Otherwise as `stream`."""
+        """Yields events with their resume tokens, and None as a heartbeat; see `stream`."""
         async with self._followed(request) as (_, stream), aclosing(stream.events()) as events:
             async for event in events:
                 yield event
@@ -55,7 +55,7 @@ class MotionApi:
     async def follow(
         self, request: schema.StreamRequest
     ) -> AsyncIterator[tuple[MotionStream, AsyncGenerator[bytes]]]:
-        """A stream, for acknowledgements and viewpoints, and its messages. Raises as `stream`."""
+        """Opens a stream, for acknowledgements, and its messages. Raises as `stream`."""
         self._context.require_ready()
         most = request.max_message_bytes
         if 0 < most < schema.MIN_MESSAGE_BYTES:
@@ -80,7 +80,8 @@ class MotionApi:
     async def generate_clip(
         self, request: schema.ClipRequest
     ) -> AsyncGenerator[motion_pb2.GenerateClipResponse]:
-        """A header, then batches in order of time; or the parts of a file. Close it with `aclose`.
+        """Yields a header, then batches in order of time; or the parts of a file. Close it with
+        `aclose`.
 
         Raises InvalidArgument, ResourceExhausted, Unavailable.
         """
@@ -100,7 +101,7 @@ class MotionApi:
 
     @needs(Scope.CONTROL)
     async def generate_motion(self, request: schema.ClipRequest) -> Clip:
-        """The clip in world space. Raises as `generate_clip`."""
+        """Returns the clip in world space. Raises as `generate_clip`."""
         with convert.in_basis(request.basis.axes):
             [person] = await performances(self._made(request), self._context.bodies.name)
             return person.clip
@@ -125,7 +126,7 @@ class MotionApi:
     async def step(
         self, session_id: str, request: schema.StepRequest
     ) -> motion_pb2.StepAgentsResponse:
-        """Let primitives pass in a lock-step session.
+        """Advances a lock-step session by some primitives.
 
         Raises NotFound, InvalidArgument, FailedPrecondition.
         """
@@ -183,7 +184,8 @@ class MotionApi:
                 ),
             )
             try:
-                # last of all that is awaited: the stream itself is told who goes from then on
+                # the last await before the stream opens: from then on the stream itself sees
+                # deletions
                 gone = await self._gone(session) if since else []
                 place.stream = MotionStream(
                     context.service,
@@ -201,14 +203,14 @@ class MotionApi:
                 await subscription.close()
 
     async def _gone(self, session: OpenSession) -> list[int]:
-        """Aliases of agents that a reader that resumes may show, and that are no more."""
+        """Aliases of deleted agents that a resuming reader may still show."""
         if not session.scene:
             return session.gone()
         return session.gone(await self._context.service.list_agents(session.session_id))
 
 
 def _levels(asked: schema.Interest | None, usual: PoseFormat, basis: Basis) -> DetailLevels | None:
-    """The rings and viewpoints that a stream is opened with. Raises InvalidArgument."""
+    """The rings and viewpoints with which a stream is opened. Raises InvalidArgument."""
     if asked is None:
         return None
     views = convert.viewpoints(asked.viewpoints, basis.axes, "interest.viewpoints")

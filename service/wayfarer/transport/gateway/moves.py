@@ -1,6 +1,6 @@
-"""Sessions and scenes leave for other nodes of a cluster, and come from them.
+"""Sessions and scenes that move to other nodes of a cluster, or come from them.
 
-For the node itself (cluster/), and not for callers: nothing here asks who calls.
+The node itself (cluster/) calls this, and callers do not: no scope or owner is checked.
 """
 
 import asyncio
@@ -28,70 +28,70 @@ AGAIN_S: Final = 0.05
 
 
 def is_scene(name: str) -> bool:
-    """Whether an id is a scene's, and not a session's."""
+    """Whether an id is a scene's rather than a session's."""
     return name.startswith("scene-")
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A session or scene that has come, and that callers do not find yet."""
+    """A session or scene that has arrived and that callers cannot find yet."""
 
     info: SessionInfo | SceneInfo
     agents: Sequence[AgentInfo] = ()  # without a crowd's people
-    crowd: int = 0  # people who were asked for
+    crowd: int = 0  # people who were requested
 
 
 class SessionMoves:
-    """Of one server."""
+    """The moves of one server."""
 
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
 
     @property
     def groups(self) -> set[str]:
-        """The group of a session or a scene."""
+        """The groups of all sessions and scenes."""
         return {group_of(name) for name in (*self.sessions, *self.scenes)}
 
     def of(self, group: str) -> list[str]:
-        """Ids of the sessions in a group, then of the scenes: as they can be ended."""
+        """Ids of the sessions in a group, then of the scenes: the order in which they can end."""
         names = (*self.sessions, *self.scenes)
         return [name for name in names if group_of(name) == group]
 
     @property
     def sessions(self) -> list[str]:
-        """Ids of all."""
+        """Ids of all sessions."""
         return self._context.book.ids()
 
     @property
     def scenes(self) -> list[str]:
-        """Ids of all."""
+        """Ids of all scenes."""
         return self._context.scenes.ids()
 
     def is_movable(self, name: str) -> bool:
-        """Whether a session or scene is here, and can live elsewhere: with its scene, in one group.
+        """Whether a session or scene is on this server and can move, as one group with its scene.
 
-        It can, unless the session was made before they shared one.
+        All can, except sessions that were made before a session and its scene shared a group.
         """
         if is_scene(name):
             return name in self.scenes
         scene = self._context.book.scene_of(name)
         return scene is not None and (not scene or group_of(scene) == group_of(name))
 
-    # The content of a scene, which is large, goes ahead of it
+    # The content of a scene: it is large and is sent ahead of the scene
 
     async def content(self, scene_id: str) -> bytes:
-        """What never changes of a scene. Raises NotFound."""
+        """The parts of a scene that never change. Raises NotFound."""
         return await self._context.service.scenes.content(scene_id)
 
     async def prepare(self, scene_id: str, content: bytes) -> None:
-        """A scene may come: bake it. Raises InvalidArgument, ResourceExhausted."""
+        """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
         await self._context.service.scenes.prepare(scene_id, content)
 
-    # A copy
+    # Copies
 
     async def replica(self, name: str, mark: LogMark | None) -> Replica:
-        """The state of a session or scene, as `adopt` takes it, and what is new since `mark`, if
-        that is given, in the log of a recorded session. Raises NotFound.
+        """The state of a session or scene, as `adopt` takes it; with `mark`, also the part of a
+        recorded session's log that is newer than `mark`. Raises NotFound.
         """
         if is_scene(name):
             return Replica(self._context.service.scenes.obstacles(name))
@@ -100,7 +100,7 @@ class SessionMoves:
     async def adopt(
         self, name: str, replica: bytes, content: bytes, log_parts: Sequence[bytes]
     ) -> None:
-        """Resumes it from a copy; `content` is a scene's. Streams that come begin with a gap.
+        """Resumes it from a copy; `content` is a scene's. New streams begin with a gap.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
@@ -109,10 +109,10 @@ class SessionMoves:
         else:
             self._open(await self._session(await self._context.service.adopt(replica, log_parts)))
 
-    # A move
+    # Moves
 
     async def freeze(self, name: str) -> bytes:
-        """Stop it after what is planned, and pack it; end that with `release` or `thaw`.
+        """Stops it after the planned motion, and packs it; followed by `release` or `thaw`.
 
         Raises NotFound, FailedPrecondition, Unavailable.
         """
@@ -137,10 +137,10 @@ class SessionMoves:
             await _served(lambda: self._context.service.moves.unfreeze(name))
 
     async def take(self, name: str, live: bytes, content: bytes) -> Arrival:
-        """Put in what was frozen elsewhere; it stays frozen. `content` is a scene's.
+        """Installs what another server froze; it stays frozen. `content` is a scene's.
 
-        End that with `enter` or `release`. Raises InvalidArgument, FailedPrecondition,
-        AlreadyExists, ResourceExhausted, Unavailable.
+        Followed by `enter` or `release`. Raises InvalidArgument, FailedPrecondition, AlreadyExists,
+        ResourceExhausted, Unavailable.
         """
         if is_scene(name):
             return await self._scene(name, live, content)
@@ -154,10 +154,10 @@ class SessionMoves:
         self._open(arrival)
 
     async def release(self, name: str, to: Endpoint | None) -> None:
-        """A session or scene lives there now, or nobody knows where: end it here, and its streams.
+        """Ends a session or scene on this server, since it now lives at `to`; None: unknown.
 
-        Its streams and the calls that wait end with Misdirected, or Unavailable. Safe to call
-        twice. Raises Unavailable.
+        Its streams and waiting calls end with Misdirected, or with Unavailable if `to` is None.
+        Safe to call twice. Raises Unavailable.
         """
         error: WayfarerError = Unavailable("the session was taken from this node; try again")
         if to is not None:
@@ -195,7 +195,7 @@ class SessionMoves:
 
 
 async def _served(call: Callable[[], Awaitable[T]]) -> T:
-    """Repeats a call until the motion thread has room for it, since its cause cannot be undone."""
+    """Repeats a call that must succeed until the motion thread has room for it."""
     ends = asyncio.get_running_loop().time() + FULL_S
     while True:
         try:

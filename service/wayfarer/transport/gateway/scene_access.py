@@ -15,7 +15,7 @@ from wayfarer.transport.residence import Residence
 from wayfarer.world.scenes.messages import SceneInfo
 
 SCENE_LEASE_S: Final = 3600.0
-"""Lease of a scene that asks for none."""
+"""Lease of a scene whose request names none."""
 
 ID_LENGTH: Final = schema.ID_LENGTH
 
@@ -37,7 +37,7 @@ class OpenScene:
         return self.basis.axes
 
     def describe(self, info: SceneInfo) -> schema.Scene:
-        """As its clients see it; `info` is its present state in the runtime."""
+        """Describes it for its client; `info` is its present state in the runtime."""
         return scene_convert.scene(info, self.basis, self.lease_s, self.endpoint)
 
 
@@ -57,9 +57,9 @@ class SceneAccess:
         self._coming: Counter[str] = Counter()  # scenes being made, by owner
 
     def open(self, info: SceneInfo) -> OpenScene:
-        """Enter a scene of the runtime by its attributes, with a fresh lease.
+        """Enters a scene of the runtime by its attributes, with a fresh lease.
 
-        Raises InvalidArgument where its attributes are not the transport's.
+        Raises InvalidArgument if the attributes were not made by the transport.
         """
         owner, basis, lease_s = _read(info.attributes, self._limits)
         expires_at = self._clock() + lease_s
@@ -68,20 +68,20 @@ class SceneAccess:
         return scene
 
     def ids(self) -> list[str]:
-        """Of all scenes."""
+        """Ids of all scenes."""
         return list(self._scenes)
 
     def forget(self, scene_id: str) -> None:
-        """As `close`, for any owner."""
+        """Like `close`, for any owner."""
         self._scenes.pop(scene_id, None)
 
     def close(self, scene: OpenScene) -> None:
-        """Forget a scene. Safe to call twice, also when one of its id has come since."""
+        """Forgets a scene. Safe to call twice, even if a new scene has the same id by then."""
         if self._scenes.get(scene.scene_id) is scene:
             del self._scenes[scene.scene_id]
 
     def scene(self, scene_id: str) -> OpenScene:
-        """A scene of the present caller, its lease renewed. Raises NotFound, Misdirected."""
+        """Returns the caller's scene and renews its lease. Raises NotFound, Misdirected."""
         found, caller = self._scenes.get(scene_id), current_caller()
         if found is None:
             self._residence.require_own(scene_id[:ID_LENGTH])
@@ -92,21 +92,21 @@ class SceneAccess:
         return found
 
     def renew(self, scene: OpenScene) -> None:
-        """Restart its lease."""
+        """Restarts its lease."""
         scene.expires_at = self._clock() + scene.lease_s
 
     def owned(self, caller: Caller) -> list[OpenScene]:
-        """Oldest first; an admin sees all."""
+        """The caller's scenes, oldest first; an admin sees all."""
         return [s for s in self._scenes.values() if s.owner == caller.name or caller.is_admin]
 
     def expired(self) -> list[OpenScene]:
-        """Scenes without sessions whose lease has ended."""
+        """Scenes without sessions whose lease has expired."""
         now = self._clock()
         return [scene for scene in self._scenes.values() if scene.expires_at < now]
 
     @contextmanager
     def room(self, caller: Caller) -> Iterator[None]:
-        """Room for a scene that is being made. Raises ResourceExhausted."""
+        """Reserves room for a scene that is being made. Raises ResourceExhausted."""
         own = sum(scene.owner == caller.name for scene in self._scenes.values())
         most = self._limits.scenes_per_caller
         if own + self._coming[caller.name] >= most:
@@ -117,7 +117,7 @@ class SceneAccess:
         try:
             yield
         finally:
-            self._coming -= Counter([caller.name])  # keeps none that are 0
+            self._coming -= Counter([caller.name])  # drops entries that are 0
 
 
 def _read(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float]:

@@ -46,7 +46,7 @@ class SceneApi:
 
     @implements("CreateScene")
     async def create(self, request: schema.NewScene) -> schema.Scene:
-        """Make a scene. Raises InvalidArgument, Aborted, ResourceExhausted, Unavailable."""
+        """Makes a scene. Raises InvalidArgument, Aborted, ResourceExhausted, Unavailable."""
         self._context.require_ready()
 
         async def make() -> schema.Scene:
@@ -61,11 +61,11 @@ class SceneApi:
     async def create_from_mesh(
         self, request: schema.MeshScene, pieces: AsyncIterator[bytes]
     ) -> schema.Scene:
-        """Make a scene from a file that comes in pieces. Raises as `create`."""
+        """Makes a scene from a file that comes in pieces. Raises as `create`."""
         self._context.require_ready()
         scene = request.scene
         async with self._uploads.received(pieces, DATA) as data:
-            # so that the same id with another file is another request
+            # so that the same id with a different file is a different request
             digest = await asyncio.to_thread(lambda: sha256(data).hexdigest())
 
             def mesh() -> MeshFile:
@@ -92,7 +92,7 @@ class SceneApi:
 
     @implements("CreateExampleScene")
     async def create_example(self, name: str, request: schema.NewExampleScene) -> schema.Scene:
-        """Make one of them. Raises NotFound, otherwise as `create`."""
+        """Makes an example scene. Raises NotFound, and as `create`."""
         self._context.require_ready()
         if name not in EXAMPLES:
             known, short = ", ".join(EXAMPLES), name[: schema.ID_LENGTH]
@@ -121,13 +121,13 @@ class SceneApi:
 
     @implements("GetScene")
     async def get(self, scene_id: str) -> schema.Scene:
-        """Describe a scene. Raises NotFound."""
+        """Describes a scene. Raises NotFound."""
         scene = self._context.scenes.scene(scene_id)
         return scene.describe(await self._context.service.scenes.get_scene(scene_id))
 
     @implements("ListScenes")
     async def list_own(self) -> schema.Scenes:
-        """The caller's, oldest first; an admin sees all. Renews no lease."""
+        """The caller's scenes, oldest first; an admin sees all. Renews no lease."""
         infos = {info.scene_id: info for info in await self._context.service.scenes.list_scenes()}
         owned = self._context.scenes.owned(current_caller())
         return schema.Scenes(
@@ -136,7 +136,7 @@ class SceneApi:
 
     @implements("DeleteScene")
     async def delete(self, scene_id: str) -> None:
-        """Remove a scene. Raises NotFound, FailedPrecondition."""
+        """Removes a scene. Raises NotFound, FailedPrecondition."""
         scene = self._context.scenes.scene(scene_id)
         await self._context.service.scenes.delete_scene(scene_id)
         self._context.scenes.close(scene)
@@ -145,7 +145,7 @@ class SceneApi:
     async def put_obstacle(
         self, scene_id: str, name: str, request: schema.Obstacle
     ) -> schema.SceneVersion:
-        """Puts an obstacle there, or moves it there.
+        """Adds an obstacle or moves an existing one.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
@@ -157,7 +157,7 @@ class SceneApi:
 
     @implements("RemoveObstacle")
     async def remove_obstacle(self, scene_id: str, name: str) -> schema.SceneVersion:
-        """Take it away. Raises NotFound."""
+        """Removes an obstacle. Raises NotFound."""
         self._context.scenes.scene(scene_id)
         info = await self._context.service.scenes.remove_obstacle(scene_id, name)
         return scene_convert.scene_version(info)
@@ -199,7 +199,7 @@ class SceneApi:
         if request.count > most:
             raise InvalidArgument(f"is {request.count}; allowed: {most}", "count")
         crowd = scene_convert.crowd(request, session.basis, secrets.randbits(32))
-        # to its end even where the caller goes away: the crowd counts
+        # runs to its end even if the caller disconnects, since the crowd counts towards the quota
         state = await finish(self._populate(session, crowd))
         return schema.CrowdCame(**asdict(state))
 
@@ -209,14 +209,14 @@ class SceneApi:
             try:
                 with convert.in_basis(session.basis.axes):
                     state = await self._context.service.scenes.populate(session.session_id, crowd)
-            except Unavailable:  # it may be on its way
+            except Unavailable:  # it may be moving
                 session.crowd = max(session.crowd, crowd.count)
                 raise
             session.crowd = state.came + state.waiting  # another call may have replaced it
         return state
 
     async def take_over(self) -> None:
-        """Enter the scenes that the runtime has kept over a restart."""
+        """Enters the scenes that the runtime has kept over a restart."""
         for info in await self._context.service.scenes.list_scenes():
             try:
                 self._context.scenes.open(info)
@@ -226,14 +226,14 @@ class SceneApi:
                     await self._context.service.scenes.delete_scene(info.scene_id)
 
     async def end_expired(self) -> None:
-        """Remove the scenes whose lease has run out and that no session is in.
+        """Removes the scenes whose lease has expired and that no session uses.
 
-        The next call tries again to remove scenes that cannot be removed now.
+        Scenes that cannot be removed now are tried again at the next call.
         """
         for scene in self._context.scenes.expired():
             try:
                 await self._context.service.scenes.delete_scene(scene.scene_id)
-            except FailedPrecondition:  # sessions are in it
+            except FailedPrecondition:  # sessions use it
                 self._context.scenes.renew(scene)
                 continue
             except Unavailable:

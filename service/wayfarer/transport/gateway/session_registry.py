@@ -19,7 +19,7 @@ from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
 ID_LENGTH: Final = schema.ID_LENGTH
 LEASE_S: Final = 60.0
-"""Lease of a session that asks for none."""
+"""Lease of a session whose request names none."""
 
 TOLD_GONE: Final = 1024
 """A resumed stream receives deletions among this many newest agents of its session."""
@@ -42,11 +42,11 @@ class OpenSession:
     basis: Basis
     lease_s: float
     expires_at: float  # clock's seconds, without regard to streams
-    drawn: int = 0  # seeds of agents that were created, or are being created
+    drawn: int = 0  # number of seeds drawn for agents, including those being created
     last_alias: int = 0  # the greatest that the runtime has reported
-    endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
+    endpoint: schema.Endpoint | None = None  # the only address that takes its calls; None: any
     aliases: dict[str, int] = field(default_factory=dict)  # by agent id, without a crowd's people
-    crowd: int = 0  # people who were asked for; they come and go without a call
+    crowd: int = 0  # people who were requested; they come and go without a call
     places: set[StreamPlace] = field(default_factory=set)  # its streams
     holders: int = 0  # streams and long calls that keep it alive
 
@@ -61,9 +61,9 @@ class OpenSession:
         return self.info.spec.scene
 
     def gone(self, agents: Sequence[AgentInfo] = ()) -> list[int]:
-        """Aliases of the agents deleted last.
+        """Aliases of the agents that were deleted last.
 
-        `agents`: all that it has now, where some come without a call.
+        `agents`: all that it has now, needed if some come without a call.
         """
         living = {*self.aliases.values(), *(agent.alias for agent in agents)}
         self.last_alias = max((self.last_alias, *living))
@@ -71,7 +71,7 @@ class OpenSession:
         return [alias for alias in range(first, self.last_alias + 1) if alias not in living]
 
     def describe(self, info: SessionInfo) -> schema.Session:
-        """As its clients see it; `info` is its present state in the runtime."""
+        """Describes it for its client; `info` is its present state in the runtime."""
         return schema.Session(
             session_id=info.session_id,
             basis=convert.basis_info(self.basis),
@@ -108,12 +108,12 @@ class SessionRegistry:
         self._coming_agents: Counter[str] = Counter()
 
     def open(self, info: SessionInfo, agents: Sequence[AgentInfo] = ()) -> OpenSession:
-        """Enter a session of the runtime by its attributes, with a fresh lease.
+        """Enters a session of the runtime by its attributes, with a fresh lease.
 
-        Raises InvalidArgument where its attributes are not the transport's.
+        Raises InvalidArgument if the attributes were not made by the transport.
         """
         owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
-        self.forget(info.session_id)  # a session that has just ended and is still registered
+        self.forget(info.session_id)  # a session that has just ended may still be registered
         session = OpenSession(
             info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
         )
@@ -122,28 +122,28 @@ class SessionRegistry:
         return session
 
     def ids(self) -> list[str]:
-        """Of all sessions."""
+        """Ids of all sessions."""
         return list(self._sessions)
 
     def scene_of(self, session_id: str) -> str | None:
-        """Id of the scene of a session; empty for the flat floor; None: it is not here."""
+        """Id of a session's scene, empty for the flat floor; None for an unknown session."""
         found = self._sessions.get(session_id)
         return None if found is None else found.scene
 
     def forget(self, session_id: str) -> None:
-        """As `close`, for any owner."""
+        """Like `close`, for any owner."""
         if session := self._sessions.get(session_id):
             self.close(session)
 
     def close(self, session: OpenSession) -> None:
-        """Forget a session. Safe to call twice, also when one of its id has come since."""
+        """Forgets a session. Safe to call twice, even if a new one has the same id by then."""
         if self._is_open(session):
             del self._sessions[session.session_id]
             for agent_id in session.aliases:
                 del self._by_agent[agent_id]
 
     def enter_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
-        """Remember the agents of a session, unless it has ended meanwhile."""
+        """Remembers the agents of a session, unless it has ended meanwhile."""
         for agent in agents if self._is_open(session) else ():
             session.aliases[agent.agent_id] = agent.alias
             session.last_alias = max(session.last_alias, agent.alias)
@@ -151,7 +151,7 @@ class SessionRegistry:
             self._by_agent[agent.agent_id] = session
 
     def remove_agent(self, session: OpenSession, agent_id: str, alias: int) -> None:
-        """Forget an agent and tell the session's streams. Safe to call twice."""
+        """Forgets an agent and reports it to the session's streams. Safe to call twice."""
         if session.aliases.pop(agent_id, None) is not None:
             self._by_agent.pop(agent_id, None)
         for place in session.places:
@@ -159,7 +159,7 @@ class SessionRegistry:
                 place.stream.remove(alias)
 
     def session(self, session_id: str) -> OpenSession:
-        """A session of the present caller, its lease renewed.
+        """Returns a session of the present caller and renews its lease.
 
         Raises NotFound, Misdirected, Unavailable.
         """
@@ -167,7 +167,7 @@ class SessionRegistry:
         return self._renewed(found, "session", session_id)
 
     def session_of(self, agent_id: str) -> OpenSession:
-        """The session, of the present caller, of an agent; its lease renewed.
+        """Returns the session of an agent, if it is the present caller's, and renews its lease.
 
         Raises NotFound, Misdirected, Unavailable.
         """
@@ -175,13 +175,13 @@ class SessionRegistry:
         return self._renewed(found, "agent", agent_id)
 
     def owned(self, caller: Caller) -> list[OpenSession]:
-        """Oldest first; an admin sees all."""
+        """The caller's sessions, oldest first; an admin sees all."""
         return [s for s in self._sessions.values() if s.owner == caller.name or caller.is_admin]
 
     def expired(self) -> list[OpenSession]:
-        """Sessions whose lease has ended. A stream keeps its session's lease."""
+        """Sessions whose lease has expired. A stream keeps its session's lease."""
         now = self._clock()
-        if not self._residence.holds:  # another node may have them by now
+        if not self._residence.holds:  # another node may have adopted them
             return []
         for session in self._sessions.values():
             if session.holders:
@@ -190,7 +190,7 @@ class SessionRegistry:
 
     @contextmanager
     def session_room(self, caller: Caller) -> Iterator[None]:
-        """Room for a session of the caller, until it is entered. Raises ResourceExhausted."""
+        """Reserves room for a session until it is entered. Raises ResourceExhausted."""
         own = sum(s.owner == caller.name for s in self._sessions.values())
         has, most = own + self._coming_sessions[caller.name], caller.quota.sessions
         most = self._limits.sessions_per_caller if most is None else most
@@ -203,8 +203,8 @@ class SessionRegistry:
 
     @contextmanager
     def agent_room(self, caller: Caller, more: int) -> Iterator[None]:
-        """Room for agents of the caller, until they are entered; a crowd counts as it was asked
-        for. Raises ResourceExhausted.
+        """Reserves room for agents until they are entered. A crowd counts with its requested size.
+        Raises ResourceExhausted.
         """
         own = [s for s in self._sessions.values() if s.owner == caller.name]
         has, most = self._coming_agents[caller.name], caller.quota.agents
@@ -218,7 +218,7 @@ class SessionRegistry:
 
     @contextmanager
     def held(self, session: OpenSession) -> Iterator[None]:
-        """Keep the lease from ending; it restarts afterwards."""
+        """Keeps the lease from expiring; it restarts afterwards."""
         session.holders += 1
         try:
             yield
@@ -228,7 +228,7 @@ class SessionRegistry:
 
     @contextmanager
     def place(self, caller: Caller, session: OpenSession) -> Iterator[StreamPlace]:
-        """Room for a stream of the session, which holds it. Raises ResourceExhausted."""
+        """Reserves room for a stream, which keeps the session's lease. Raises ResourceExhausted."""
         limits, quota = self._limits, caller.quota.streams
         if len(session.places) >= limits.streams_per_session:
             raise ResourceExhausted(
@@ -258,7 +258,7 @@ class SessionRegistry:
 
     @property
     def streams(self) -> int:
-        """Open streams."""
+        """Number of open streams."""
         return sum(len(session.places) for session in self._sessions.values())
 
     def _is_open(self, session: OpenSession) -> bool:

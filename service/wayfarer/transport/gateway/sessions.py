@@ -23,7 +23,7 @@ class SessionApi:
 
     @implements("CreateSession")
     async def create(self, request: schema.NewSession) -> schema.Session:
-        """Open a session. Raises InvalidArgument, NotFound, Aborted, ResourceExhausted."""
+        """Opens a session. Raises InvalidArgument, NotFound, Aborted, ResourceExhausted."""
         self._context.require_ready()
         return await self._context.replies.once(
             request.request_id, ("CreateSession", request), lambda: self._create(request)
@@ -52,13 +52,13 @@ class SessionApi:
 
     @implements("GetSession")
     async def get(self, session_id: str) -> schema.Session:
-        """Describe a session. Raises NotFound."""
+        """Describes a session. Raises NotFound."""
         session = self._context.book.session(session_id)
         return session.describe(await self._context.service.get_session(session_id))
 
     @implements("ListSessions")
     async def list_own(self) -> schema.Sessions:
-        """The caller's, oldest first; an admin sees all. Renews no lease."""
+        """The caller's sessions, oldest first; an admin sees all. Renews no lease."""
         infos = {info.session_id: info for info in await self._context.service.list_sessions()}
         owned = self._context.book.owned(current_caller())
         return schema.Sessions(
@@ -71,19 +71,19 @@ class SessionApi:
 
     @implements("RenewSession")
     async def renew(self, session_id: str) -> schema.Renewal:
-        """Restart the lease. Raises NotFound."""
+        """Restarts the lease. Raises NotFound."""
         session = self._context.book.session(session_id)
         return schema.Renewal(expires_at_us=convert.microseconds(session.expires_at))
 
     @implements("DeleteSession")
     async def delete(self, session_id: str) -> None:
-        """End a session, its agents and its streams. Raises NotFound, Unavailable."""
+        """Ends a session, its agents and its streams. Raises NotFound, Unavailable."""
         await finish(self._end(self._context.book.session(session_id)))
 
     async def end_expired(self) -> list[str]:
-        """Ends the sessions whose lease has run out; returns the ids of ended ones.
+        """Ends the sessions whose lease has expired; returns the ids of ended ones.
 
-        The next call tries again to end sessions that cannot be ended now.
+        Sessions that cannot be ended now are tried again at the next call.
         """
         ended: list[str] = []
         for session in self._context.book.expired():
@@ -93,7 +93,7 @@ class SessionApi:
                 continue
             except (NotFound, Misdirected):  # its client, or a move, was quicker
                 pass
-            except Exception:  # the leases of the others end all the same
+            except Exception:  # the others must end in any case
                 log.exception("session not ended; tried again", session_id=session.session_id)
                 continue
             log.info("lease ended", session_id=session.session_id, lease_s=session.lease_s)
@@ -101,7 +101,7 @@ class SessionApi:
         return ended
 
     async def take_over(self) -> int:
-        """Enter the sessions that the runtime has kept over a restart; how many there are."""
+        """Enters the sessions that the runtime has kept over a restart; returns their number."""
         infos: list[SessionInfo] = await self._context.service.list_sessions()
         for info in infos:
             agents = await self._context.service.list_agents(info.session_id)
@@ -118,7 +118,8 @@ class SessionApi:
         return len(infos)
 
     async def _end(self, session: OpenSession) -> None:
-        """End a session, and forget it then: before, nobody would end it if this did not succeed.
+        """Ends a session and then forgets it; if it were forgotten first, a failure would keep it
+        forever.
 
         Raises NotFound, Unavailable.
         """

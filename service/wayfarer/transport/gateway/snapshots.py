@@ -1,4 +1,4 @@
-"""Sessions moved from server to server, and recorded ones made again."""
+"""Sessions moved from server to server, and recorded ones replayed."""
 
 import contextlib
 from collections.abc import AsyncGenerator
@@ -15,7 +15,7 @@ from wayfarer.transport.motion_files import live_motion, motion_file
 from wayfarer.v1 import snapshot_pb2
 
 MARK: Final = b"wayfarer-log "
-"""A log begins with it and the basis of its session; the runtime's own log follows the line."""
+"""A log begins with this and the basis of its session; the runtime's log follows the line."""
 
 
 class SnapshotApi:
@@ -32,7 +32,7 @@ class SnapshotApi:
 
     @implements("ImportSession")
     async def import_session(self, snapshot: bytes) -> schema.Session:
-        """Go on with a session, as one of the caller's.
+        """Resumes a session, which then belongs to the caller.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
@@ -66,7 +66,7 @@ class SnapshotApi:
 
     @implements("ExportMotion")
     async def export_motion(self, session_id: str, request: schema.MotionExport) -> bytes:
-        """The motion of a session as a file, with its scene: of the next seconds, or as recorded.
+        """A session's motion as a file, with its scene: the next seconds, or what was recorded.
 
         Raises NotFound, FailedPrecondition, InvalidArgument, ResourceExhausted.
         """
@@ -91,7 +91,7 @@ class SnapshotApi:
     async def replay(
         self, log: bytes, pose_format: schema.PoseFormat
     ) -> AsyncGenerator[snapshot_pb2.ReplayResponse]:
-        """Make the motion of a log again. Close it with `aclose`.
+        """Yields the motion of a log again. Close it with `aclose`.
 
         Raises InvalidArgument, FailedPrecondition, ResourceExhausted.
         """

@@ -1,4 +1,4 @@
-"""Files that come in pieces: few at a time, and bounded, so that memory is."""
+"""Uploads in pieces; their number and size are limited, and so is their memory."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -8,10 +8,10 @@ from typing import Final
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 
 AT_ONCE: Final = 2
-"""Files that are being received at a time."""
+"""Maximum number of files that are received at the same time."""
 
 WHOLE_S: Final = 60.0
-"""Seconds that one may take."""
+"""Seconds that one upload may take."""
 
 RETRY_AFTER: Final = 2.0
 
@@ -25,9 +25,9 @@ class Uploads:
 
     @asynccontextmanager
     async def received(self, pieces: AsyncIterator[bytes], field: str) -> AsyncIterator[bytes]:
-        """The whole file; counted while the block runs.
+        """Receives the whole file, which counts while the block runs.
 
-        Raises ResourceExhausted when others are sending theirs, InvalidArgument when it is too
+        Raises ResourceExhausted if there are too many uploads, InvalidArgument if the file is too
         large or does not come.
         """
         if not self._free:

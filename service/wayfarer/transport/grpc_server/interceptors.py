@@ -1,4 +1,4 @@
-"""Around every call of this project: malformed requests and errors become statuses."""
+"""Interceptors of all calls: malformed requests and errors become statuses."""
 
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager
@@ -20,15 +20,15 @@ Continuation = Callable[[grpc.HandlerCallDetails], Awaitable[Any]]
 
 
 class ErrorInterceptor(grpc.aio.ServerInterceptor):
-    """Ends a call that raised with the status of errors.py; logs what was not expected.
+    """Ends a call that raised with the status of errors.py; logs unexpected errors.
 
-    The outermost. CancelledError and AbortError pass through.
+    It is the outermost. CancelledError and AbortError pass through.
     """
 
     async def intercept_service(
         self, continuation: Continuation, handler_call_details: grpc.HandlerCallDetails
     ) -> Any:
-        """Wrap the handler."""
+        """Wraps the handler."""
         handler = await continuation(handler_call_details)
         method = handler_call_details.method
         if handler is None or not method.startswith(OURS):
@@ -37,15 +37,15 @@ class ErrorInterceptor(grpc.aio.ServerInterceptor):
 
 
 class DecodeInterceptor(grpc.aio.ServerInterceptor):
-    """Reads requests inside the others: gRPC itself calls a malformed one INTERNAL.
+    """Parses requests inside the others, since gRPC itself reports a malformed one as INTERNAL.
 
-    The innermost.
+    It is the innermost.
     """
 
     async def intercept_service(
         self, continuation: Continuation, handler_call_details: grpc.HandlerCallDetails
     ) -> Any:
-        """Wrap the handler in one that takes bytes."""
+        """Wraps the handler in a handler that takes bytes."""
         handler = await continuation(handler_call_details)
         if handler is None or not handler_call_details.method.startswith(OURS):
             return handler
@@ -85,7 +85,7 @@ def _decoding(handler: Any) -> Any:
             lambda pieces, context: handler.stream_unary(read_all(pieces), context), None, write
         )
     if handler.unary_stream:
-        # read when the stream is, not when it is asked for: so that the others see what it raises
+        # parsed when the stream is read, so that the other interceptors see its errors
         async def stream(data: bytes, context: Any) -> AsyncIterator[Any]:
             async with aclosing(handler.unary_stream(read(data), context)) as messages:
                 async for message in messages:

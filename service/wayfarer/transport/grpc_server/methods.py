@@ -1,9 +1,9 @@
-"""The RPCs over the gateway: each takes a request and gives what `wire.answer` makes its response
-of, a coroutine of that, or, when it streams, a generator of messages.
+"""The RPCs over the gateway. Each takes a request and returns the value from which `wire.answer`
+makes its response: a coroutine of it or, if it streams, a generator of messages.
 
-Descriptors say which messages come and go, and whether they stream. A cancelled call
-closes its generator, and so the subscription; CancelledError is never swallowed, since grpc.aio
-leaks such calls (grpc/grpc#43360).
+Descriptors define the messages and whether they stream. A cancelled call closes its generator, and
+so the subscription. CancelledError is never swallowed, since grpc.aio leaks such calls
+(grpc/grpc#43360).
 """
 
 import asyncio
@@ -28,14 +28,14 @@ from wayfarer.transport.wire import answer, first, from_message, parse
 from wayfarer.v1 import scene_pb2, snapshot_pb2
 
 HEADER_S: Final = 10.0
-"""Seconds within which a client that sends a mesh says what it is."""
+"""Seconds within which a client that sends a mesh must describe it."""
 
 Pieces = AsyncIterator[scene_pb2.CreateMeshSceneRequest]
 Call = Callable[[Any], Any]
 
 
 def add_services(gateway: Gateway, server: grpc.aio.Server) -> None:
-    """All services; the messages of some streams come encoded."""
+    """Adds all services; the messages of some streams come encoded."""
     special: dict[str, Call] = {
         "CreateScene": partial(_create_scene, gateway),
         "CreateMeshScene": partial(_create_mesh_scene, gateway),
@@ -61,7 +61,7 @@ def _handler(method: Any, call: Call) -> grpc.RpcMethodHandler:
     async def unary(asked: Any, _: Context) -> Any:
         given = call(asked)
         found = await given if isinstance(given, Awaitable) else given
-        if isinstance(found, schema.SceneOutlines):  # large ones take a while
+        if isinstance(found, schema.SceneOutlines):  # large ones take long
             return await asyncio.to_thread(answer, response, found)
         return answer(response, found)
 
@@ -84,7 +84,7 @@ def _encoded(message: Message | bytes) -> bytes:
     return message if isinstance(message, bytes) else message.SerializeToString()
 
 
-# Requests that take more than a line
+# Requests that need more than one line
 
 
 async def _create_scene(gateway: Gateway, request: scene_pb2.CreateSceneRequest) -> schema.Scene:
@@ -92,7 +92,7 @@ async def _create_scene(gateway: Gateway, request: scene_pb2.CreateSceneRequest)
         check_points(request)
         return parse(schema.NewScene, request)
 
-    return await gateway.scenes.create(await asyncio.to_thread(parsed))  # large ones take a while
+    return await gateway.scenes.create(await asyncio.to_thread(parsed))  # large ones take long
 
 
 async def _create_mesh_scene(gateway: Gateway, requests: Pieces) -> schema.Scene:
@@ -113,7 +113,7 @@ async def _export_motion(
 
 
 def check_points(request: scene_pb2.CreateSceneRequest, where: str = "") -> None:
-    """Raises InvalidArgument when merely reading the points would take seconds.
+    """Raises InvalidArgument if reading the points would take seconds.
 
     An empty Vector3 has two bytes.
     """

@@ -1,4 +1,4 @@
-"""The gRPC server: health and reflection beside services that are added to it."""
+"""The gRPC server: health, reflection, and the services that are added to it."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -18,7 +18,7 @@ SERVICES: Final = tuple(
 )
 
 CALLS: Final = 256
-"""Calls at a time, beside the streams."""
+"""Maximum number of concurrent calls, in addition to the streams."""
 
 
 class GrpcServer:
@@ -34,9 +34,10 @@ class GrpcServer:
         interceptors: Sequence[grpc.aio.ServerInterceptor] = (),
         connections: int = 1024,
     ) -> None:
-        """Bind. `add` adds the services. More than `connections` connections are closed at once.
+        """Binds the port. `add` adds the services. Connections beyond `connections` are closed at
+        once.
 
-        Raises Unavailable when the port cannot be had.
+        Raises Unavailable if the port cannot be bound.
         """
         size = limits.message_bytes
         self._server = server = grpc.aio.server(
@@ -46,13 +47,13 @@ class GrpcServer:
                 ("grpc.max_allowed_incoming_connections", connections),
                 ("grpc.max_concurrent_streams", CALLS),  # of one connection
                 ("grpc.max_connection_idle_ms", 600_000),
-                # clients reconnect now and then and so are balanced; their streams resume
+                # clients reconnect now and then, which balances the load; their streams resume
                 ("grpc.max_connection_age_ms", 3_600_000),
                 ("grpc.server_handshake_timeout_ms", 10_000),
                 ("grpc.so_reuseport", 0),  # otherwise two servers would silently share a port
                 ("grpc.max_receive_message_length", size),
                 ("grpc.max_metadata_size", 16 * 1024),
-                # find clients that vanished without a word
+                # finds clients that vanished without closing
                 ("grpc.keepalive_time_ms", 20_000),
                 ("grpc.keepalive_timeout_ms", 10_000),
                 ("grpc.http2.min_recv_ping_interval_without_data_ms", 10_000),
@@ -75,32 +76,32 @@ class GrpcServer:
             raise Unavailable(f"cannot listen for gRPC on {address}: {error}") from None
 
     async def start(self) -> None:
-        """Takes calls; health is NOT_SERVING until it is set."""
+        """Accepts calls; health is NOT_SERVING until it is set."""
         await self.set_serving(False)
         await self._server.start()
 
     async def set_serving(self, serving: bool) -> None:
-        """What grpc.health.v1 reports, of the server and of each service."""
+        """Sets the status that grpc.health.v1 reports for the server and each service."""
         status = health_pb2.HealthCheckResponse
         for name in ("", *SERVICES):
             await self._health.set(name, status.SERVING if serving else status.NOT_SERVING)
 
     async def enter_shutdown(self) -> None:
-        """Report NOT_SERVING from now on."""
+        """Reports NOT_SERVING from now on."""
         await self._health.enter_graceful_shutdown()
 
     async def stop(self, grace: float) -> None:
-        """Let calls end within `grace` seconds, stop."""
+        """Waits up to `grace` seconds for calls to end, then stops."""
         await self._server.stop(grace)
 
 
 def gateway_interceptors(
     guard: grpc.aio.ServerInterceptor,
 ) -> list[grpc.aio.ServerInterceptor]:
-    """What stands before them; `guard` lets calls in."""
+    """The interceptors, outermost first; `guard` admits calls."""
     return [ErrorInterceptor(), guard, DecodeInterceptor()]
 
 
 def bracketed(host: str) -> str:
-    """An IPv6 address as it stands in a URL."""
+    """An IPv6 address in the form for URLs."""
     return f"[{host}]" if ":" in host else host

@@ -60,11 +60,11 @@ LIMITED: Final = {
     "NewScene.lease_s": ("maximum", "lease_s"),
     "NewExampleScene.lease_s": ("maximum", "lease_s"),
 }
-"""Fields whose bounds are settings of the server: JSON schema's bound, and the limit."""
+"""Fields whose bounds are settings of the server: keyword of JSON schema, name of the limit."""
 
 
 def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
-    """The ASGI application; `root_path`: before the paths of its OpenAPI document."""
+    """The ASGI application; `root_path` precedes the paths of its OpenAPI document."""
     app = FastAPI(
         title="Wayfarer",
         version=__version__,
@@ -76,7 +76,7 @@ def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
     calls = call_routes(gateway.calls, special)
     for routes in (calls, event_routes(gateway), catalogue_routes(gateway)):
         app.include_router(routes, responses=PROBLEMS, dependencies=[Depends(only_known_query)])
-    app.include_router(health_routes(gateway))  # probes may add what they like
+    app.include_router(health_routes(gateway))  # probes may add query parameters
     add_sockets(app, gateway)
     add_problem_handlers(app)
     limits = gateway.limits
@@ -96,7 +96,7 @@ def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
 
 
 def _document(app: FastAPI, limits: Limits, root_path: str) -> dict[str, Any]:
-    """The OpenAPI document, with what FastAPI does not know of."""
+    """The OpenAPI document, with the parts that FastAPI does not know."""
     if app.openapi_schema is None:
         document = get_openapi(
             title=app.title,

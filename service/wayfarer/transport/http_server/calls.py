@@ -1,4 +1,4 @@
-"""Calls as routes: verb, path, status and words are those of the protos (contract.py)."""
+"""Calls as routes: the protos define verb, path, status and descriptions (contract.py)."""
 
 import inspect
 import re
@@ -20,7 +20,7 @@ from wayfarer.transport.http_server.parameters import (
 
 Endpoint = Callable[..., Any]
 Special = Mapping[str, tuple[Endpoint, dict[str, Any]]]
-"""Endpoints of RPCs that HTTP carries in its own way, and what FastAPI should know of each."""
+"""Endpoints of RPCs that HTTP carries in a special way, each with arguments for FastAPI."""
 
 Id = Annotated[str, InPath(max_length=schema.ID_LENGTH)]
 PLACEHOLDERS: Final[dict[str, Any]] = {
@@ -37,7 +37,7 @@ PLACEHOLDERS: Final[dict[str, Any]] = {
 
 
 def call_routes(methods: Mapping[str, Endpoint], special: Special) -> APIRouter:
-    """Routes of these methods, by RPC; `special` has the endpoints of others."""
+    """Routes of these methods, by RPC; `special` has the endpoints of the others."""
     router = APIRouter()
     for name, call in CALLS.items():
         verb, path = call.route

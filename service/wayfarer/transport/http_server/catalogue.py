@@ -1,4 +1,4 @@
-"""What only HTTP gives: figures of the motion loop, body meshes."""
+"""Routes that only HTTP has: figures of the motion loop, body meshes."""
 
 import hashlib
 import re
@@ -89,7 +89,7 @@ def _glb(
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    """Betas of a query. Raises InvalidArgument."""
+    """Betas in a query. Raises InvalidArgument."""
     if not re.fullmatch(SHAPE, text):
         raise InvalidArgument(f"must be {SHAPE_TEXT}", "betas")
     return tuple(float(part) for part in text.split(",")) if text else (0.0,) * BETAS

@@ -45,7 +45,7 @@ def file_answer(data: bytes, kind: FileFormat, name: str) -> Response:
 
 
 def clip_endpoints(gateway: Gateway) -> Special:
-    """Endpoints of lock-step, clips, snapshots, logs and replays: they carry files or lines."""
+    """Endpoints of lock-step, clips, snapshots, logs and replays; they carry files or lines."""
     motion, snapshots = gateway.motion, gateway.snapshots
 
     async def step_agents(

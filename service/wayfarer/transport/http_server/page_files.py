@@ -1,4 +1,4 @@
-"""The files of a page: sent compressed, and kept by browsers until one of them changes."""
+"""The files of a page, sent compressed; browsers keep them until one of them changes."""
 
 import gzip
 import hashlib
@@ -17,10 +17,10 @@ from starlette.types import Scope
 
 COMPRESSIBLE: Final = (".js", ".css", ".html", ".json", ".svg")
 KEPT: Final = "kept"
-"""Below `kept/VERSION/` lies every file again, as it is in that version."""
+"""Folder of `kept/VERSION/`, which has every file as it is in that version."""
 FOR_EVER: Final = "public, max-age=31536000, immutable"
 LINK: Final = re.compile(r'\b(href|src)="(?=\w[^":]*")')
-"""Of a page, to another of its files."""
+"""A link of a page to another of its files."""
 PRELOAD: Final = re.compile(r'^ *<link rel="modulepreload" href="([^"]+)">\n', re.M)
 IMPORT: Final = re.compile(r'^(?:import|export)\b[^;"]*"(\.[^"]+)";', re.M)
 VENDOR: Final = "vendor"
@@ -28,12 +28,12 @@ VENDOR: Final = "vendor"
 
 
 class PageFiles(StaticFiles):
-    """A folder with an index.html, whose links are made to lead to `kept/VERSION/`.
+    """A folder with an index.html whose links are rewritten to `kept/VERSION/`.
 
-    A browser keeps these files without asking again. The page itself, and files asked for by bare
-    names, it asks about (ETag) before it uses them again. A file that is edited makes another
-    version. Where the page has a module preloaded, it gets the modules which that imports, too: a
-    browser would find them one after the other.
+    A browser keeps those files without asking again. For the page itself, and for files requested
+    by their plain names, it asks (ETag) before it uses them again. An edited file makes a new
+    version. If the page preloads a module, the modules that it imports are preloaded too; otherwise
+    a browser would find them one after the other.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -42,11 +42,11 @@ class PageFiles(StaticFiles):
         self._version = ""  # of the page that was sent last
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """As StaticFiles, with Cache-Control."""
+        """Like StaticFiles, with Cache-Control."""
         parts = path.replace(os.sep, "/").split("/", 2)
         versioned = parts[0] == KEPT and len(parts) == 3
         response = await super().get_response(parts[2] if versioned else path, scope)
-        # a page of another version gets what there is, and keeps nothing
+        # a page of another version gets the present files, and does not keep them
         kept = versioned and parts[1] == self._version and response.status_code < 400
         response.headers["cache-control"] = FOR_EVER if kept else "no-cache"
         return response
@@ -54,7 +54,7 @@ class PageFiles(StaticFiles):
     def file_response(
         self, full_path: PathLike, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """Of text, compressed where the browser takes it."""
+        """Like StaticFiles; text is compressed if the browser accepts that."""
         file, asked = Path(full_path), Headers(scope=scope)
         if file.suffix not in COMPRESSIBLE:
             return super().file_response(full_path, stat_result, scope, status_code)
@@ -88,7 +88,7 @@ def _version(folder: Path) -> str:
 
 
 def _preloads(folder: Path, link: re.Match[str]) -> str:
-    """The link to a module, and the same for all that it imports."""
+    """The link to a module, and such links to all modules that it imports."""
     known = [link[1]]
     for name in known:  # grows
         if name.startswith(VENDOR):
@@ -102,5 +102,5 @@ def _preloads(folder: Path, link: re.Match[str]) -> str:
 
 @lru_cache(maxsize=256)
 def _content(file: Path, changed: int, zipped: bool) -> bytes:
-    """`changed` is its time: an edited file is another one."""
+    """`changed` is the file's time, so that an edited file has another cache entry."""
     return gzip.compress(file.read_bytes()) if zipped else file.read_bytes()

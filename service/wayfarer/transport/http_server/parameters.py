@@ -42,28 +42,28 @@ PROTOBUF: Final = "application/octet-stream"
 
 
 def binary_body(description: str) -> dict[str, Any]:
-    """OpenAPI's description of a body that is bytes."""
+    """OpenAPI description of a body of bytes."""
     content = {PROTOBUF: {"schema": {"type": "string", "format": "binary"}}}
     return {"requestBody": {"description": description, "required": True, "content": content}}
 
 
 def binary_answer(description: str) -> dict[int | str, dict[str, Any]]:
-    """OpenAPI's description of an answer that is bytes."""
+    """OpenAPI description of an answer of bytes."""
     content = {PROTOBUF: {"schema": {"type": "string", "format": "binary"}}}
     return {200: {"description": description, "content": content}}
 
 
 def request_id(in_body: str, in_header: str) -> str:
-    """The given one of two. Raises InvalidArgument where they differ."""
+    """Returns whichever is given. Raises InvalidArgument if they differ."""
     if in_body and in_header and in_body != in_header:
         raise InvalidArgument("request_id and Idempotency-Key differ; send one", "request_id")
     return in_body or in_header
 
 
 async def only_known_query(request: Request) -> None:
-    """A dependency: the query has no name but the route's own. Raises InvalidArgument.
+    """A dependency that refuses query parameters the route does not have. Raises InvalidArgument.
 
-    A misspelt `expected_revision` that is ignored would change what it was to protect.
+    If a misspelt `expected_revision` were ignored, the command would apply without its protection.
     """
     parameters = get_flat_params(request.scope["route"].dependant)
     known = [each.alias for each in parameters if isinstance(each.field_info, params.Query)]
@@ -74,7 +74,7 @@ async def only_known_query(request: Request) -> None:
 
 @contextmanager
 def fields_of(message: str) -> Iterator[None]:
-    """Name fields of `message` without it: what the RPC has as a field is the whole request."""
+    """Names fields of `message` without it: the RPC's field is HTTP's whole request."""
     try:
         yield
     except InvalidArgument as error:
@@ -98,7 +98,7 @@ async def pose_format(
         ),
     ] = 0,
 ) -> schema.PoseFormat:
-    """A dependency: how poses shall be packed. Raises InvalidArgument."""
+    """A dependency: the pose format. Raises InvalidArgument."""
     chosen = {"encoding": encoding, "profile": profile, "bones": bones or (), "fps": fps}
     try:
         return schema.PoseFormat.model_validate(chosen)

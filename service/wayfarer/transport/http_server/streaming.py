@@ -15,7 +15,7 @@ from wayfarer.transport import errors, schema, wire
 log = structlog.get_logger(__name__)
 
 STALL_S: Final = 30.0
-"""Seconds after which a reader that takes nothing is disconnected."""
+"""Seconds after which a reader that accepts nothing is disconnected."""
 
 Item = TypeVar("Item")
 
@@ -24,7 +24,7 @@ class Pieces(StreamingResponse):
     """Disconnects a reader that stalls; nothing is stored for it beyond the socket's buffer."""
 
     async def stream_response(self, send: Send) -> None:
-        """As StreamingResponse."""
+        """Like StreamingResponse."""
 
         async def timed(message: Message) -> None:
             async with asyncio.timeout(STALL_S):
@@ -37,7 +37,7 @@ class Pieces(StreamingResponse):
 
 
 class Lines(Pieces):
-    """JSON documents, one a line."""
+    """JSON documents, one per line."""
 
     media_type = "application/x-ndjson"
 

@@ -1,4 +1,4 @@
-"""Requests that no route takes: 405 with all methods of the path, or 404."""
+"""Requests that match no route: 405 with all methods of the path, or 404."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -14,17 +14,17 @@ from starlette.types import Receive, Scope, Send
 class UnknownPath:
     """The last route below /v1.
 
-    Starlette's own answer names the methods of the first route of a path only, and leaves GET to
-    the viewer's files.
+    Starlette's own answer names only the methods of the path's first route, and leaves GET to the
+    viewer's files.
     """
 
     def __init__(self, document: Callable[[], dict[str, Any]]) -> None:
-        """`document` gives the OpenAPI document, once all routes are there."""
+        """`document` returns the OpenAPI document, once all routes are added."""
         self._document = document
 
     @cached_property
     def _paths(self) -> list[tuple[Pattern[str], str]]:
-        """Expression and methods of each path."""
+        """Regular expression and methods of each path."""
         return [
             (compile_path(path)[0], ", ".join(sorted(method.upper() for method in methods)))
             for path, methods in self._document()["paths"].items()

@@ -1,11 +1,11 @@
-"""Requests in words: a small grammar, and a refusal that states it.
+"""Prompts in words: a small grammar, and a refusal that states it.
 
     walk [slowly | briskly] [forward | backward | left | right] [N m]     "walk briskly left 3 m"
     walk [slowly | briskly] to X, Z                                       "walk to 2, -1.5"
     stand
 
-Several follow each other after a comma, a full stop or "then". Without a distance one walks for the
-time of the segment.
+Clauses are separated by a comma, a full stop or "then". A clause without a distance lasts for the
+segment's time.
 """
 
 import math
@@ -32,16 +32,16 @@ BREAKS: Final = re.compile(r"\s*(?:[.;]\s|[.;]$|,?\s*\bthen\b|,(?=\s*(?:walk|sta
 
 @dataclass(frozen=True)
 class Clause:
-    """One clause. `far` and `place` are None where it says neither."""
+    """One clause. `far` and `place` are None if the clause gives neither."""
 
     speed: float = 0.0  # metres per second; 0: stand
-    turn: float = 0.0  # radians to the left before it walks
+    turn: float = 0.0  # radians to the left, before it walks
     far: float | None = None  # metres
     place: tuple[float, float] | None = None  # x, z
 
 
 def orders(prompt: str) -> list[Clause]:
-    """The clauses of a prompt. Raises ValueError that says what is understood."""
+    """The clauses of a prompt. Raises ValueError that states the grammar."""
     clauses = [clause for clause in BREAKS.split(" ".join(prompt.lower().split())) if clause]
     if not clauses:
         raise ValueError(f"the prompt is empty; understood are: {GRAMMAR}")

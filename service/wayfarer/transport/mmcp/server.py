@@ -1,7 +1,7 @@
 """`/mmcp/capabilities` and `/mmcp/generate`, by the protocol's own SDK (the extra `mmcp`).
 
-A request's words (prompts.py) or its root path become goals; the person that walks has the
-proportions of the skeleton that was sent, and its motion is put on that skeleton.
+A request's words (prompts.py) or its root path become goals. The person that walks has the
+proportions of the client's skeleton, and the motion is retargeted to that skeleton.
 """
 
 import asyncio
@@ -45,8 +45,8 @@ CODES: Final = {
 
 
 def mmcp_app(gateway: Gateway) -> FastAPI:
-    """The protocol's two paths. The SDK's page of documentation, whose script comes from elsewhere,
-    is left out.
+    """The protocol's two paths, without the SDK's page of documentation, whose script is loaded
+    from another host.
     """
     app = build_app(Walker(gateway), title="Wayfarer over MMCP")
     kept = ("/capabilities", "/generate")
@@ -64,7 +64,7 @@ class Walker(Backbone):
         self._skeleton = skeletons.canonical(gateway.body_library.name)
 
     def capabilities(self) -> ModelSpec:
-        """As of the protocol."""
+        """The capabilities, as the protocol defines them."""
         limit = min(DURATION_S, self._gateway.limits.clip_s)
         return ModelSpec(
             id=MODEL,
@@ -126,7 +126,7 @@ def plan(request: GenerateRequest, fps: float) -> dict[str, Any]:
     paths = [c for c in request.constraints if isinstance(c, RootPathConstraint)]
     seconds = max(request.total_frames / fps, 0.2) + 1 / FPS
     agent, goals = _along(paths[0], fps) if paths else ({}, [])
-    if not goals:  # no path, or a start alone: clients pin the place where the character stands
+    if not goals:  # no path, or only a start: clients pin the place where the character stands
         goals = _in_words(asked, agent)
     return {"agent": agent, "goals": goals, "seconds": seconds, "basis": "gltf"}
 
@@ -143,7 +143,7 @@ def _orders(segment: Any) -> list[Clause]:
 def _in_words(
     asked: list[tuple[list[Clause], float]], agent: dict[str, Any]
 ) -> list[dict[str, Any]]:
-    """Goals after each other, from where the agent stands: a clause without a distance has its
+    """Goals one after the other, from where the agent stands. A clause without a distance has a
     share of the segment's time.
     """
     start, heading = agent.get("position", {}), agent.get("heading", 0.0)

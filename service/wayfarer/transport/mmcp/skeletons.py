@@ -21,7 +21,7 @@ MOST_JOINTS: Final = 1000
 
 
 def canonical(body_name: str, gender: str = "female") -> Skeleton:
-    """The mean body's 22 moved bones in T-pose, with Mixamo's names."""
+    """The mean body's 22 moving bones in T-pose, with Mixamo's names."""
     body = load_body(body_name, gender)
     rest = body.rest_joints(np.zeros(body.betas)) @ GLTF_FROM_CORE.T
     names = bone_names("mixamo")
@@ -40,7 +40,7 @@ def canonical(body_name: str, gender: str = "female") -> Skeleton:
 
 
 def read(skeleton: Skeleton) -> BoneMap:
-    """Its bones. Raises InvalidArgument that names the missing ones."""
+    """Finds its bones. Raises InvalidArgument that names the missing ones."""
     if len(skeleton.joints) > MOST_JOINTS:
         raise InvalidArgument(f"{len(skeleton.joints)} joints; allowed are {MOST_JOINTS}")
     names = [joint.name for joint in skeleton.joints]
@@ -55,23 +55,23 @@ def read(skeleton: Skeleton) -> BoneMap:
 
 
 def body_for(bones: BoneMap) -> BodyFit:
-    """The body with its proportions. Raises InvalidArgument."""
+    """The body with the skeleton's proportions. Raises InvalidArgument."""
     joints, floor = character_joints(bones)
     return fit_betas({b: GLTF_FROM_CORE @ place for b, place in joints.items()}, floor)
 
 
 def retargeted(clip: Clip, bones: BoneMap) -> tuple[Array, Array]:
-    """Rotations [N, J, 4] of all joints, local to the parent, and places of the root [N, 3].
+    """Rotations [N, J, 4] of all joints, local to the parent, and positions of the root [N, 3].
 
-    Where the root is above the hips, it carries them, and does not turn. Raises InvalidArgument
-    when a bone hangs from another than it moves with.
+    A root above the hips carries them and does not turn. Raises InvalidArgument if a bone's parent
+    is not the bone that it moves with.
     """
     body = load_body(clip.body, clip.gender)
     rest = body.rest_joints(np.asarray(clip.betas))
     rest[1:] -= rest[body.parents[1:]]
     retarget = Retarget(bones, rest @ GLTF_FROM_CORE.T)
     rig = bones.rig
-    if len(retarget.loose) > 1:  # the protocol has places of the root alone
+    if len(retarget.loose) > 1:  # the protocol has positions of the root only
         name = rig.nodes[retarget.nodes[retarget.loose[1]]].name
         raise InvalidArgument(f"{name!r} hangs from another bone than it moves with")
     own = np.array([node.rotation for node in rig.nodes], float)

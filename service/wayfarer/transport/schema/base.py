@@ -32,7 +32,7 @@ UINT32: Final = (1 << 32) - 1
 
 
 def _whole(value: object) -> object:
-    """JSON does not tell 7.0 from 7, and some writers of it do not either."""
+    """JSON does not distinguish 7.0 from 7, and some writers do not either."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -42,7 +42,7 @@ Float = Annotated[float, Strict()]
 Uint32 = Annotated[int, Strict(), Field(ge=0, le=UINT32), BeforeValidator(_whole)]
 """A JSON number without a fraction; 7.0 is one.
 
-Bounds stand before the validator: after it, pydantic would write `ge` for `minimum`.
+Bounds precede the validator: after it, pydantic would write `ge` instead of `minimum`.
 """
 
 Bool = Annotated[bool, Strict()]
@@ -54,8 +54,9 @@ Text = Annotated[str, Field(max_length=64, pattern=LINE)]
 """A short line: no control characters."""
 
 Many = Annotated[tuple[Item, ...], FailFast()]
-"""A list in a request. Validation ends at the first wrong item: in a long list, errors for all
-would take seconds."""
+"""A list in a request. Validation stops at the first wrong item, since errors for all items of a
+long list would take seconds.
+"""
 
 
 class Message(BaseModel):
@@ -65,7 +66,7 @@ class Message(BaseModel):
 
 
 class OneOf(Message):
-    """One of its fields is given, as of a `oneof`, and not null; the others are `BESIDE` it."""
+    """Exactly one of its fields is given and not null, apart from fields in `BESIDE`."""
 
     BESIDE: ClassVar[frozenset[str]] = frozenset()
 
@@ -73,7 +74,7 @@ class OneOf(Message):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """In a request exactly one is given, and is not null."""
+        """In a request exactly one is given, and it is not null."""
         made = handler(core_schema)
         if handler.mode == "serialization":
             return made
@@ -106,11 +107,11 @@ UNITS: Final = tuple({basis.axes.metres_per_unit for basis in Basis})
 
 
 class Quantity(Enum):
-    """What the value of a field is, where the basis decides how it is written. See units.py."""
+    """The kinds of values whose form depends on the basis. See units.py."""
 
     LENGTH = auto()  # a length, or a length per second
     HEADING = auto()  # radians about up
-    SPOT = auto()  # a point on the floor: its component along up is ignored
+    SPOT = auto()  # a point on the floor; its component along up is ignored
 
 
 Length = Annotated[Float, Quantity.LENGTH]
@@ -119,10 +120,10 @@ Dwell = Annotated[Float, Field(ge=DWELL[0], le=DWELL[1])]
 
 
 def bounds(low: float | None, high: float | None) -> JsonDict:
-    """JSON schema's bounds of a length or speed that is between these, in metres.
+    """Bounds of a length or speed for JSON schema; `low` and `high` are in metres.
 
-    They are the widest of all bases, for a schema knows only one; the runtime holds a request to
-    those of its own.
+    They are the widest of all bases, since a schema has only one; the runtime checks the request
+    with the bounds of its own basis.
     """
     found: JsonDict = {}
     if low is not None:
@@ -138,7 +139,7 @@ DOMAIN: Final[Mapping[str, Any]] = {
     "Goal": goal.Goal,
     "Part": behaviours.Part,
 }
-"""Classes of world/ by the messages that say the same. They state the ranges of their fields."""
+"""Classes of world/ by their twin messages; they define the ranges of the fields."""
 
 
 def _range(message: str, field: str) -> Any:
@@ -146,24 +147,24 @@ def _range(message: str, field: str) -> Any:
 
 
 def length_range(message: str, field: str) -> Any:
-    """Of a length or speed, which the runtime checks: the basis decides how it is written."""
+    """Range of a length or speed. The runtime checks it, since its form depends on the basis."""
     return Field(json_schema_extra=bounds(*_range(message, field)))
 
 
 def plain_range(message: str, field: str) -> Any:
-    """Of a number that means the same in every basis: it is checked here already."""
+    """Range of a number that means the same in every basis; it is checked by the schema."""
     low, high = _range(message, field)
     return Field(ge=low, le=high)
 
 
 def count_range(message: str, field: str) -> Any:
-    """Of a number of items."""
+    """Range of a number of items."""
     low, high = _range(message, field)
     return Field(min_length=low, max_length=high)
 
 
 def example(text: str) -> ConfigDict:
-    """Configuration of a message with an example, given as JSON."""
+    """Configuration of a message with an example in JSON."""
     return ConfigDict(json_schema_extra={"examples": [json.loads(text)]})
 
 
@@ -176,7 +177,7 @@ def length_field(
 ) -> Any:
     """A `Length`, described with its bounds and its default, both in metres.
 
-    With a default the field may be absent: the default is the domain class's own.
+    A field with a default may be missing; the default is the domain class's own.
     """
     text = f"{what}; " if what else ""
     text += f"{allowed[0]:g} to {allowed[1]:g} {unit}"
@@ -187,7 +188,7 @@ def length_field(
 
 
 def speed_field(what: str, default: float) -> Any:
-    """An optional speed, see `length_field`."""
+    """An optional speed; see `length_field`."""
     return length_field(what, SPEED, default, "m/s")
 
 
@@ -227,7 +228,7 @@ class Endpoint(Message):
 
     @classmethod
     def of(cls, endpoint: endpoints.Endpoint) -> Self:
-        """Its twin."""
+        """Converts its twin."""
         return cls(**asdict(endpoint))
 
 

@@ -37,10 +37,10 @@ MAX_RADIUS: Final = 20_000.0
 """Metres."""
 
 MIN_MESSAGE_BYTES: Final = 16_384
-"""Room for a header, and for a chunk of an agent with its description."""
+"""Minimum size of a message: room for a header, and for an agent's chunk with its description."""
 
 ID_LENGTH = 64
-"""Most characters of a session's or agent's id."""
+"""Maximum characters of a session's or agent's id."""
 
 
 class PoseFormat(Message):

@@ -67,7 +67,7 @@ class Assembly {
     this.channels = [];
   }
 
-  /** Add all that a document holds but its scene. Returns what the number of a node of it is here. */
+  /** Adds everything in a document except its scene. Returns a function from its node numbers to those of this file. */
   take({ bufferViews, accessors, meshes, skins, materials = [], nodes }, binary) {
     const { document } = this;
     const counts = Object.fromEntries(["bufferViews", "accessors", "meshes", "skins", "materials", "nodes"].map((kind) => [kind, document[kind].length]));

@@ -1,21 +1,21 @@
-// People who come: whom to create, where, and what they do first.
+// New people: which are created, where, and what they do first.
 
 import { comeText, randomAgents } from "./choices.js";
 import { mention } from "./hud.js";
 
-const SOON = 50; // ms between two looks whether somebody has come
-const AGAIN = 4000; // ms until those for whom there was no room are asked for again
-const AGAINS = 30; // times
+const SOON = 50; // ms between two checks for arrivals
+const AGAIN = 4000; // ms until people who found no room are requested again
+const AGAINS = 30; // maximum number of such requests
 
 export class Arrivals {
-  /** `place`: the scene panel; `met(person)`: somebody who was waited for is there; `detail`: of all bodies, if it is given. */
+  /** `place` is the scene panel. `met(person)` is called when an expected person has come. `detail`: of all bodies, if given. */
   constructor({ api, stage, place, crowd, session, errands, met, detail }) {
     Object.assign(this, { api, stage, place, crowd, session, errands, met, detail });
     this.bodies = new Map(); // gender → body
-    this.coming = false; // whether people have been asked for, and none is there yet
+    this.coming = false; // whether people have been requested, and none has come yet
   }
 
-  /** Where somebody's body is, and what it is asked for with: [URL, headers]. `detail`: "low" or "high". */
+  /** URL and headers of a person's body. `detail`: "low" or "high". */
   mesh(agent, detail) {
     const url = new URL(this.api.homes.entry + this.bodies.get(agent.gender).glb_path);
     url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
@@ -28,17 +28,17 @@ export class Arrivals {
   /** Loads a body before the stream introduces the person. */
   #fetchBody(agent) {
     const [url, headers] = this.mesh(agent, "low");
-    fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // who is seen asks again, and tells
+    fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // it is fetched again, with its errors, when the person is seen
   }
 
-  /** Why nobody can be sent. */
+  /** The reason why nobody can be sent. */
   get nobody() {
     return this.coming ? "People are coming" : "Add people first";
   }
 
   /**
-   * Create people on free places near what is looked at, or `near` a place; `how`: what all of them have; `patience`: seconds to wait for room. As
-   * the API describes them.
+   * Creates people on free places near the camera's target, or `near` a place. `how`: what they have in common. `patience`: seconds to
+   * wait for room, as the API describes.
    */
   async create(count, how = {}, near = null, patience = undefined) {
     const { place, session, stage, crowd } = this;
@@ -57,20 +57,20 @@ export class Arrivals {
     return this.api.createAgents(session.id, people, patience);
   }
 
-  /** People who come and walk about, all over the scene or `near` a place: those for whom there is room now, and the rest later. */
+  /** Makes people come and walk about, in the whole scene or `near` a place: those that there is room for now, the others later. */
   async roamers(count, near) {
     this.coming = true;
     try {
       const came = await this.#roam(count, near);
       if (came === count) return;
       mention(comeText(came, count));
-      this.#roamLater(count - came, near).catch(() => {}); // in silence
+      this.#roamLater(count - came, near).catch(() => {}); // errors are not shown
     } finally {
       this.coming = false;
     }
   }
 
-  /** As many of them as there is room for; their number. */
+  /** Creates as many of them as there is room for; returns their number. */
   async #roam(count, near) {
     let came = 0;
     for (let some = count; some > 0; some = Math.min(some, count - came)) {
@@ -78,7 +78,7 @@ export class Arrivals {
         const made = await this.create(some, {}, near, 0);
         came += some;
         const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
-        for (const agent of made) this.#fetchBody(agent); // after what they are told: a browser asks for six things at a time
+        for (const agent of made) this.#fetchBody(agent); // after their commands, since a browser sends six requests at a time
         await Promise.all(told);
       } catch (error) {
         if (error.status !== 429) throw error;
@@ -97,13 +97,13 @@ export class Arrivals {
     }
   }
 
-  /** People who walk about in a scene that opens, before the camera. */
+  /** Makes people walk before the camera in a scene that opens. */
   async welcome() {
     const { count, area } = this.stage.approach(this.place.level);
     await this.roamers(count, area);
   }
 
-  /** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */
+  /** Creates an agent with a shape { gender, betas } or { phenotype } and a name; returns its id. */
   async enlist(shape) {
     const [made] = await this.create(1, shape);
     return made.agent_id;

@@ -1,4 +1,4 @@
-// Bodies on the stage, many to a mesh: a crowd of 200 is drawn in 7 calls, not in 200.
+// Bodies on the stage, many per mesh: a crowd of 200 is drawn in 7 calls, not in 200.
 
 import {
   BufferAttribute, BufferGeometry, GLTFLoader, Group, MeshLambertMaterial, Skeleton, SkinnedMesh,
@@ -9,9 +9,9 @@ import { posedJoints, Rig, settle } from "./rig.js";
 const ROOM = { vertices: 3072, corners: 12288 }; // that a body may have, or a multiple of it
 const VERTICES = 65536; // of one mesh: 21 light bodies, or 3 fine ones
 const DOUBLE_SIDE = 2; // three.js's number of it
-const LOADING = 4; // bodies asked for at a time
-const LOOK = new MeshLambertMaterial({ vertexColors: true, side: DOUBLE_SIDE }); // one looks into a sleeve
-const NOBODY = { // as `bodyOf`: one triangle without size
+const LOADING = 4; // bodies that are loaded at a time
+const LOOK = new MeshLambertMaterial({ vertexColors: true, side: DOUBLE_SIDE }); // the inside of a sleeve is visible
+const NOBODY = { // like the result of `bodyOf`: one triangle without size
   position: new Float32Array(9), normal: new Float32Array(9), color: new Uint8Array(12), index: new Uint32Array(3),
   skinIndex: new Uint16Array(12), skinWeight: new Float32Array(12), rig: { count: 1 },
 };
@@ -28,7 +28,7 @@ export class Bodies {
     this.group.add(unseen.mesh);
   }
 
-  /** Load a body for one person, all of one colour if `colour` is given: a promise of { pose(frame), hide(), height, rig, remove() }. */
+  /** Loads a body for one person, in one colour if `colour` is given: a promise of { pose(frame), hide(), height, rig, remove() }. */
   async load(url, headers, boneNames, colour = null) {
     await this.#turn();
     try {
@@ -59,8 +59,8 @@ export class Bodies {
 }
 
 /**
- * Bodies of about one size in one mesh. Each has its own stretch of the vertices, of the corners of triangles and of the
- * bones, so that one who comes is written to the graphics card alone.
+ * Bodies of about one size in one mesh. Each has its own range of the vertices, of the corners of triangles and of the bones, so
+ * that only a new body's ranges are written to the graphics card.
  */
 class Pack {
   constructor(body, places = Math.max(1, Math.floor(VERTICES / roomOf(body).vertices))) {
@@ -127,7 +127,7 @@ class Pack {
     };
   }
 
-  /** Write a body to its stretches. */
+  /** Writes a body to its ranges. */
   #write(body, slot) {
     const { attributes, index } = this.mesh.geometry;
     const first = this.room.vertices * slot;
@@ -150,7 +150,7 @@ class Pack {
     written(index, at, this.room.corners);
   }
 
-  /** Draw up to the last body. */
+  /** Draws up to the last body. */
   #draw() {
     const count = this.bodies.findLastIndex(Boolean) + 1;
     this.mesh.geometry.setDrawRange(0, this.room.corners * count);
@@ -158,7 +158,7 @@ class Pack {
   }
 }
 
-/** The room for a body: equal for those of about one size. */
+/** The room for a body: equal for bodies of about one size. */
 function roomOf({ position, index }) {
   const upTo = (count, step) => step * Math.ceil(count / step);
   return { vertices: upTo(position.length / 3, ROOM.vertices), corners: upTo(index.length, ROOM.corners) };

@@ -1,4 +1,4 @@
-// Where the camera goes by itself: behind somebody, or with the middle of all.
+// Automatic camera moves: behind a person, or with the middle of all.
 
 import { Chase } from "./chase.js";
 import { byId } from "./hud.js";
@@ -13,19 +13,19 @@ export class Camera {
     return byId("follow").checked;
   }
 
-  /** Follow, or be the user's again. */
+  /** Follows, or returns to the user. */
   follow(on) {
     byId("follow").checked = on;
     this.release();
   }
 
-  /** Somebody else is followed, or nobody. */
+  /** Forgets whom it followed. */
   release() {
     this.chase.reset();
     this.stage.controls.enabled = true;
   }
 
-  /** Go on for some seconds: behind the selected person, or with the middle of several, or of all. */
+  /** Moves for some seconds: behind the selected person, or with the middle of several, or of all. */
   advance(selected, seconds) {
     const people = selected.length ? selected : this.crowd.people;
     if (!this.follows || !people.length) return;

@@ -1,4 +1,4 @@
-// A character of the user's: a VRM or GLB file. It is read on this page and sent nowhere.
+// The user's character: a VRM or GLB file. It is read on this page and sent nowhere.
 
 import { Box3, Vector3, cloneSkinned } from "./vendor/three.min.js";
 import { BASES, BoneMapError, Character, mapBones, measureSoles, readRig } from "./client/index.js";
@@ -6,7 +6,7 @@ import { THREE_NODES } from "./client/three.js";
 import { readGlb } from "./glb.js";
 import { loadGlb } from "./packed.js";
 
-const SIZES = [0.4, 4]; // metres: a character out of that range is of another unit
+const SIZES = [0.4, 4]; // metres: a character outside of this range has another unit
 const PERSON = 1.7; // metres
 
 /** Whether a file's bytes are a character: it has a skin, or says that it is an avatar. */
@@ -17,7 +17,7 @@ export function isCharacter(bytes) {
 
 /** A file that is a character, with the map of its bones. */
 export class CharacterFile {
-  /** Read a file's bytes. Throws, in words for the user, when there is no such character in it. */
+  /** Reads a file's bytes. Throws, in words for the user, if they hold no such character. */
   static async read(bytes, name) {
     const json = readGlb(bytes);
     if (!json) throw new Error(`${name} is no GLB or VRM file: it does not begin as one`);
@@ -40,7 +40,7 @@ export class CharacterFile {
     this.correct = JSON.parse(localStorage.getItem(this.key) ?? "{}");
     this.#look();
     if (!this.problem || !Object.keys(this.correct).length) return;
-    this.correct = {}; // kept from before, and of no use with the rules of today
+    this.correct = {}; // stored before the present rules, and of no use with them
     this.#look();
   }
 
@@ -55,14 +55,14 @@ export class CharacterFile {
     return node === undefined ? "" : this.rig.nodes[node].name;
   }
 
-  /** With this node for a bone (null: none). What is wrong with the map then is in `problem`; else it is kept. */
+  /** Assigns this node to a bone (null: none). An invalid map leaves its fault in `problem`; a valid one is kept. */
   choose(bone, node) {
     this.correct = { ...this.correct, [bone]: node };
     this.#look();
     if (!this.problem) localStorage.setItem(this.key, JSON.stringify(this.correct));
   }
 
-  /** Forget what was chosen. */
+  /** Forgets the choices. */
   reset() {
     this.correct = {};
     localStorage.removeItem(this.key);
@@ -77,7 +77,7 @@ export class CharacterFile {
     });
   }
 
-  /** A separate body for an agent: { object, character, height, pose(frame), hide(), remove() }. */
+  /** Makes a separate body for an agent: { object, character, height, pose(frame), hide(), remove() }. */
   body(restOffsets) {
     const object = cloneSkinned(this.source);
     const humanoid = this.#humanoidOf(object);
@@ -85,12 +85,12 @@ export class CharacterFile {
     return {
       object, character, height: this.height,
       pose: (frame) => character.pose(frame),
-      hide: () => {}, // what it is in is hidden
+      hide: () => {}, // its parent object is hidden
       remove: () => object.removeFromParent(),
     };
   }
 
-  /** Free what the graphics card holds of it. */
+  /** Frees its memory on the graphics card. */
   dispose() {
     this.source.traverse((node) => {
       node.geometry?.dispose();
@@ -101,7 +101,7 @@ export class CharacterFile {
     });
   }
 
-  /** Shadows; a file in centimetres or decimetres becomes one in metres. */
+  /** Sets shadows; scales a file in centimetres or decimetres to metres. */
   #normalise() {
     this.source.traverse((node) => {
       if (!node.isMesh) return;
@@ -124,7 +124,7 @@ export class CharacterFile {
     return new Map([...this.humanoid].map(([bone, number]) => [bone, nodes[number]]));
   }
 
-  /** Find the map: `rig`, `bones`, `foundBy`, `floor` and `problem` say which, or why not. */
+  /** Finds the map: `rig`, `bones`, `foundBy`, `floor`, or the `problem` with it. */
   #look() {
     const { rig, nodes, table } = readRig(THREE_NODES, [this.source], this.#humanoidOf(this.source));
     this.rig = rig;
@@ -161,7 +161,7 @@ function humanoidOf({ extensions = {} }) {
   return new Map((zero?.humanoid?.humanBones ?? []).map(({ bone, node }) => [bone, node]));
 }
 
-/** A number that tells files apart. */
+/** A number that distinguishes files. */
 function sumOf(bytes) {
   let sum = 2166136261; // FNV-1a
   for (const byte of new Uint8Array(bytes)) sum = Math.imul(sum ^ byte, 16777619);

@@ -1,11 +1,11 @@
-// A camera that walks behind somebody. No DOM, no three.js; angles as headings (0: +Z, towards +X).
+// A camera that walks behind a person. No DOM, no three.js; angles as headings (0: +Z, towards +X).
 
 const BEHIND = 3.8; // metres
-const ABOVE = 1.9; // metres over the ground, of the eye
+const ABOVE = 1.9; // metres of the eye above the ground
 const LOOKED_AT = 1.25;
-const WALL = 0.35; // metres that the eye stays before what hides the person
+const WALL = 0.35; // metres between the eye and what hides the person
 const LEAST = 0.8;
-const TURN_SECONDS = 0.9; // in which most of a turn of the person is followed
+const TURN_SECONDS = 0.9; // within which most of a turn of the person is followed
 const MOVE_SECONDS = 0.22;
 
 export class Chase {
@@ -18,8 +18,8 @@ export class Chase {
   }
 
   /**
-   * Where the eye should be, what it looks at, and which share of the way there it goes in `seconds`:
-   * { eye, target, share }. `freeAlong({ origin, direction })` is how far one sees.
+   * The camera's wanted eye and target, and the share of the way there that it moves in `seconds`:
+   * { eye, target, share }. `freeAlong({ origin, direction })` returns the visible distance.
    */
   advance({ x, y, z, heading }, seconds, freeAlong = () => Infinity) {
     this.heading ??= heading;
@@ -37,7 +37,7 @@ export class Chase {
   }
 }
 
-/** The turn from one heading to another, the shorter way round. */
+/** The shorter turn from one heading to another. */
 export function turnTo(from, to) {
   return Math.atan2(Math.sin(to - from), Math.cos(to - from));
 }

@@ -1,4 +1,4 @@
-// Decisions that need no screen: whom to create, whom to send where. No DOM; chance is an argument.
+// Decisions that need no screen: which people to create, and where to send them. No DOM; chance is an argument.
 
 const NAMES = [
   "Ada", "Bo", "Chidi", "Dara", "Elif", "Finn", "Gia", "Hugo", "Ines", "Jun", "Kofi", "Lena", "Mira",
@@ -9,9 +9,8 @@ const APART = 1.0; // metres between two people at the start
 const FARTHEST = 500; // metres, the largest scene
 
 /**
- * `count` agents of random gender and shape on free places around `middle` (glTF basis).
- * `heights[gender]` is [least, most] of the body; `taken` are places { x, z }; `heightAt(x, z)` is the
- * ground's height, or null where nobody can stand.
+ * `count` agents of random gender and shape on free places around `middle` (glTF basis). `heights[gender]` is the body's
+ * [minimum, maximum], and `taken` has places { x, z }. `heightAt(x, z)` returns the ground's height, or null without ground.
  */
 export function randomAgents(count, heights, taken, { middle, heightAt = () => 0, random = Math.random } = {}) {
   const places = taken.map(({ x, z }) => ({ x, z }));
@@ -46,7 +45,7 @@ export function freePlace(taken, { middle = { x: 0, z: 0 }, heightAt = () => 0, 
     const distance = radius * Math.sqrt(random());
     const place = { x: middle.x + distance * Math.cos(angle), z: middle.z + distance * Math.sin(angle) };
     const apart = taken.every(({ x, z }) => Math.hypot(x - place.x, z - place.z) >= APART);
-    // where there is no ground at all, the server finds a place
+    // without any ground, the server finds a place
     if (apart && (heightAt(place.x, place.z) !== null || radius > FARTHEST)) return place;
   }
 }
@@ -61,11 +60,11 @@ export function formation(point, count) {
 }
 
 const ROW = 3; // people side by side in rows
-const STRIDE = 0.9; // metres between two of them
+const STRIDE = 0.9; // metres between two people
 
 /**
- * Where each of `people` { x, z } goes around a point: "cluster"; "line" across the way there; "rows" along it; "kept", as
- * they stand to each other now. In lines and rows nobody has to cross another's way.
+ * Where each of `people` { x, z } goes around a point. Shapes: "cluster"; "line" across the way; "rows" along it; "kept", their
+ * present formation. In lines and rows nobody has to cross another's way.
  */
 export function arranged(point, people, shape) {
   const mean = (axis) => people.reduce((sum, person) => sum + person[axis], 0) / people.length;
@@ -78,7 +77,7 @@ export function arranged(point, people, shape) {
   const by = (value) => (a, b) => value(people[a]) - value(people[b]);
   const places = [];
   const wide = shape === "line" ? people.length : ROW;
-  const order = people.map((_, k) => k).sort((a, b) => by(share(on))(b, a)); // who is in front stays there
+  const order = people.map((_, k) => k).sort((a, b) => by(share(on))(b, a)); // people in front stay in front
   for (let first = 0; first < order.length; first += wide) {
     const row = order.slice(first, first + wide).sort(by(share(aside)));
     row.forEach((k, column) => {
@@ -89,7 +88,7 @@ export function arranged(point, people, shape) {
   return places;
 }
 
-/** Whom a click sends: people are { x, z }; `mode` is "selected", "nearest" or "all"; `selected` a list. */
+/** The people that a click sends. `people` are { x, z }, `mode` is "selected", "nearest" or "all", `selected` is a list. */
 export function recipients(mode, people, selected, point) {
   const byDistance = [...people].sort((a, b) => distance(a, point) - distance(b, point));
   if (mode === "all") return byDistance;
@@ -97,18 +96,18 @@ export function recipients(mode, people, selected, point) {
   return mode === "nearest" ? byDistance.slice(0, 1) : [];
 }
 
-/** Where the follower number `k` walks, relative to the one followed: rows of five. */
+/** Where follower number `k` walks, relative to its leader: rows of five. */
 export function escort(k) {
   return { behind: Math.min(10, 1.2 + 0.9 * Math.floor(k / 5)), right: 0.8 * [0, 1, -1, 2, -2][k % 5] };
 }
 
-/** Who does something about `other`, who does not: as `recipients`. */
+/** The people who do something about `other`, without `other`; arguments as in `recipients`. */
 export function othersThan(other, mode, people, selected) {
   const rest = people.filter((person) => person !== other);
   return recipients(mode, rest, selected, other);
 }
 
-/** Heading of a drag over the floor (0: +Z, positive towards +X), or null when it is too short. */
+/** Heading of a drag over the floor (0: +Z, positive towards +X), or null if it is too short. */
 export function dragHeading(from, to) {
   return distance(from, to) < 0.25 ? null : Math.atan2(to.x - from.x, to.z - from.z);
 }
@@ -124,7 +123,7 @@ export function pick(people, ray) {
   return best;
 }
 
-/** What to tell of an event, or "" when the picture tells it; `name` is the agent's. */
+/** The text for an event, or "" if the picture shows it; `name` is the agent's. */
 export function eventText({ kind, waypoint, detail }, name, goals) {
   const place = goals > 1 ? `goal ${waypoint + 1}` : "the goal";
   return {
@@ -165,13 +164,13 @@ function normal(random) {
   return Math.sqrt(-2 * Math.log(1 - random())) * Math.cos(2 * Math.PI * random());
 }
 
-/** What to tell when fewer people have come than were asked for. */
+/** The text when fewer people have come than were requested. */
 export function comeText(came, count) {
   const local = /^(localhost|127\.|\[::1\])/.test(globalThis.location?.hostname ?? "localhost");
   return `${came} of ${count} people came; ${local ? "this computer" : "the server"} is busy`;
 }
 
-/** A sentence about the people that come, from the answer of `Api.populate` tells of them. */
+/** A sentence about the people that come, made from the answer of `Api.populate`. */
 export function crowdText({ came, waiting, reason }) {
   if (!came && !waiting) return "they leave";
   if (!waiting) return came === 1 ? "1 person is here" : `${came} people are here`;

@@ -5,9 +5,9 @@ import { Bodies } from "./bodies.js";
 import { NAME_SIZE, Person } from "./people.js";
 import { Trails } from "./trails.js";
 
-const NAMES = 40; // shown at a time: each is a draw call
-const NEAR_SHARE = 2 / 3; // of those who may have a fine body: who just passes gets none
-const SWAP_SECONDS = 2; // between two who give up their fine bodies: to read another takes as long as some frames
+const NAMES = 40; // maximum shown at a time: each is a draw call
+const NEAR_SHARE = 2 / 3; // of the people who may have a fine body: people who only pass get none
+const SWAP_SECONDS = 2; // between two people who give up their fine bodies: reading another takes as long as some frames
 const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
 
 /** The people shown; `changed()` is called when somebody comes or goes. */
@@ -26,7 +26,7 @@ export class Crowd {
     this.changed = changed;
     this.failed = failed;
     this.members = new Map(); // alias → Person
-    this.looks = new Map(); // id of an agent → CharacterFile, of those who have one
+    this.looks = new Map(); // id of an agent → CharacterFile, for agents that have one
     this.boneNames = [];
     this.marks = { trails: false, labels: false };
     this.strained = { reduced: -Infinity, held: -Infinity }; // local time of the last such chunk
@@ -36,7 +36,7 @@ export class Crowd {
     return [...this.members.values()];
   }
 
-  /** The shown person nearest to a place of the ground; or null. */
+  /** The shown person nearest to a place on the ground; or null. */
   nearestTo({ x, z }) {
     const gap = (person) => Math.hypot(person.x - x, person.z - z);
     return this.people.filter(({ shown }) => shown).sort((a, b) => gap(a) - gap(b))[0] ?? null;
@@ -62,7 +62,7 @@ export class Crowd {
     else if (!visible) for (const person of this.people) person.showLabel(false);
   }
 
-  /** Show everybody as the session's player has them; or, with `before` { history, moment }, as they were then. */
+  /** Shows everybody as the session's player has them; or, with `before` { history, moment }, as they were then. */
   play(before = null) {
     for (const person of this.members.values()) {
       if (!person.played.shown) continue;
@@ -77,7 +77,7 @@ export class Crowd {
     return this.frame;
   }
 
-  /** Show the names nearest to the camera, none over another. */
+  /** Shows the names nearest to the camera, without overlaps. */
   separateNames(camera, width, height) {
     if (!this.marks.labels) return;
     const taken = [];
@@ -119,7 +119,7 @@ export class Crowd {
     person?.wear(look.body(person.agent.restOffsets));
   }
 
-  /** Give somebody near the camera a fine body; of `most` who have one, the farthest gives his up. */
+  /** Gives a person near the camera a fine body. If `most` people have one, the farthest gives its own up. */
   async refine({ position }, most, now) {
     if (this.refining || this.people.some(({ shown }) => !shown)) return;
     const gap = ({ x, z }) => Math.hypot(x - position.x, z - position.z);
@@ -133,7 +133,7 @@ export class Crowd {
       refined.at(-1).coarsen();
     }
     this.refining = true;
-    person.fine = true; // and if it cannot be had, it is not asked for again
+    person.fine = true; // it is not requested again even if it fails to load
     try {
       const body = await this.bodies.load(...this.mesh(person.agent, "high"), this.boneNames, person.colour);
       if (person.gone || person.body.object) body.remove();

@@ -1,5 +1,5 @@
-// What blocks of certain sizes look like: houses have windows, doors and roofs, trees have crowns, and what is smaller is
-// furniture (furniture.js). No DOM, no three.js.
+// The look of blocks by their size: houses have windows, doors and roofs, trees have crowns, and smaller blocks are furniture
+// (furniture.js). No DOM, no three.js.
 
 import { furnitureOf } from "./furniture.js";
 import { dot, facing, middleOf, quad, sides } from "./facets.js";
@@ -17,7 +17,7 @@ const CROWN = 1.9; // metres, its radius
 const BLOBS = [[0, 0.5, 0, 1.35], [0.75, -0.1, 0.35, 1.05], [-0.6, 0, 0.6, 1.0], [0, -0.15, -0.8, 1.05]]; // x, y, z, radius
 const AROUND = 10, UP = 6;
 
-/** Middle of a tree's crown { x, y, z }; null where a block is no tree. */
+/** Middle of a tree's crown { x, y, z }; null for a block that is no tree. */
 export function crownOf({ top, bottom }) {
   const [{ y }] = top;
   if (y - bottom < TREE.high || top.length <= TREE.corners || Math.min(...sides(top)) > TREE.wide) return null;
@@ -25,7 +25,7 @@ export function crownOf({ top, bottom }) {
   return { x: middle.x, y: y + 0.4, z: middle.z };
 }
 
-/** Whether a crown is about an eye, or between it and a point. */
+/** Whether a crown surrounds an eye, or hides a point from it. */
 export function crownHides(crown, eye, point) {
   const way = [point.x - eye.x, point.y - eye.y, point.z - eye.z], to = [crown.x - eye.x, crown.y - eye.y, crown.z - eye.z];
   const along = Math.min(1, Math.max(0, dot(way, to) / (dot(way, way) || 1)));
@@ -34,9 +34,9 @@ export function crownHides(crown, eye, point) {
 }
 
 /**
- * How a block is drawn: whether its own `walls` are, and triangles [{ corners: [a, b, c], normals: [a, b, c], colour,
- * light, glow }] besides, points { x, y, z }; `light` is 1 of what the colour says, `glow` what shines of it at night, if
- * anything. `number` makes neighbours differ.
+ * How a block is drawn: whether its own `walls` are, and additional triangles [{ corners: [a, b, c], normals: [a, b, c], colour,
+ * light, glow }] of points { x, y, z }. `light` scales the colour, and `glow` is what shines of it at night, if anything. `number`
+ * makes neighbours differ.
  */
 export function dressingOf(block, number) {
   const crown = crownOf(block);

@@ -1,25 +1,25 @@
-// Somebody is driven: with W A S D, a gamepad or a finger, in the directions of the camera. No DOM but the keys.
+// A person driven by the user: with W A S D, a gamepad or a finger, in the directions of the camera. No DOM but the keys.
 
 const GOAL_SECONDS = 0.25; // between two goals: a step is 0.2 s, and the server counts calls
 const AHEAD = 2.5; // metres that the goal lies before the person, times the speed in m/s, at least 1
-const DEAD = 0.25; // of a stick: less is none
+const DEAD = 0.25; // dead zone of a stick
 const KEYS = { w: [0, 1], s: [0, -1], a: [-1, 0], d: [1, 0] };
 
 export class Drive {
-  /** `person()`: who is driven; `errands`; `attempt(action)` wraps what may be refused. */
+  /** `person()` returns the driven person; `attempt(action)` wraps actions that may be refused. */
   constructor({ stage, person, errands, attempt }) {
     Object.assign(this, { stage, person, on: false });
     this.held = new Set();
     this.thumb = [0, 0]; // of the stick on the screen: right, forward
     this.sentAt = -Infinity;
-    this.driven = null; // who has been sent and not stopped
+    this.driven = null; // the person who has been sent and not stopped
     this.send = attempt((who, goal) => errands.drive(who, goal));
     this.stop = attempt((who) => errands.stop([who]));
-    addEventListener("blur", () => this.held.clear()); // keys that are let go elsewhere are not told
+    addEventListener("blur", () => this.held.clear()); // the page does not see keys that are released in another window
     addEventListener("keyup", ({ key }) => this.held.delete(key.toLowerCase()));
   }
 
-  /** Whether a key drives; then it is taken. */
+  /** Whether a key drives; if so, it is held. */
   press(key) {
     if (!this.on || !(key in KEYS)) return false;
     this.held.add(key);
@@ -33,7 +33,7 @@ export class Drive {
     this.thumb = [0, 0];
   }
 
-  /** Once per picture. `speed`: as the user has chosen, m/s. */
+  /** Called once per picture. `speed`: as the user has chosen, m/s. */
   advance(now, speed) {
     const person = this.on ? this.person() : null;
     const [right, forward] = this.#wish();
@@ -55,7 +55,7 @@ export class Drive {
     });
   }
 
-  /** Where to, in the camera's directions: [right, forward], each −1 to 1. */
+  /** The wanted direction relative to the camera: [right, forward], each −1 to 1. */
   #wish() {
     let [right, forward] = this.thumb;
     for (const key of this.held) {

@@ -5,27 +5,27 @@ import { arranged, dragHeading, escort, othersThan, recipients } from "./choices
 import { mention, tell } from "./hud.js";
 
 const PLAIN = { x: 0, z: 0, radius: 9 }; // where people walk about without a scene, metres
-const WAYS = 8; // people at most whose ways are asked for and drawn at a time
-const MARK = 0.4; // metres around a goal that are its mark
-const NEAR = 0.05; // metres that a goal may be moved without a word
+const WAYS = 8; // maximum number of people whose ways are requested and drawn at a time
+const MARK = 0.4; // metres around a goal that belong to its mark
+const NEAR = 0.05; // metres that the server may move a goal without a message
 
 export class Errands {
   /**
-   * `ask()` gives { mode, selected, speed, formation }: who is meant by a click, how fast they go, and how several stand (`arranged`);
-   * `heightAt(x, z, y)` is the ground's height; `scene()` the scene's id, or ""; `nobody()` says why
-   * there is nobody to send.
+   * `ask()` returns { mode, selected, speed, formation }: which people a click means, how fast they go, and in which formation
+   * (`arranged`). `heightAt(x, z, y)` returns the ground's height, and `scene()` the scene's id, or "". `nobody()` returns the
+   * reason why nobody can be sent.
    */
   constructor(api, crowd, { ask, heightAt, scene, nobody }) {
     Object.assign(this, { api, crowd, ask, heightAt, scene, nobody });
     this.wandering = false;
-    this.roaming = new Set(); // who walks about because of it
+    this.roaming = new Set(); // people who walk about because of it
     this.abroad = new Set(); // ids of agents that walk about and have not been seen yet
     this.expected = new Map(); // goals of agents, by id, that have not been seen yet
-    this.told = new WeakSet(); // goals of which it was said that they lie off the ground
-    this.lastSent = []; // those whose path a further waypoint belongs to
+    this.told = new WeakSet(); // goals that were reported to lie off the ground
+    this.lastSent = []; // people whose path a further waypoint extends
   }
 
-  /** Send people to a point; with `further`, when they have been where they were sent before. */
+  /** Sends people to a point; with `further`, after the goals that they have. */
   async send(point, how = {}, further = false) {
     const { speed, formation } = this.ask();
     const present = this.lastSent.filter((person) => this.crowd.people.includes(person));
@@ -40,7 +40,7 @@ export class Errands {
     await this.showWays(this.lastSent);
   }
 
-  /** The goal whose mark is at a point of the ground: { person, number }; or null. */
+  /** The goal whose mark is at a point on the ground: { person, number }; or null. */
   goalAt({ x, z }) {
     const gap = (goal) => Math.hypot(goal.x - x, goal.z - z);
     const all = this.crowd.people.flatMap((person) => person.ahead.map((goal, number) => ({ person, number, away: gap(goal) })));
@@ -48,16 +48,16 @@ export class Errands {
     return nearest?.away < MARK ? nearest : null;
   }
 
-  /** Replaces a goal of somebody's path. */
+  /** Replaces a goal in a person's path. */
   async changeGoal(person, number, change) {
-    this.ask(); // whether anything may be asked
+    this.ask(); // throws if nobody may be sent
     const path = person.ahead.map((goal, k) => (k === number ? { ...goal, ...change } : goal));
     person.showPath(path);
     person.revision = (await this.api.setPath(person.agent.id, path)).revision;
     await this.showWays([person]);
   }
 
-  /** To a place a little ahead, again and again; no way is drawn. */
+  /** Sends a person to a place a little ahead, repeatedly; no way is drawn. */
   async drive(person, goal) {
     person.wanders = false;
     if (person.ahead.length) person.showPath([]);
@@ -76,7 +76,7 @@ export class Errands {
     await Promise.all(people.map((person) => this.api.clearGoal(person.agent.id)));
   }
 
-  /** Everybody without a goal walks about: call it now and then while it is so. */
+  /** Makes everybody without a goal walk about; called regularly while that is on. */
   async wander() {
     if (!this.wandering) return;
     const idle = this.crowd.people.filter((person) => !person.wanders && !person.ahead.length);
@@ -89,7 +89,7 @@ export class Errands {
     await Promise.all(people.map(({ agent }) => this.roamAgent(agent.id)));
   }
 
-  /** The same for an agent that may not have been seen yet; `near` { x, z, radius }: they stay there. */
+  /** Like `roam`, for an agent that may not have been seen yet; it stays within `near` { x, z, radius }. */
   roamAgent(id, near = this.scene() ? null : PLAIN) {
     const how = { speed: this.ask().speed };
     this.abroad.add(id);
@@ -97,14 +97,14 @@ export class Errands {
     return near ? this.api.wander(id, near, near.radius, how) : this.api.roam(id, how);
   }
 
-  /** Send an agent that may not have been seen yet to goals in turn. */
+  /** Sends an agent that may not have been seen yet to goals in turn. */
   sendAgent(id, goals) {
     this.expected.set(id, goals);
     this.notice();
     return this.api.setPath(id, goals);
   }
 
-  /** Somebody has come, perhaps one of those. */
+  /** Commands expected agents that have come. */
   notice() {
     for (const person of this.crowd.people) {
       const { id } = person.agent;
@@ -121,7 +121,7 @@ export class Errands {
     await this.stop(roaming);
   }
 
-  /** To and fro between points. */
+  /** Makes people patrol between points. */
   async patrol(points) {
     const { speed } = this.ask();
     const people = this.#meant(points[0]);
@@ -141,7 +141,7 @@ export class Errands {
     await this.#busy(shy, `${said} away from ${from.agent.name}`, () => ({ keep_away: { agent_id: from.agent.id } }));
   }
 
-  /** One behind the other, the first at a point, facing it from where they are. */
+  /** Makes people queue, the first at a point and facing it. */
   async queue(point) {
     const { speed } = this.ask();
     const people = this.#meant(point);
@@ -151,12 +151,12 @@ export class Errands {
     await this.#busy(people, "queue up", () => ({ queue: { name, head: point, heading, speed } }));
   }
 
-  /** Draw again what has changed with the scene. */
+  /** Draws the ways again after a change of the scene. */
   replan() {
     return this.showWays(this.lastSent.filter((person) => this.crowd.people.includes(person)));
   }
 
-  /** Draw the ways of people to their next goals, and say where a goal could not be reached. */
+  /** Draws the ways of people to their next goals, and reports goals that cannot be reached. */
   async showWays(people) {
     const scene = this.scene();
     if (!scene) return;
@@ -173,7 +173,7 @@ export class Errands {
         }
       } catch (error) {
         person.showWay([]);
-        if (!isUnreachable(error)) throw error; // an event tells of it, and the agent waits
+        if (!isUnreachable(error)) throw error; // an event reports it, and the agent waits
       }
     }));
   }
@@ -190,7 +190,7 @@ export class Errands {
     }
   }
 
-  /** One goal more; without a heading to face there it is passed through. */
+  /** Adds a goal; without a heading the person passes through it. */
   async #walkOn(person, goal) {
     const further = "heading" in goal ? goal : { ...goal, stop: false };
     person.extendPath([further]);

@@ -1,6 +1,6 @@
-// Triangles of simple forms, as dressing.js gives them: quads, boxes, round things. No DOM, no three.js.
+// Triangles of simple forms, as dressing.js returns them: quads, boxes, round forms. No DOM, no three.js.
 
-const ROUND = 20; // corners of what is round
+const ROUND = 20; // corners of a round form
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
@@ -8,7 +8,7 @@ export function quad([a, b, c, d], normal, colour, glow = 0) {
   return [facing([a, b, c], normal, colour, glow), facing([a, c, d], normal, colour, glow)];
 }
 
-/** A flat triangle that is seen from where its normal points. */
+/** A flat triangle that is visible from the side of its normal. */
 export function facing([a, b, c], normal, colour, glow = 0) {
   const u = [b.x - a.x, b.y - a.y, b.z - a.z], v = [c.x - a.x, c.y - a.y, c.z - a.z];
   const across = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
@@ -21,13 +21,13 @@ export function middleOf(ring) {
   return { x: mean("x"), z: mean("z") };
 }
 
-/** How far a ring reaches along x and z, or of four corners the length of its sides. */
+/** Extent of a ring along x and z; for four corners, the lengths of its sides. */
 export function sides(ring) {
   if (ring.length === 4) return [0, 1].map((k) => Math.hypot(ring[k + 1].x - ring[k].x, ring[k + 1].z - ring[k].z));
   return ["x", "z"].map((axis) => Math.max(...ring.map((p) => p[axis])) - Math.min(...ring.map((p) => p[axis])));
 }
 
-/** Axes of a rectangle's outline, its longer side first: { long, wide: metres, at(u, y, v), turned(u, y, v) } from its middle. */
+/** Axes of a rectangle's outline, its longer side first, from its middle: { long, wide: metres, at(u, y, v), turned(u, y, v) }. */
 export function frameOf(top) {
   const [first, second] = sides(top);
   const [a, b] = first >= second ? [top[0], top[1]] : [top[1], top[2]];

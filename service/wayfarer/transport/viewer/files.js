@@ -1,11 +1,11 @@
-// Files of the user's: dropped on the page, or chosen.
+// The user's files: dropped on the page, or chosen.
 
 import { isCharacter } from "./character.js";
 import { isLevel, readGlb } from "./glb.js";
 
 /**
- * Accepts files that are dropped on the page, or chosen with `inputs`: pairs of an element and what its files are for.
- * `take(file, purpose)` gets it; the purpose of a dropped file is "".
+ * Accepts files that are dropped on the page, or chosen with `inputs`: pairs of an element and the purpose of its files.
+ * `take(file, purpose)` receives them; the purpose of a dropped file is "".
  */
 export function watchFiles(inputs, take) {
   const holdsFile = (event) => event.dataTransfer?.types.includes("Files");
@@ -31,8 +31,8 @@ export function watchFiles(inputs, take) {
 }
 
 /**
- * What a file is taken for: "character", or "level", of which the scene panel says whether it can be read. What it was chosen
- * for decides; a dropped one is a character when it has a skin and is not mostly made of other things.
+ * The kind of a file: "character", or "level", which the scene panel checks further. The purpose for which it was chosen decides; a
+ * dropped file is a character if it has a skin and does not mostly consist of other things.
  */
 export async function kindOf(file, purpose) {
   const ending = file.name.toLowerCase().split(".").at(-1);

@@ -1,10 +1,10 @@
-// What stands in a town, in the place of plain blocks of its size: fountains, columns, market stalls, benches with lamps.
+// The furniture of a town, drawn instead of plain blocks of its size: fountains, columns, market stalls, benches with lamps.
 // No DOM, no three.js.
 
 import { boxOf, frameOf, middleOf, quad, sides, turnedOf } from "./facets.js";
 
-const ROUND_CORNERS = 12; // a ring of more is round
-const SIZES = { // metres, least and most: height, across, and of what has four corners the other side
+const ROUND_CORNERS = 12; // a ring with more corners is round
+const SIZES = { // metres, minimum and maximum: height, width, and depth if it has four corners
   basin: [[0.4, 1.1], [3, 9]], column: [[2.2, 3.9], [0.7, 1.5]], stall: [[2, 2.6], [1.8, 3.4], [1, 1.8]], bench: [[0.4, 0.6], [1.4, 2.4], [0.4, 0.65]],
 };
 const STONE = "#cdc5b4", RIM = "#ded7c8", WATER = "#5d97a8", FOAM = "#cfe3e6";
@@ -14,7 +14,7 @@ const WARES = ["#c8552f", "#d99a2b", "#7f9a3d", "#8f3b46", "#e0c46a"];
 const STRIPES = 7;
 const LAMP_HIGH = 3.3; // metres
 
-/** Triangles of what a block of such a size is drawn as, instead of its walls; null: it is no furniture. */
+/** Triangles that are drawn instead of the walls of a block; null: it is no furniture. */
 export function furnitureOf(block, number) {
   const { top, bottom } = block;
   const high = top[0].y - bottom, [long, wide] = [...sides(top)].sort((a, b) => b - a);
@@ -29,7 +29,7 @@ export function furnitureOf(block, number) {
   return null;
 }
 
-/** A basin of water, and a bowl over it that runs over. */
+/** A basin of water, with a bowl over it that overflows. */
 function basinOf(middle, radius, y, high) {
   const top = y + high, bowl = Math.min(1.5, 0.45 * radius), water = top - 0.14;
   return [

@@ -3,7 +3,7 @@
 const MAGIC = 0x46546c67; // "glTF"
 const JSON_CHUNK = 0x4e4f534a;
 
-/** The JSON of a GLB's bytes; null where they are none. */
+/** The JSON of a GLB's bytes; null if they are none. */
 export function readGlb(bytes) {
   const view = new DataView(bytes);
   if (bytes.byteLength < 20 || view.getUint32(0, true) !== MAGIC || view.getUint32(16, true) !== JSON_CHUNK) return null;
@@ -17,8 +17,8 @@ export function readGlb(bytes) {
 }
 
 /**
- * Whether a file with a skin is a level all the same: more of its meshes stand by themselves than hang from its bones, as where
- * a flag or a passer-by is part of a town. A VRM avatar is none.
+ * Whether a file with a skin is a level: more of its meshes stand by themselves than hang from its bones, as in a town with a flag
+ * or a passer-by. A VRM avatar is none.
  */
 export function isLevel(json) {
   if (json?.extensions?.VRM || json?.extensions?.VRMC_vrm) return false;

@@ -1,11 +1,11 @@
-// The ground that people's middles may be on, as triangles; and what stands on it. No DOM, no three.js.
+// The ground on which the middles of people may be, as triangles, and the blocks that rise from it. No DOM, no three.js.
 
 const CELL = 1; // metres, of the grid that finds the triangles near a place
-const UNDER = 0.6; // metres that somebody may be under the ground he walks on: nothing is exact
+const UNDER = 0.6; // metres that a person may be below the ground, since nothing is exact
 
 /** Walkable ground. Points are { x, y, z }, y up, metres. */
 export class Ground {
-  /** `vertices`: [{ x, y, z }], `triangles`: [[i, j, k]]. */
+  /** `vertices` are [{ x, y, z }], `triangles` are [[i, j, k]]. */
   constructor(vertices, triangles) {
     this.corners = triangles.map((triangle) => triangle.map((vertex) => vertices[vertex]));
     this.cells = new Map();
@@ -22,7 +22,7 @@ export class Ground {
     });
   }
 
-  /** Height of the ground below a point at height `y`, of several storeys the right one; or null. */
+  /** Height of the ground below a point at height `y`, on its own storey; or null. */
   heightAt(x, z, y = 0) {
     let best = null;
     for (const triangle of this.cells.get(keyOf(cell(x), cell(z))) ?? []) {
@@ -53,7 +53,7 @@ export function planePoint(ray, y = 0) {
   return along > 0 && Number.isFinite(along) ? pointOn(ray, along) : null;
 }
 
-/** Metres along a ray to where it enters a block { top: [{ x, y, z }], bottom }; Infinity: it does not. */
+/** Metres along a ray to where it enters a block { top: [{ x, y, z }], bottom }, or Infinity. */
 export function blockMeets({ origin, direction }, { top, bottom }) {
   const height = Math.max(...top.map(({ y }) => y));
   const lid = planePoint({ origin, direction }, height);
@@ -109,7 +109,7 @@ function rayMeets(origin, direction, [a, b, c]) {
 }
 
 const cell = (value) => Math.floor(value / CELL);
-const keyOf = (x, z) => 2 ** 20 * x + z; // of a cell: a text would be made anew for everybody in every picture
+const keyOf = (x, z) => 2 ** 20 * x + z; // of a cell: a string would be made for each person in each picture
 const span = (corners, axis) => [Math.min(...corners.map((c) => c[axis])), Math.max(...corners.map((c) => c[axis]))];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];

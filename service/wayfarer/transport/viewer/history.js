@@ -1,13 +1,13 @@
-// The last minute of everybody, as it was shown. No DOM.
+// The last minute of all people, as it was shown. No DOM.
 
 import { mixPoses } from "./client/index.js";
 
 const SECONDS = 60;
-const FPS = 30; // of what is kept: a minute of one person is 0.65 MB
+const FPS = 30; // of the frames kept: a minute of one person is 0.65 MB
 const ROOM = SECONDS * FPS + 2;
 const GAP = 0.5; // seconds between two frames that belong to different visits: nobody is there between
-const MOST = 30; // frames noted at once: a page that was hidden for some seconds does not stand still to note them
-const JUMP = 5; // seconds back or on after which it is another stream
+const MOST = 30; // maximum frames noted at once, so that a page that was hidden for some seconds does not stall
+const JUMP = 5; // seconds back or ahead after which it is another stream
 
 /** Frames of one person, a ring. */
 class Track {
@@ -64,7 +64,7 @@ export class History {
     return Math.max(this.begun, this.last - SECONDS);
   }
 
-  /** Note everybody { agent, played } up to a moment that is about to be shown, however few pictures there are. */
+  /** Notes all people { agent, played } up to a moment that is about to be shown, however few pictures there are. */
   note(moment, people) {
     if (!Number.isFinite(moment)) return;
     if (!(Math.abs(moment - this.last) <= JUMP)) {
@@ -84,7 +84,7 @@ export class History {
     if (this.tracks.size > people.length) this.#forget();
   }
 
-  /** Write somebody's frame of a moment into `out`; false where nobody of this alias was there. */
+  /** Writes a person's frame of a moment into `out`; returns false if no person of this alias was there. */
   sample(alias, moment, out) {
     const track = this.tracks.get(alias);
     const k = track ? track.at(moment) : -1;
@@ -109,7 +109,7 @@ export class History {
     return k < 0 ? 0 : track.contacts[track.slot(k)];
   }
 
-  /** Speeds in m/s over the floor and contacts from one moment to another: { speeds, contacts }, `count` of each; NaN where absent. */
+  /** Speeds in m/s over the floor, and contacts, in a span of time: { speeds, contacts }, `count` of each; NaN if absent. */
   strip(alias, from, to, count) {
     const speeds = new Float32Array(count).fill(NaN);
     const contacts = new Uint8Array(count);

@@ -10,7 +10,7 @@ export const LOST = "The connection is lost. People go on when the server is bac
 
 export const byId = (id) => document.getElementById(id);
 
-/** Tell the user; an error unless `note`. The same text is not shown twice at once. */
+/** Shows a message to the user, an error unless `note`. The same text is not shown twice at once. */
 export function tell(text, note = false) {
   const box = byId("messages");
   if ([...box.children].some((shown) => shown.textContent === text)) return;
@@ -21,7 +21,7 @@ export function tell(text, note = false) {
   setTimeout(() => line.remove(), MESSAGE_SECONDS * 1000);
 }
 
-/** Something that happened: a quiet line that goes by itself; of a kind only the latest is shown. */
+/** Shows a quiet line that disappears by itself; only the latest of a kind is shown. */
 export function mention(text, kind = text) {
   const box = byId("news");
   for (const shown of [...box.children]) if (shown.dataset.kind === kind) shown.remove();
@@ -43,7 +43,7 @@ export function askToken(reason) {
     dialog.onclose = () => {
       const token = byId("access-token").value.trim();
       if (token) resolve(token);
-      else dialog.showModal(); // without one there is nothing to show
+      else dialog.showModal(); // without a page behind it there is nothing to show
     };
   });
 }
@@ -54,13 +54,13 @@ export function showConnection(state, text) {
   line.textContent = text;
 }
 
-/** Whether the server is short of time: then motion is simpler, or people who stand are not moved. */
+/** Shows whether the server is short of time: then motion is simpler, or standing people are not moved. */
 export function showBusy(busy) {
   const line = byId("connection");
   if (/^(connected|busy)$/.test(line.textContent)) line.textContent = busy ? "busy" : "connected";
 }
 
-/** All keys, and how the stage is used: as the controls themselves say. */
+/** Shows all keys, and how the stage is used, in the words of the controls themselves. */
 export function showHelp(stage) {
   byId("keys").replaceChildren(...[...document.querySelectorAll("[title^='Key: ']")].flatMap((control) => {
     const [, key] = /^Key: (.+?)(\.|,|$)/.exec(`${control.title} `.replace("Key: ,", "Key: comma").replace("Key: .", "Key: full stop"));
@@ -73,13 +73,13 @@ export function showHelp(stage) {
   byId("help-dialog").showModal();
 }
 
-/** Who is who, where people are shown over themselves: what is said of them, and of those in blue; null: they are not. */
+/** Shows the legend of a comparison: texts for the people and for the blue ones over them; null: none. */
 export function showLegend(texts) {
   byId("legend").hidden = !texts;
   for (const [k, id] of ["legend-plain", "legend-beside"].entries()) byId(id).textContent = texts?.[k] ?? "";
 }
 
-/** What keeps the page from working, until it is over: null. */
+/** Shows the reason why the page does not work until it is null. */
 export function showTrouble(title, text = "") {
   byId("trouble").hidden = title === null;
   if (title === null || byId("trouble-title").textContent === title) return;
@@ -87,7 +87,7 @@ export function showTrouble(title, text = "") {
   byId("trouble-text").textContent = text;
 }
 
-/** Show the controls that a first look needs not, or hide them. */
+/** Shows the controls that a first look does not need, or hides them. */
 export function disclose(all) {
   for (const part of ["rest", "place", "readout"]) byId(part).hidden = !all;
   byId("more").setAttribute("aria-expanded", String(all));
@@ -95,7 +95,7 @@ export function disclose(all) {
   document.body.classList.toggle("all", all);
 }
 
-/** The list of people and groups; `selection` is chosen in it. */
+/** Lists people and groups; `selection` is chosen in the list. */
 export function listPeople(people, selection) {
   const list = byId("selected");
   const several = selection.people.length > 1;
@@ -107,7 +107,7 @@ export function listPeople(people, selection) {
   const chosen = several ? [new Option(`${selection.people.length} people`, "several", false, true)] : [];
   list.replaceChildren(new Option("nobody", "", false, !selection.person), ...chosen, ...groups, ...options);
   byId("chosen").hidden = !selection.person;
-  byId("pitch").hidden = Boolean(selection.person); // it says that the nearest goes
+  byId("pitch").hidden = Boolean(selection.person); // it says that the nearest person goes
   byId("chosen-name").textContent = several ? `${selection.people.length} people are selected.` : `${selection.person?.agent.name || "One person"} is selected.`;
   byId("remove").disabled = !selection.person;
   byId("keep-group").disabled = !several;

@@ -1,9 +1,9 @@
-// Keys on the stage; elsewhere letters are the user's.
+// Keys on the stage; outside of it, letters belong to the user.
 
 const STEP = 0.25; // metres
 const ARROWS = { ArrowUp: [0, -STEP], ArrowDown: [0, STEP], ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0] };
 
-/** `arrow(dx, dz)`, metres; `enter()`; `held(key)`: whether a letter is taken by who is driven; `keys`: what else each key does, by its name in small letters. */
+/** `arrow(dx, dz)` in metres, `enter()`, `held(key)`: whether a letter drives a person, `keys`: actions of other keys by name in small letters. */
 export function watchKeys(view, { arrow, enter, held, keys }) {
   view.addEventListener("keydown", (event) => {
     if (event.key in ARROWS) {

@@ -1,8 +1,8 @@
-// For calls of which only the last one counts: a thing that is dragged, a picture that is renewed.
+// For calls of which only the last one counts: an object that is dragged, a picture that is renewed.
 
 /**
- * Sends what it is given, one at a time; of what is given meanwhile, only the last. `send(value)` is a
- * promise; a failure goes to `failed(error)`, and does not keep the next from being sent.
+ * Sends its values one at a time; of those that come meanwhile, only the last. `send(value)` returns a promise. A failure goes to
+ * `failed(error)` and does not prevent the next value.
  */
 export class Latest {
   #running = null;

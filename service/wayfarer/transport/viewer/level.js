@@ -1,4 +1,4 @@
-// A scene on the stage: its walkable ground, what stands there for good, and what has been put there.
+// A scene on the stage: its walkable ground, its permanent solids, and its obstacles.
 
 import {
   BufferAttribute, BufferGeometry, Color, Group, LineBasicMaterial, LineSegments, Mesh,
@@ -14,18 +14,18 @@ import { pavingTexture } from "./textures.js";
 const STONES = 4; // metres of the paving's pattern
 const RIM = "#8fa89b";
 const EDGE = "#5f5a52";
-const WALLS = ["#d8c3a5", "#e3d6bd", "#c98f70", "#b7a58c", "#cfc6b6"]; // of what is taller than people, for good
-const STONE = "#b9b4a9"; // what one sits on, or steps on
+const WALLS = ["#d8c3a5", "#e3d6bd", "#c98f70", "#b7a58c", "#cfc6b6"]; // of solids taller than people
+const STONE = "#b9b4a9"; // of benches and steps
 const POST = "#86705a"; // tall and thin
 const LOW = 1.2; // metres
 const THIN = 0.8; // metres across
-const SHADE = 0.72; // of the light that the foot of a wall has
+const SHADE = 0.72; // fraction of the light at the foot of a wall
 const WOOD = "#b98a5a";
 const CHOSEN = "#0b7285";
-const SIGHT = 300; // metres: what is farther off is not meant
-const SEE_THROUGH = 0.12; // opacity of what hides the place looked at
-const HEADROOM = 1.4; // metres over the place looked at: what is lower does not hide it
-const SINK = 0.03; // metres that the endless floor lies under the ground of a level: at one height they would flicker
+const SIGHT = 300; // metres; a click on anything farther does not count
+const SEE_THROUGH = 0.12; // opacity of walls that hide the camera's target
+const HEADROOM = 1.4; // metres over the camera's target; lower blocks do not hide it
+const SINK = 0.03; // metres of the endless floor below the ground of a level: at equal height they would flicker
 
 /** Shows `Outlines` (scenes.js), one at a time. */
 export class Level {
@@ -87,7 +87,7 @@ export class Level {
     this.floor.visible = this.rim.visible = visible;
   }
 
-  /** Draw the file that the scene was made of (GLB bytes), too. */
+  /** Also draws the file that the scene was made of (GLB bytes). */
   async showModel(bytes) {
     const { scene } = await loadGlb(bytes);
     scene.traverse((node) => {
@@ -107,7 +107,7 @@ export class Level {
     return this.extent ? this.base - SINK : 0;
   }
 
-  /** What a ray meets first: { at, point: of the ground there, obstacle: its name, if any }; or null. */
+  /** The first thing that a ray meets: { at, point: of the ground there, obstacle: its name, if any }, or null. */
   meets(ray) {
     let best = { along: Infinity };
     const consider = (along, found) => {
@@ -133,12 +133,12 @@ export class Level {
     return { top: top.map(({ x, y, z }) => ({ x: x + dx, y: y + dy, z: z + dz })), bottom: bottom + dy };
   }
 
-  /** Metres along a ray that are free of what stands there. */
+  /** Metres along a ray that are free of blocks. */
   freeAlong(ray) {
     return Math.min(Infinity, ...this.solids.map((block) => blockMeets(ray, block)));
   }
 
-  /** Let walls between the eye and a point be seen through. */
+  /** Makes walls between the eye and a point transparent. */
   reveal(eye, point) {
     if (!this.solids.length) return;
     const reach = distance(eye, point);
@@ -173,7 +173,7 @@ export class Level {
   }
 }
 
-/** By its size: a bench or a rim, a post, a wall. */
+/** The colour by size: a bench or a rim, a post, a wall. */
 function colourOf({ top, bottom }, number) {
   if (top[0].y - bottom < LOW) return STONE;
   const across = Math.max(...["x", "z"].map((axis) => Math.max(...top.map((p) => p[axis])) - Math.min(...top.map((p) => p[axis]))));
@@ -224,7 +224,7 @@ class Blocks {
     this.group.visible = blocks.length > 0;
   }
 
-  /** Let blocks of these numbers be seen through, all others not. */
+  /** Makes the blocks of these numbers transparent, and all others opaque. */
   fade(numbers) {
     if (numbers.size === this.faded.size && [...numbers].every((k) => this.faded.has(k))) return;
     const colours = this.mesh.geometry.getAttribute("color");

@@ -31,8 +31,8 @@ import { TimelineBar } from "./timeline_bar.js";
 import { Tools } from "./tools.js";
 import { Wardrobe } from "./wardrobe.js";
 
-const DETAILED = 24; // people with the fine mesh, at most, on a machine that draws well
-const FIRST_SCENE = "town_square"; // where nothing else is asked for
+const DETAILED = 24; // maximum number of people with the fine mesh, on a machine that draws well
+const FIRST_SCENE = "town_square"; // if no other is requested
 const MORE = 8; // people who come with the button
 const RESTART_SECONDS = 0.5;
 const STATS_SECONDS = 1;
@@ -92,11 +92,11 @@ const bar = new TimelineBar(timeline, history, () => selection.person);
 const overlays = new Overlays(stage);
 const drive = new Drive({ stage, errands, attempt, person: () => selection.person });
 
-let lost = null; // what was in a session that the server has forgotten
+let lost = null; // the contents of a session that the server has forgotten
 let chosen = []; // ids of people who were selected in it, until they are back
-let joining = page.get("session"); // somebody's session to show; one of this page's own after that
+let joining = page.get("session"); // another user's session to show; later this page's own
 const shared = new URLSearchParams(location.hash.slice(1)); // share.js
-let replaying = shared.get("replay"); // a script to show; as `joining`
+let replaying = shared.get("replay"); // a script to show; used like `joining`
 start();
 
 async function start() {
@@ -106,7 +106,7 @@ async function start() {
     const [{ limits }, all] = await Promise.all([api.info(), api.bodies(), listed]);
     arrivals.bodies = new Map(all.map((body) => [body.gender, body]));
     byId("count").max = Math.min(200, limits.agents_per_session);
-    byId("count").oninput({ target: byId("count") }); // what it stands for may be less now
+    byId("count").oninput({ target: byId("count") }); // its meaning may be smaller now
     const watched = joining && await othersSession(joining);
     const replay = replaying && !watched ? await replayed() : null;
     if (watched) await place.attend(watched.scene);
@@ -114,9 +114,9 @@ async function start() {
     else await place.begin(place.value ?? page.get("scene") ?? FIRST_SCENE);
     showTrouble(null);
     if (replay) stage.lookFrom(replay.script.camera);
-    welcomed = !watched && !replay && !place.begun ? welcome() : null; // is asked for before the stage is made
+    welcomed = !watched && !replay && !place.begun ? welcome() : null; // is requested before the stage is made
     place.begun = true;
-    await new Promise((go) => setTimeout(go)); // what was asked is sent
+    await new Promise((go) => setTimeout(go)); // the requests are sent
     beginStage();
     await welcomed;
     if (lost && !watched) {
@@ -142,7 +142,7 @@ function beginStage() {
   stage.begin(show, page.has("look") ? Number(page.get("look")) : null);
 }
 
-/** Headline and text for what keeps the page from beginning. */
+/** Headline and text for the reason why the page cannot begin. */
 function reasonOf({ status, message }) {
   const again = "This page tries again every two seconds.";
   if (status === 0) return ["The server does not answer", `Start it with “wayfarer serve”. ${again}`];
@@ -159,7 +159,7 @@ function showNoPicture() {
   );
 }
 
-/** The session that the page's address names, if it can be shown; then it is joined. */
+/** The session in the page's address, if it can be shown; then it is joined. */
 async function othersSession(id) {
   try {
     const found = await api.session(id);
@@ -187,7 +187,7 @@ async function replayed() {
   }
 }
 
-/** Begin a session in a scene, or with "" in none. */
+/** Begins a session in a scene, or with "" in none. */
 async function enter(scene) {
   if (errands.wandering) toggleWander();
   tools.use("send");
@@ -205,14 +205,14 @@ async function welcome() {
 function onEvent(event) {
   const person = crowd.members.get(event.alias);
   if (event.kind === "goal_moved" && person?.wanders) return; // it chose the place itself
-  if (person && person === drive.driven) return; // it is walked by hand
+  if (person && person === drive.driven) return; // the user drives it
   const goals = person ? person.passed + person.ahead.length : 0;
-  if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // on and on
+  if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // this happens all the time
   const text = eventText(event, person?.agent.name || "somebody", goals);
   if (text) mention(text, event.kind);
 }
 
-/** The server no longer knows the session: another begins, with what was in this one if it was the page's own. */
+/** Begins another session after the server has forgotten this one, with its contents if it was the page's own. */
 function onEnded(reason) {
   lost = session.current.own ? remember(crowd, book, stage, selection.people) : null;
   tell((lost && restoreText(lost)) || `The session has ended (${reason}). A new one begins.`, true);
@@ -240,7 +240,7 @@ function showSelection() {
   listPeople(crowd.people, selection);
 }
 
-/** Somebody who was waited for has come. */
+/** An expected person has come. */
 function met(person) {
   selection.choose([person]);
   camera.follow(true);
@@ -254,7 +254,7 @@ function setSendMode(mode) {
   document.querySelector(`input[name=send][value=${mode}]`).checked = true;
 }
 
-// ---- what the user asks for; every refusal is shown
+// ---- the user's commands; every refusal is shown
 
 const add = attempt((count) => arrivals.create(count));
 
@@ -276,12 +276,12 @@ const populate = attempt(async () => {
 const wander = attempt(() => errands.wander());
 const endWandering = attempt(() => errands.endWandering());
 
-/** Walk the selected person by hand, or no longer. */
+/** Starts or stops driving the selected person. */
 function toggleDrive() {
   if (!drive.on) {
     const person = selection.person ?? crowd.nearestTo(stage.controls.target);
     if (!person) return tell(arrivals.nobody, true);
-    selection.choose([person]); // one is driven
+    selection.choose([person]); // only one is driven
   }
   drive.turn(!drive.on);
   byId("drive").setAttribute("aria-pressed", String(drive.on));
@@ -368,7 +368,7 @@ watchKeys(view, {
   },
 });
 
-/** One thing at a time: the tool, the camera, the selection. */
+/** Ends one thing at a time: the tool, the camera, the selection. */
 function escape() {
   if (drive.on) toggleDrive();
   else if (tools.name !== "send") tools.use("send");
@@ -389,7 +389,7 @@ if (!page.has("embed")) view.focus(); // another page's focus is its own
 
 let last = clock();
 
-/** Everything as it is now, once per picture. */
+/** Shows the present state, once per picture. */
 function show() {
   const now = clock();
   const { player } = session;
@@ -417,7 +417,7 @@ function show() {
 }
 
 setInterval(() => {
-  // no answer shows as "–"; whether the connection is lost is the stream's to say
+  // without an answer it shows "–"; the stream reports whether the connection is lost
   if (!document.hidden) api.stats().then((stats) => readout.stats(stats) ?? session.hurry(), () => readout.stats(null));
 }, STATS_SECONDS * 1000);
 setInterval(wander, WANDER_SECONDS * 1000);

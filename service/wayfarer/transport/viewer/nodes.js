@@ -1,9 +1,9 @@
 // The nodes of the cluster that this page came from.
 
-const SECONDS = 3; // between two looks: a node is known before its neighbour has died, too
+const SECONDS = 3; // between two requests, so that a node is known even before its neighbour dies
 
 /**
- * Keep `homes.others` up to date from now on: when the page's node ends, they have its sessions.
+ * Keeps `homes.others` up to date from now on: when the page's node ends, they have its sessions.
  * @param {import("../../../../clients/web/src/core/homes.js").Homes} homes
  */
 export async function watchNodes(homes, look = nodesOf, pause = sleep) {
@@ -13,15 +13,15 @@ export async function watchNodes(homes, look = nodesOf, pause = sleep) {
       if (!nodes.length) return; // no cluster
       homes.others = nodes.filter((node) => node !== homes.entry);
     } catch {
-      // no answer: the next call that gets none asks another node, and so does this
+      // no answer: the next call that gets none asks another node, and so will this
     }
     await pause(SECONDS);
   }
 }
 
 /**
- * Addresses of the nodes that the one at `entry` knows, itself among them, the latest first: those that were come last.
- * They stand in the policy of any node's page; there are none where the server is no cluster.
+ * Addresses of the nodes that the node at `entry` knows, including itself, the latest first. They are in the policy of any node's
+ * page; there are none if the server is no cluster.
  * @param {string} entry @param {typeof fetch} [ask] @returns {Promise<string[]>}
  */
 export async function nodesOf(entry, ask = fetch) {
@@ -33,7 +33,7 @@ export async function nodesOf(entry, ask = fetch) {
 }
 
 /**
- * Say where to go on when the page's policy forbids a call: the page was opened before that machine was there.
+ * Tells the user where to continue when the page's policy forbids a call: the page was opened before that machine had joined.
  * @param {(text: string) => void} tell @param {() => string | null} session its id @param {EventTarget} [page]
  */
 export function watchPolicy(tell, session, page = document) {

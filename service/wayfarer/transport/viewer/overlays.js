@@ -2,8 +2,8 @@
 
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, RingGeometry } from "./vendor/three.min.js";
 
-const PRINTS = 240; // kept, of all people
-const PEOPLE = 40; // whose skeletons are drawn at most
+const PRINTS = 240; // maximum kept, of all people
+const PEOPLE = 40; // maximum number of people whose skeletons are drawn
 const FEET = [["left_ankle", "left_foot"], ["right_ankle", "right_foot"]];
 const LIFT = 0.018; // metres over the ground
 const COLOURS = ["#0b7285", "#b0522a"]; // left, right
@@ -37,7 +37,7 @@ export class Overlays {
     }
   }
 
-  /** Once per picture, after the poses; `contactsOf(person)`: 1 left foot, 2 right foot. */
+  /** Called once per picture, after the poses. `contactsOf(person)` returns 1 for the left foot, 2 for the right foot. */
   update(people, contactsOf) {
     if (this.marks.skeleton) this.#bones(people.filter(({ shown, group, body }) => shown && group.visible && body.rig).slice(0, PEOPLE));
     if (this.marks.feet) for (const person of people) this.#feet(person, contactsOf(person));
@@ -58,7 +58,7 @@ export class Overlays {
     this.skeleton.geometry.setAttribute("position", new BufferAttribute(Float32Array.from(points), 3));
   }
 
-  /** A print where a foot comes to stand. */
+  /** Adds a print where a foot is set down. */
   #feet(person, contacts) {
     const { alias } = person.agent;
     const before = this.stood.get(alias) ?? contacts;

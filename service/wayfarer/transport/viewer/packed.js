@@ -1,4 +1,4 @@
-// GLB files of the user's, packed or not. A decoder is loaded when a file needs it, from this page's own server.
+// The user's GLB files, packed or not. A decoder is loaded when a file needs it, from this page's own server.
 
 import { BufferAttribute, BufferGeometry, GLTFLoader, Group } from "./vendor/three.min.js";
 import { readGlb } from "./glb.js";
@@ -10,7 +10,7 @@ const KINDS = { // of three.js's arrays in Draco
   Uint8Array: "DT_UINT8", Uint16Array: "DT_UINT16", Uint32Array: "DT_UINT32",
 };
 
-/** What GLTFLoader makes of a GLB's bytes. Rejects with why it cannot be read. */
+/** Parses a GLB's bytes with GLTFLoader. Rejects with the reason why it cannot be read. */
 export async function loadGlb(bytes) {
   const json = readGlb(bytes) ?? {};
   const wanted = new Set([...(json.extensionsRequired ?? []), ...(json.extensionsUsed ?? [])]);
@@ -32,7 +32,7 @@ async function everything(parser) {
   return new Group().add(...(await Promise.all(tops.map((number) => parser.getDependency("node", number)))));
 }
 
-/** What GLTFLoader asks of three.js's DRACOLoader, whose worker is made of a blob: this page's policy forbids that. */
+/** The part of three.js's DRACOLoader that GLTFLoader uses. Its worker is made of a blob, which this page's policy forbids. */
 async function dracoLoader() {
   const draco = await (await import("./vendor/draco.min.js")).dracoDecoder();
   return {

@@ -1,4 +1,4 @@
-// The scene panel: choose a scene, make one of a file, see what it is.
+// The scene panel: chooses a scene, makes one from a file, describes it.
 
 import { byId, tell } from "./hud.js";
 import { Level } from "./level.js";
@@ -8,8 +8,8 @@ const POLL_SECONDS = 1.5;
 
 export class ScenePanel {
   /**
-   * `enter(sceneId)` begins a session there; `chosen()` is called when the user has chosen a scene, and it is open; `changed()` is called when its ground or obstacles have
-   * changed; `attempt(action)` wraps what may be refused.
+   * `enter(sceneId)` begins a session in a scene. `chosen()` is called when the user's choice of a scene is open, `changed()` when the
+   * scene's ground or obstacles have changed. `attempt(action)` wraps actions that may be refused.
    */
   constructor(api, stage, { enter, chosen, changed, attempt }) {
     Object.assign(this, { api, stage, enter, changed });
@@ -18,7 +18,7 @@ export class ScenePanel {
       changed: (outlines) => this.#show(outlines),
       moved: (obstacles) => this.level.showObstacles(obstacles),
       gone: () => {}, // the session is gone, too, and the page says so
-      failed: (error) => error.status && tell(error.message), // without an answer, the connection is lost: that is shown
+      failed: (error) => error.status && tell(error.message), // without an answer the connection is lost, which is shown
     });
     this.choices = [];
     this.value = null; // of the choice that was entered
@@ -26,7 +26,7 @@ export class ScenePanel {
     this.begun = false; // whether the page has been welcomed
     this.fresh = false; // the next outlines are the first of this scene
     stage.add(this.level.group);
-    this.settled = Promise.resolve(); // until then a scene is being opened
+    this.settled = Promise.resolve(); // resolves when no scene is being opened
     this.choose = attempt((value) => this.#while(this.#choose(value)).then(chosen));
     this.take = attempt((file) => this.#while(this.#take(file))); // a level
     byId("scene").onchange = ({ target }) => this.choose(target.value);
@@ -39,7 +39,7 @@ export class ScenePanel {
     return this.choices.some(({ value, example }) => example && value === this.value);
   }
 
-  /** At the start, after `list`: begin in the scene of this name or id, or in none. */
+  /** At the start, after `list`: begins in the scene of this name or id, or in none. */
   async begin(wanted) {
     if (this.begun) await this.list();
     let known = this.choices.some(({ value }) => value === wanted);
@@ -51,7 +51,7 @@ export class ScenePanel {
     await this.#while(this.#choose(known ? wanted : "", true));
   }
 
-  /** At the start, after `list`: a session in the scene of this id, made of an example perhaps, or in none, is there already. */
+  /** At the start, after `list`: attends an existing session in the scene of this id, perhaps made from an example, or in none. */
   async attend(id, example = "") {
     this.value = this.choices.find(({ scene }) => scene === id)?.value ?? example;
     byId("scene").value = this.value;
@@ -63,7 +63,7 @@ export class ScenePanel {
     return opening;
   }
 
-  /** Get what there is to choose. */
+  /** Lists the choices. */
   async list(chosen = "") {
     const [examples, scenes] = await Promise.all([this.api.exampleScenes(), this.api.scenes()]);
     this.choices = choicesOf(examples, scenes);
@@ -74,7 +74,7 @@ export class ScenePanel {
     }));
   }
 
-  /** `listed`: just now, so there is no need to look which scenes there are. */
+  /** `listed`: the list is fresh, so it is not requested again. */
   async #choose(value, listed = false) {
     const previous = this.book.id;
     const choice = this.choices.find((known) => known.value === value);
@@ -89,7 +89,7 @@ export class ScenePanel {
     }
   }
 
-  /** The id of a scene that is there; an example that is not yet is made. */
+  /** The id of an existing scene; an example is made if it does not exist yet. */
   async #present(choice, listed) {
     if (choice.example && !(listed && choice.scene)) {
       const there = (await this.api.scenes()).find(({ name }) => name === choice.example);
@@ -107,7 +107,7 @@ export class ScenePanel {
     this.value = id;
   }
 
-  /** A scene of a file's bytes; its id, which can be chosen now. */
+  /** Makes a scene from a file's bytes; returns its id, which can be chosen now. */
   async #make({ bytes, format, name }) {
     const { scene_id: id } = await this.api.createMeshScene(bytes, format, name);
     this.file = { id, bytes, format, name };
@@ -128,7 +128,7 @@ export class ScenePanel {
     byId("populate").disabled = !id;
   }
 
-  /** Draw a file over its ground; a file that this page cannot draw is walked in all the same. */
+  /** Draws a file over its ground; people walk in a file that this page cannot draw, too. */
   async #draw({ bytes, name }) {
     try {
       await this.level.showModel(bytes);
@@ -151,7 +151,7 @@ export class ScenePanel {
           ...notes.map((note) => Object.assign(document.createElement("span"), { className: "note", textContent: note })),
         );
       },
-      () => {}, // the next poll tells
+      () => {}, // the next poll reports it
     );
   }
 }

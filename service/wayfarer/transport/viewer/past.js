@@ -1,25 +1,25 @@
 // The last seconds of people as they were shown, small enough for an address. No DOM.
 //
 // A frame is a row of numbers: the hips' place, their turn about the vertical and their tilt, each other bone's rotation as
-// axis times angle. Over some seconds each number is a sum of cosines (DCT-II), rounded: what trembles quickly costs nothing.
-// The last frame is corrected, so that it is true to a millimetre; before it, joints are off by some millimetres.
+// axis times angle. Over some seconds each number is a rounded sum of cosines (DCT-II), which drops fast trembling.
+// The last frame is corrected to a millimetre; before it, joints are off by some millimetres.
 
 import { pack, unpack } from "./script.js";
 
 export const FPS = 30;
-const BLOCK = 90; // frames that are a sum of cosines, at most
+const BLOCK = 90; // maximum frames of one sum of cosines
 const VERSION = 1;
 const ROUGH = { place: 5e-3, turn: 6e-3 }; // metres and radians to which cosines are rounded
 const FINE = { place: 2e-4, turn: 2e-4 }; // the last frame
-const CORRECTED = 12; // frames over which the correction comes
-const EACH = 900; // characters that a second of one person takes, at first
+const CORRECTED = 12; // frames over which the correction fades in
+const EACH = 900; // first guess of the characters for one second of one person
 const SAME = 1e-6; // seconds: moments that differ by rounding
-const LEAST = 0.5; // seconds: less is not worth it
+const LEAST = 0.5; // minimum seconds worth sending
 const BROKEN = "The link's motion is not whole, or of another version of this page";
 
 /**
- * As much as fits into `room` characters of how people { agent, played } came to `moment`: { text, seconds }; { text: "", seconds: 0 }
- * where that is next to nothing. `history.sample(alias, moment, out)`, `.contacts(alias, moment)`, `.first`.
+ * The last seconds of people { agent, played } before `moment`, as many as fit into `room` characters: { text, seconds }, or { text:
+ * "", seconds: 0 } if that is almost nothing. `history` has `sample(alias, moment, out)`, `contacts(alias, moment)` and `first`.
  */
 export async function pastOf(people, history, moment, room) {
   // history begins a frame before the first that it keeps
@@ -45,7 +45,7 @@ function motionOf({ agent, played }, history, moment, count) {
   return { frames, contacts };
 }
 
-/** Text of the last frames of people; `count`: the number of frames of people present all the time. */
+/** Text of the last frames of people; `count`: number of frames of people who were present all the time. */
 export async function encodePast(count, people) {
   const bones = ((people.find(({ frames }) => frames.length)?.frames[0].length ?? 7) - 3) / 4;
   const bytes = new Writer();
@@ -73,7 +73,7 @@ export async function encodePast(count, people) {
   return pack(bytes.all());
 }
 
-/** The contents of a text: { count, people: [{ frames, contacts }] }. Throws in words when it holds nothing. */
+/** The contents of a text: { count, people: [{ frames, contacts }] }. Throws a readable error if it holds nothing. */
 export async function decodePast(text) {
   try {
     return decoded(new Reader(await unpack(text)));
@@ -119,7 +119,7 @@ function blocksOf(length) {
   return Array.from({ length: count }, (_, k) => [Math.floor((k * length) / count), Math.floor(((k + 1) * length) / count)]);
 }
 
-/** Alike numbers stand together: so they pack well. */
+/** Visits similar numbers one after the other, since they compress well. */
 function eachNumber(blocks, act) {
   for (let k = 0; k < BLOCK; k += 1) {
     for (let channel = 0; channel < (blocks[0]?.length ?? 0); channel += 1) {
@@ -128,7 +128,7 @@ function eachNumber(blocks, act) {
   }
 }
 
-/** The numbers of some frames over time: the hips' place, turn, tilt; then three for each other bone. */
+/** Numbers of frames over time: first the hips' place, turn and tilt, then three for each other bone. */
 function channelsOf(frames, bones) {
   const channels = Array.from({ length: 3 + 3 * bones }, () => new Float64Array(frames.length));
   let turn = 0;
@@ -199,7 +199,7 @@ function valuesOf(block) {
   });
 }
 
-/** Move the last value by `off`, and those before it less and less. */
+/** Moves the last value by `off`, and the values before it gradually less. */
 function correct(values, off) {
   const from = Math.max(0, values.length - CORRECTED);
   for (let t = from; t < values.length; t += 1) values[t] += (off * (t + 1 - from)) / (values.length - from);

@@ -1,4 +1,4 @@
-// People on the stage: a body, its marks on the ground, its trail and name.
+// People on the stage: the body, its marks on the ground, its trail and name.
 
 import {
   BufferAttribute, BufferGeometry, CanvasTexture, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial,
@@ -7,7 +7,7 @@ import {
 import { BASES, headingOf } from "./client/index.js";
 
 const ACCENT = "#0b7285";
-const BESIDE = [0.02, 0.3, 0.75]; // colour of somebody who is there to be compared with another
+const BESIDE = [0.02, 0.3, 0.75]; // colour of the second person of a comparison
 const RING_LIFT = 0.014; // metres over the ground
 const WAY_LIFT = 0.025;
 
@@ -28,7 +28,7 @@ export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, wi
 
 /** The view of one agent of the session's player. */
 export class Person {
-  /** `bodies`, `trails`: all people's; `heightAt(x, z, y)`: of the ground there. */
+  /** `bodies` and `trails` are shared by all people. `heightAt(x, z, y)` returns the ground's height. */
   constructor(played, { bodies, trails, heightAt }) {
     const { agent } = played;
     this.played = played;
@@ -41,9 +41,9 @@ export class Person {
     this.heading = 0;
     this.height = 1.75; // metres, of the name above the head; set from the mesh
     this.body = null;
-    this.colour = agent.beside ? BESIDE : null; // of all of its body; null: skin and clothes
-    this.light = null; // its body, while it has the fine one
-    this.fine = false; // whether its body is the fine one, or was asked for
+    this.colour = agent.beside ? BESIDE : null; // of the whole body; null: skin and clothes
+    this.light = null; // the light body, while it shows the fine one
+    this.fine = false; // whether its body is the fine one, or was requested
     this.shown = false; // has a body, and a pose
     this.gone = false;
     this.group = new Group();
@@ -55,10 +55,10 @@ export class Person {
     this.way = null; // the line to the next one
     this.ahead = []; // { x, z, heading? … }
     this.passed = 0; // goals of its path that are behind it
-    this.revision = 0; // of its path, as far as the server has told
-    this.wanders = false; // where to, only the server knows
+    this.revision = 0; // of its path, as last reported by the server
+    this.wanders = false; // only the server knows its goals
     this.trail = trails.begin(colourOf(agent.alias));
-    this.label = null; // made when it is first asked for
+    this.label = null; // made when it is first needed
     this.group.add(this.marker, this.path);
   }
 
@@ -69,7 +69,7 @@ export class Person {
     else this.wear(body);
   }
 
-  /** Have another body: { pose(frame), height, remove(), object: where it is none of all people's }. */
+  /** Shows another body: { pose(frame), height, remove() }, with `object` unless it belongs to `bodies`. */
   wear(body) {
     this.light?.remove();
     this.body?.remove();
@@ -79,14 +79,14 @@ export class Person {
     if (body.object) this.group.add(body.object);
   }
 
-  /** Have a fine body instead of the light one, for now. */
+  /** Shows a fine body instead of the light one. */
   refine(body) {
     this.light = this.body;
     this.light.hide();
     this.body = body;
   }
 
-  /** Have the light body again. */
+  /** Shows the light body again. */
   coarsen() {
     this.body.remove();
     this.body = this.light;
@@ -109,13 +109,13 @@ export class Person {
     this.label.position.copy(this.namePlace);
   }
 
-  /** Show nobody: at the moment shown it was not there. */
+  /** Hides it: at the moment shown it was not there. */
   hide() {
     this.body?.hide();
     this.group.visible = false;
   }
 
-  /** Show a frame: hips x, y, z, then x, y, z, w per bone, the hips' turn first; `now`: it is of now, not of before. */
+  /** Shows a frame: hips x, y, z, then x, y, z, w per bone, the hips' rotation first. `now`: it is a present frame, not a past one. */
   pose(frame, now = true) {
     this.group.visible = true;
     [this.x, , this.z] = frame;
@@ -154,7 +154,7 @@ export class Person {
   /** Goal `waypoint` of the path of a revision was reached. */
   reach(revision, waypoint) {
     const count = Math.min(waypoint + 1 - this.passed, this.ahead.length);
-    if (this.wanders || revision < this.revision || count <= 0) return; // of a path before this one
+    if (this.wanders || revision < this.revision || count <= 0) return; // of an earlier path
     this.passed += count;
     this.ahead = this.ahead.slice(count);
     discard(this.path.children.slice(0, count));
@@ -192,7 +192,7 @@ function wayLine(points, colour) {
   return new Line(geometry, new LineBasicMaterial({ color: colour }));
 }
 
-/** A ring, with an arc before it where a heading is asked for. */
+/** A ring, with an arc in front if a heading is requested. */
 function goalMark({ x, y = 0, z, heading }, colour) {
   const mark = new Group();
   mark.position.set(x, y, z);
@@ -223,7 +223,7 @@ function label(text) {
   pen.fillText(text, 128, 34, 220);
   const map = new CanvasTexture(canvas);
   map.colorSpace = SRGBColorSpace;
-  // the same size on the screen however far
+  // the same size on the screen at any distance
   const sprite = new Sprite(new SpriteMaterial({ map, depthTest: false, sizeAttenuation: false }));
   sprite.scale.set(...NAME_SIZE, 1);
   return sprite;

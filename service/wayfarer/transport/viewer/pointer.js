@@ -1,10 +1,10 @@
-// Mouse, pen and finger on the stage: presses, clicks and drags. A drag that nobody takes turns the camera.
+// Mouse, pen and finger on the stage: presses, clicks and drags. An unclaimed drag turns the camera.
 
 const CLICK_PIXELS = 5; // a pointer that moved more was a drag
 
 /**
- * `on.press(event)` says what a drag from there moves: { move(event), drop(event), cancel() }, or null for the
- * camera; `on.click(event)` is a press that moved nowhere. `controls` are the camera's.
+ * `on.press(event)` returns what a drag from there moves: { move(event), drop(event), cancel() }, or null for the camera.
+ * `on.click(event)` is a press that moved nowhere. `controls` are the camera's.
  */
 export function watchPointer(view, controls, on) {
   let pressed = null;

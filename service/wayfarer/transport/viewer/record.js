@@ -16,8 +16,8 @@ function save(blob, name) {
 }
 
 /**
- * Save the motion of people from one moment to another: as "glb" on their bodies, as "vrma" the motion of one. `mesh(agent,
- * detail)`: [URL of the body, headers]; `boneNames`: whose rotations the frames hold. Throws when nobody was there, or there is no body.
+ * Saves the motion of people in a span of time: as "glb" on their bodies, as "vrma" the motion of one. `mesh(agent, detail)` returns
+ * [URL of the body, headers]. `boneNames` names the bones of the frames. Throws if nobody was there, or there is no body.
  */
 export async function saveMotion(kind, people, history, from, to, mesh, boneNames) {
   const moved = people.map(({ agent, played }) => ({ agent, name: agent.name || "person", ...motionOf(agent, played, history, from, to) }));
@@ -32,7 +32,7 @@ export async function saveMotion(kind, people, history, from, to, mesh, boneName
   save(new Blob([file], { type: "model/gltf-binary" }), `${title.replace(/[^\w-]+/g, "_")}.${kind}`);
 }
 
-/** Somebody's moments and frames, as far as they are known. */
+/** A person's moments and frames, as far as they are known. */
 function motionOf(agent, played, history, from, to) {
   const width = played.frame.length;
   const frame = new Float32Array(width);
@@ -51,7 +51,7 @@ async function bodyOf([url, headers]) {
   return answer.arrayBuffer();
 }
 
-/** Films the stage. `filmed(seconds)` is called each second that there is something of. */
+/** Films the stage. `filmed(seconds)` is called for each second of the film. */
 export class Film {
   constructor(canvas, filmed) {
     Object.assign(this, { canvas, filmed });
@@ -77,7 +77,7 @@ export class Film {
     this.recorder = recorder;
   }
 
-  /** End, and save what has been filmed. Rejects when there is nothing of it. */
+  /** Ends the film and saves it. Rejects if it is empty. */
   async end() {
     const { recorder, pieces } = this;
     this.recorder = null;

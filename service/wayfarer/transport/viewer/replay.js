@@ -1,6 +1,6 @@
-// The contents of a link: first the last seconds as somebody saw them, then a script, played in separate lock-step sessions:
-// no other people, no clock but the steps, so it is alike each time. Played twice, the second time otherwise, the two are
-// seen over each other.
+// The contents of a link: first the last seconds as another user saw them, then a script, played in separate lock-step sessions:
+// without other people, and with no clock but the steps, so that it is the same each time. If it is played twice, the second time
+// with a difference, the two are shown over each other.
 
 import { ENCODING, PlayedAgent, frameBytes, onFloor, unpackPoses } from "./client/index.js";
 import { FPS as PAST_FPS } from "./past.js";
@@ -8,7 +8,7 @@ import { prismOf } from "./scenes.js";
 
 const LEASE = 60; // seconds
 const STEP_SECONDS = 0.2;
-const STEPS = 5; // asked for at a time
+const STEPS = 5; // requested at a time
 const FPS = 40;
 const TOGETHER = 64; // people made in one call
 const AHEAD = 5; // seconds of motion that are made before they are shown: a track keeps 10
@@ -16,10 +16,10 @@ const WAIT = 200; // ms
 const FLOOR = { area: { center: { x: 0, y: 0, z: 0 }, radius: 9 } }; // where people roam without a scene
 const BONES = 22;
 const CODING = ENCODING.F32_LE;
-const OTHERS = 4096; // added to aliases of the second time
-const SEAM = 0.4; // seconds in which people go over from what was seen to the stand that they begin with
+const OTHERS = 4096; // added to the aliases of the second play
+const SEAM = 0.4; // seconds in which people blend from the past to the pose in which the script begins
 const MODEL = "model:";
-const OTHERWISE = { // by name, as in an address: what is said of people, and how they are made
+const OTHERWISE = { // by name, as in an address: texts about the people, and how they are made
   seeds: { title: "other seed", plain: "their seeds", made: (spec) => ({ ...spec, seed: (spec.seed + 1) % 2 ** 32 }) },
   poses: { title: "without foot lock", plain: "with foot lock", made: (spec) => ({ ...spec, foot_lock: false }) },
 };
@@ -29,17 +29,17 @@ function comparison(name) {
   if (Object.hasOwn(OTHERWISE, name)) return OTHERWISE[name];
   if (!name.startsWith(MODEL) || name === MODEL) return null;
   const model = name.slice(MODEL.length);
-  return { title: `model ${model}`, plain: null, made: (spec) => ({ ...spec, model }) }; // plain: the one in use
+  return { title: `model ${model}`, plain: null, made: (spec) => ({ ...spec, model }) }; // plain: the default model
 }
 
 export class Replay {
   /**
-   * `on`: as of a session's player; `beside`: what else is played over it, see `comparison`; `past`: what was seen before
-   * (`decodePast`); `at`: seconds where it begins; without it, the first that was seen, or where a comparison begins.
+   * `on`: as for a session's player. `beside`: the second play, see `comparison`. `past`: the seconds before (`decodePast`). `at`:
+   * seconds where it begins, by default with the past, or where a comparison begins.
    */
   constructor(api, script, on, { beside = "", past = null, at = null } = {}) {
     const otherwise = comparison(beside);
-    this.begins = past ? (past.count - 1) / PAST_FPS + SEAM : 0; // what is made here
+    this.begins = past ? (past.count - 1) / PAST_FPS + SEAM : 0; // seconds where the script begins
     this.ends = this.begins + script.seconds;
     Object.assign(this, { script, on, past });
     this.at = Math.min(at ?? (otherwise ? this.begins : 0), this.ends - STEP_SECONDS);
@@ -48,7 +48,7 @@ export class Replay {
     this.scene = "";
     this.player = new ReplayPlayer(on, this.at, this.begins);
     this.takes = [null, ...(otherwise ? [otherwise] : [])].map((other, k) => ({ otherwise: other, first: k * OTHERS, id: null, people: [] }));
-    this.legend = null; // texts: what is said of people, and of those over them
+    this.legend = null; // texts about the people, and about those over them
     this.given = 0; // frames of the past that have been given to the player
     this.closed = false;
   }
@@ -57,7 +57,7 @@ export class Replay {
     return this.takes[0].id;
   }
 
-  /** Make scenes, sessions and people, and begin. Resolves when the first motion is there. */
+  /** Makes scenes, sessions and people, and begins. Resolves when the first motion has come. */
   async open() {
     const { calls } = this;
     const { bones } = await calls("GET", "/v1/skeleton");
@@ -81,7 +81,7 @@ export class Replay {
     this.#steps();
   }
 
-  /** A scene for one time, as people of one scene go around each other; its id, or "". */
+  /** A scene for each play, since people in one scene avoid each other; its id, or "". */
   async #place() {
     const { calls, script } = this;
     if (!script.scene) return "";
@@ -103,7 +103,7 @@ export class Replay {
       const some = specs.slice(agents.length, agents.length + TOGETHER);
       agents.push(...(await calls("POST", `/v1/sessions/${id}/agents`, { agents: some })).agents);
     }
-    // one after the other: their order is part of what is replayed
+    // one after the other: their order is part of the replay
     for (const [k, { goals }] of people.entries()) {
       const path = `/v1/agents/${agents[k].agent_id}`;
       if (goals === "roam") await calls("PUT", `${path}/wander`, this.script.scene ? {} : FLOOR);
@@ -134,7 +134,7 @@ export class Replay {
     this.player.made = Math.max(this.player.made, this.begins) + made[0].batches.length * STEP_SECONDS;
   }
 
-  /** Give the player some more frames of what was seen. */
+  /** Gives the player some more frames of the past. */
   #remember(frames) {
     const { people, count } = this.past;
     const to = Math.min(count, this.given + frames);
@@ -153,14 +153,14 @@ export class Replay {
   }
 }
 
-/** The player of a replay: as MotionPlayer, of steps instead of a stream. Times are seconds from its beginning. */
+/** The player of a replay: like MotionPlayer, with steps instead of a stream. Times are seconds from its beginning. */
 class ReplayPlayer {
-  /** `at`: seconds where it is shown from; `begins`: where the first chunk is. */
+  /** `at` is the second that it shows first, `begins` the second of the first chunk. */
   constructor(on, at, begins) {
     Object.assign(this, { on, at, begins });
     this.agents = new Map();
     this.moment = NaN;
-    this.made = 0; // seconds that there is motion of
+    this.made = 0; // seconds of motion that exist
     this.start = null;
     this.header = null;
     this.underruns = 0;
@@ -195,7 +195,7 @@ class ReplayPlayer {
     });
   }
 
-  /** Show everybody as at local `now`; it waits where there is no motion yet, and stands at the end. */
+  /** Shows all people at local time `now`; it waits if there is no motion yet, and stops at the end. */
   advance(now) {
     this.moment = this.#at(now);
     for (const played of this.agents.values()) played.shown = this.moment >= played.since && played.track.sample(this.moment, played.frame);

@@ -1,8 +1,8 @@
 // The page's record of a session that the server has forgotten, and its return.
 
-const TOGETHER = 64; // people asked for in one call
+const TOGETHER = 64; // people created in one call
 
-/** People, their goals, the crates and the camera, as they are shown, and the selected people. */
+/** Describes the people, their goals, the crates, the camera and the selected people. */
 export function remember(crowd, book, { camera, controls }, chosen) {
   return {
     view: { eye: camera.position.toArray(), target: controls.target.toArray() },
@@ -23,7 +23,7 @@ export function remember(crowd, book, { camera, controls }, chosen) {
   };
 }
 
-/** A sentence of what comes back. */
+/** A sentence about what is restored. */
 export function restoreText({ people, crates }) {
   const count = (number, one, many) => (number ? [`${number} ${number === 1 ? one : many}`] : []);
   const what = [...count(people.length, "person", "people"), ...count(crates.size, "crate", "crates")];

@@ -1,13 +1,13 @@
-// A body's bones as numbers: a pose to the matrices that move its skin. No DOM, no three.js.
+// A body's bones as numbers: from a pose to the matrices that move its skin. No DOM, no three.js.
 
 import { inverse, product } from "./client/core/skins.js";
 
 const UPRIGHT = new Float32Array([0, 0, 0, 1]);
 
 /**
- * The joints that a stream turns, and those above them, as `Rig` takes them. Any other moves with one of them, as a finger
- * does with the hand: `carriers` has the number among them for each joint of the body, and `settled` the matrix that takes the
- * skin of a joint from the bind pose to rest beside its carrier's; null where it is the carrier itself.
+ * The joints that a stream rotates, and their ancestors, as `Rig` takes them. Every other joint moves with one of them, as a finger
+ * does with the hand: `carriers` has the index of that one for each joint of the body, and `settled` the matrix that takes the
+ * joint's skin from the bind pose to rest beside its carrier; null if it is the carrier itself.
  */
 export function posedJoints(joints, boneNames) {
   const kept = new Set();
@@ -30,7 +30,7 @@ export function posedJoints(joints, boneNames) {
   return { posed, carriers, settled };
 }
 
-/** Put skin { position, normal, skinIndex, skinWeight } to rest, as `posedJoints` says, and bind it to the carriers. */
+/** Puts skin { position, normal, skinIndex, skinWeight } to rest, as `posedJoints` describes, and binds it to the carriers. */
 export function settle({ position, normal, skinIndex, skinWeight }, { carriers, settled }) {
   for (let vertex = 0; vertex < position.length / 3; vertex += 1) {
     const own = [0, 1, 2, 3].map((k) => 4 * vertex + k);
@@ -53,9 +53,9 @@ export function settle({ position, normal, skinIndex, skinWeight }, { carriers, 
 /** The joints of one body. */
 export class Rig {
   /**
-   * `joints`: { name, parent (index, -1 for the root), offset [x, y, z] to the parent at rest, inverse
-   * (inverse bind matrix, 16 numbers by columns) }, parents before children. `boneNames`: whose
-   * rotations a frame holds, in its order. Throws when the body has not all of them.
+   * `joints`: { name, parent (index, -1 for the root), offset [x, y, z] to the parent at rest, inverse (inverse bind matrix, 16
+   * numbers by columns) }, parents before children. `boneNames`: the bones of a frame's rotations, in order. Throws if the body lacks
+   * one of them.
    */
   constructor(joints, boneNames) {
     const index = new Map(joints.map(({ name }, joint) => [name, joint]));
@@ -66,7 +66,7 @@ export class Rig {
     this.parents = Int16Array.from(joints, ({ parent }) => parent);
     this.offsets = Float32Array.from(joints.flatMap(({ offset }) => offset));
     this.inverses = Float32Array.from(joints.flatMap(({ inverse }) => [...inverse]));
-    this.source = new Int16Array(this.count).fill(-1); // which rotation of a frame; -1: at rest
+    this.source = new Int16Array(this.count).fill(-1); // index of a frame's rotation; -1: at rest
     boneNames.forEach((name, bone) => {
       this.source[index.get(name)] = bone;
     });
@@ -74,7 +74,7 @@ export class Rig {
     this.places = new Float32Array(3 * this.count);
   }
 
-  /** Matrices of a frame (hips x, y, z, then x, y, z, w per bone) into `out`, 16 numbers a joint. */
+  /** Writes the matrices of a frame (hips x, y, z, then x, y, z, w per bone) into `out`, 16 numbers per joint. */
   matrices(frame, out, at = 0) {
     for (let joint = 0; joint < this.count; joint += 1) {
       this.#place(joint, frame);
@@ -82,7 +82,7 @@ export class Rig {
     }
   }
 
-  /** Where a joint is in the frame that was shown last, or null if there is none of this name. */
+  /** Where a joint is in the last frame, or null if there is none of this name. */
   placeOf(name) {
     const joint = this.index.get(name);
     return joint === undefined ? null : this.places.subarray(3 * joint, 3 * joint + 3);

@@ -1,10 +1,10 @@
-// The buttons that make something to keep: a file of motion, a film, a link.
+// The buttons that save something: a file of motion, a film, a link.
 
 import { byId } from "./hud.js";
 import { Film, saveMotion } from "./record.js";
 import { momentLink, shareLink, showLink } from "./share.js";
 
-/** `people()`: the selected people; `mesh(agent, detail)`: [URL of its body, headers]. */
+/** `people()` returns the selected people, `mesh(agent, detail)` [URL of the body, headers]. */
 export function saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, people }) {
   const say = (text, runs = true) => {
     byId("film").textContent = text;

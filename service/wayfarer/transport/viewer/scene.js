@@ -13,20 +13,20 @@ const TIMES = { // of day: as the page is light or dark
 };
 const SKY_RADIUS = 450; // metres
 const FLOOR_SIZE = 1000; // metres
-const HOME = [5.5, 3.6, 8.5]; // of the camera, where there is no scene
-const OPENING = { wide: 42, tall: 58 }; // degrees of the camera, upright: more where the picture is narrow
+const HOME = [5.5, 3.6, 8.5]; // of the camera without a scene
+const OPENING = { wide: 42, tall: 58 }; // vertical opening of the camera in degrees: greater if the picture is narrow
 const SUN = new Vector3(5, 11, 6);
 const LOOKS = [
   { pixels: 2, shadows: true, sharpness: 16 },
   { pixels: 1, shadows: true, sharpness: 16 },
   { pixels: 0.6, shadows: false, sharpness: 1 },
 ]; // from the best to what a machine without a graphics card can do; `sharpness`: anisotropy of the ground, most of its cost there
-const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of what draws without a graphics card
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of renderers without a graphics card
 const SLOW_FPS = 20;
 const PATIENCE = 4; // slow readings in a row before the look is made lighter
 const SHADED = [14, 48]; // metres around the point looked at that have shadows: from near, from afar
-const FAR = [45, 160]; // metres: where fog begins and ends, seen from near; farther off, farther
-const LEANING = 0.72; // of a view of all: how steep, 0 level, 1 straight down
+const FAR = [45, 160]; // metres: where fog begins and ends when the camera is near; farther if it is far
+const LEANING = 0.72; // steepness of a view of the whole scene: 0 level, 1 straight down
 
 /** Light of lamps and windows by the time of day. */
 export const LAMPLIGHT = new Color();
@@ -59,9 +59,8 @@ export class Stage {
   }
 
   /**
-   * Draw from now on, `frame()` before each picture. It takes a while: what can be asked of the server meanwhile
-   * should be on its way. `look`: number of the look to begin with and keep, the nearest that there is; without it, what the machine can do.
-   * Throws NoPicture.
+   * Begins to draw, with `frame()` before each picture. It takes long, so requests to the server should be sent before. `look`: number
+   * of the look to begin with and keep, or the nearest that exists; by default, the best for the machine. Throws NoPicture.
    */
   begin(frame, look = null) {
     if (this.renderer) return;
@@ -84,14 +83,14 @@ export class Stage {
       .then(() => this.renderer.setAnimationLoop(frame));
   }
 
-  /** Makes the shaders, in the background where the browser can. */
+  /** Makes the shaders, in the background if the browser can. */
   async #compile() {
     const { renderer, scene, camera } = this;
     if (renderer.extensions.has("KHR_parallel_shader_compile")) await renderer.compileAsync(scene, camera);
     else renderer.compile(scene, camera);
   }
 
-  /** Have the look of a number. */
+  /** Takes the look of a number. */
   #take(look) {
     this.look = look;
     const { shadows, sharpness } = LOOKS[look];
@@ -120,7 +119,7 @@ export class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Make the look lighter on a machine that is too slow for it. */
+  /** Makes the look lighter on a machine that is too slow for it. */
   keepUp(fps) {
     this.slow = fps < SLOW_FPS ? this.slow + 1 : 0;
     if (this.slow < PATIENCE || this.look === LOOKS.length - 1 || this.steady) return;
@@ -137,7 +136,7 @@ export class Stage {
     this.camera.position.add(move);
   }
 
-  /** Look at a place { x, z, size } as a whole; without one, at the middle of the floor. */
+  /** Looks at a whole place { x, z, size }; without one, at the middle of the floor. */
   overlook(place) {
     const target = new Vector3(place?.x ?? 0, 0.9, place?.z ?? 0);
     const eye = new Vector3(...HOME);
@@ -148,7 +147,7 @@ export class Stage {
     this.#move(eye, target, 1);
   }
 
-  /** Look at a level from so near that people are people. Returns how many should walk there, and where: { count, area: { x, z, radius } }. */
+  /** Looks at a level from so near that people are recognised. Returns how many should walk there, and where: { count, area }. */
   approach(level) {
     const tall = this.canvas.clientWidth < this.canvas.clientHeight; // the camera's aspect comes with the first picture
     const { eye, target, area, count } = vantageOf(level, level.extent, tall);
@@ -183,7 +182,7 @@ export class Stage {
     this.controls.target.lerp(target, share);
   }
 
-  /** Shadows where it is looked at, fog behind; in whole metres, so that texels do not swim. */
+  /** Sets the shadows around the target and the fog behind it, in whole metres, so that texels do not swim. */
   #cover() {
     const { target } = this.controls;
     this.sky.position.copy(this.camera.position);
@@ -203,7 +202,7 @@ export class Stage {
     this.sun.position.copy(SUN).multiplyScalar(1 + reach / 6).add(this.sun.target.position);
   }
 
-  /** Where a point { x, y, z } is seen, as pointer events have it; null behind the camera. */
+  /** Where a point { x, y, z } appears, as pointer events have it; null behind the camera. */
   seenAt({ x, y, z }) {
     const at = new Vector3(x, y, z).project(this.camera);
     const box = this.canvas.getBoundingClientRect();
@@ -262,7 +261,7 @@ export class Stage {
   }
 }
 
-/** Whether this browser draws without a graphics card, as far as it tells. */
+/** Whether this browser draws without a graphics card, as far as it reveals that. */
 function drawnBySoftware() {
   const probe = document.createElement("canvas").getContext("webgl2");
   const named = probe?.getExtension("WEBGL_debug_renderer_info");

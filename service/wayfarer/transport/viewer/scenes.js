@@ -1,10 +1,10 @@
-// The scene of this page's session: which there are, what is in it, and what changes there. No DOM.
+// The scene of this page's session: the choice of scenes, its contents, and their changes. No DOM.
 
 import { Latest } from "./latest.js";
 
 const CRATE = { side: 1, height: 0.9 }; // metres
 
-/** What GET /v1/scenes/{id}/outlines answers, as points { x, y, z } and blocks. */
+/** Converts the answer of GET /v1/scenes/{id}/outlines to points { x, y, z } and blocks. */
 export function outlinesOf({ vertices, triangles, solids, obstacles, version }) {
   const block = ({ top, bottom }) => ({ top: pointsOf(top), bottom });
   return {
@@ -16,7 +16,7 @@ export function outlinesOf({ vertices, triangles, solids, obstacles, version }) 
   };
 }
 
-/** What can be chosen: [{ value, text, example?, scene? }]; an example that is there already is joined. */
+/** The choices [{ value, text, example?, scene? }]; an example that exists already is joined. */
 export function choicesOf(examples, scenes) {
   const there = new Map(scenes.map((scene) => [scene.name, scene]));
   const names = new Set(examples.map(({ name }) => name));
@@ -36,7 +36,7 @@ export function crateOn({ x, y, z }) {
   return { top: corners.map(([dx, dz]) => ({ x: x + dx, y: y + CRATE.height, z: z + dz })), bottom: y };
 }
 
-/** A block as the API takes it. */
+/** A block in the form of the API. */
 export function prismOf({ top, bottom }) {
   return { prism: { outline: top, bottom, height: top[0].y - bottom } };
 }
@@ -48,9 +48,8 @@ export function meshFormat(fileName) {
 }
 
 /**
- * The scene that is shown. `on` has: changed(outlines) when its ground or obstacles are others than
- * before; moved(obstacles) when an obstacle is on its way; gone() when the scene has been deleted;
- * failed(error).
+ * The scene that is shown. `on` has changed(outlines) for other ground or obstacles than before, moved(obstacles) while an obstacle
+ * moves, gone() for a deleted scene, and failed(error).
  */
 export class SceneBook {
   constructor(api, on) {
@@ -64,7 +63,7 @@ export class SceneBook {
     this.crates = 0;
   }
 
-  /** Show another scene, or with "" none. */
+  /** Shows another scene, or with "" none. */
   async open(id) {
     this.id = id;
     this.version = -1;
@@ -73,7 +72,7 @@ export class SceneBook {
     if (id) await this.#refresh(id);
   }
 
-  /** Look whether somebody else has changed it. */
+  /** Looks for changes by others. */
   async poll() {
     const { id } = this;
     if (!id || this.moving.size) return;
@@ -93,7 +92,7 @@ export class SceneBook {
     return name;
   }
 
-  /** Shown at once, and sent to the server as fast as it accepts it. */
+  /** Moves an obstacle: shown at once, and sent to the server as fast as it accepts it. */
   move(name, block) {
     const { id } = this;
     this.obstacles = new Map(this.obstacles).set(name, block);
@@ -112,7 +111,7 @@ export class SceneBook {
     await this.refreshing.push(id);
   }
 
-  /** The server's word on where it is now. */
+  /** Takes the server's answer as its place. */
   async #settle(id, name, mover) {
     if (this.moving.get(name) === mover) this.moving.delete(name);
     if (id === this.id) await this.refreshing.push(id);

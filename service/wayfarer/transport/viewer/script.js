@@ -1,12 +1,12 @@
-// The contents of a share link: a scene, its crates, people with their seeds and goals, and for how long. No DOM.
+// The contents of a share link: a scene, its crates, people with their seeds and goals, and the duration. No DOM.
 
 const VERSION = 1;
-const SECONDS = 30; // that a shared script is played
-const MOST = 100; // people in a link
+const SECONDS = 30; // duration of a shared script
+const MOST = 100; // maximum number of people in a link
 
 /**
- * A script of what is there now. `agents`: as the server has them (seeds); `people`: as they are shown; `scene`: the
- * name of an example scene, or "". Throws when it cannot be shared.
+ * A script of the present state. `agents` come from the server (with seeds), `people` from the stage. `scene` is the name of an
+ * example scene, or "". Throws if it cannot be shared.
  */
 export function scriptOf({ scene, crates, agents, people, camera }) {
   if (people.length > MOST) throw new Error(`A link holds ${MOST} people at most; there are ${people.length}`);
@@ -34,13 +34,13 @@ export async function encodeScript(script) {
   return pack(new TextEncoder().encode(JSON.stringify(script)));
 }
 
-/** The script that a text holds. Throws in words when it holds none. */
+/** The script in a text. Throws a readable error if it holds none. */
 export async function decodeScript(text) {
   try {
     const script = JSON.parse(new TextDecoder().decode(await unpack(text)));
     if (script.version === VERSION && Array.isArray(script.people) && script.people.length <= MOST) return script;
   } catch {
-    // said below
+    // reported below
   }
   throw new Error("The link is not whole, or of another version of this page");
 }
@@ -52,7 +52,7 @@ export async function pack(bytes) {
   return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
-/** The bytes of a text. Throws when it holds none. */
+/** The bytes of a text. Throws if it holds none. */
 export async function unpack(text) {
   const packed = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
   return through(new DecompressionStream("deflate-raw"), packed);

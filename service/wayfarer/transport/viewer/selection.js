@@ -1,14 +1,14 @@
 // The selected people (none, one, several), and kept groups. No DOM.
 
 export class Selection {
-  /** `changed()` is called when others are selected or a group is kept. */
+  /** `changed()` is called when the selection changes or a group is kept. */
   constructor(changed) {
     this.people = [];
     this.groups = []; // lists of people, the first is group 1
     this.changed = changed;
   }
 
-  /** The first selected person, where there can be only one. */
+  /** The first selected person, for uses that allow only one. */
   get person() {
     return this.people[0] ?? null;
   }
@@ -18,7 +18,7 @@ export class Selection {
     this.changed();
   }
 
-  /** Select somebody as well, or no longer. */
+  /** Selects a person in addition, or deselects it. */
   toggle(person) {
     this.choose(this.people.includes(person) ? this.people.filter((other) => other !== person) : [...this.people, person]);
   }
@@ -30,13 +30,13 @@ export class Selection {
     return this.groups.length;
   }
 
-  /** Select the group of a number, if there is one. */
+  /** Selects the group of a number, if it exists. */
   recall(number) {
     const group = this.groups[number - 1];
     if (group?.length) this.choose(group);
   }
 
-  /** Only these are there still: the others are selected no longer, and in no group. Whether the selection has changed. */
+  /** Keeps only the people who are still `present`, also in groups. Returns whether the selection has changed. */
   prune(present) {
     const there = (person) => present.has(person);
     this.groups = this.groups.map((group) => group.filter(there));

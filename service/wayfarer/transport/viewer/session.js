@@ -1,4 +1,4 @@
-// This page's session: opened, joined, left; and what is shown of its connection.
+// This page's session: opened, joined, left; it also shows the state of its connection.
 
 import { Session } from "./client/index.js";
 import { LOST, mention, showConnection, showLegend, tell } from "./hud.js";
@@ -9,8 +9,8 @@ const STATES = { connecting: "connecting", open: "connected", lost: "reconnectin
 
 export class PageSession {
   /**
-   * `query`: encoding, fps … of the stream, which then has no levels of detail; `on.event(event)`; `on.ended(reason)` when a
-   * new one is needed.
+   * `query`: encoding, fps … of the stream, which then has no levels of detail. `on.event(event)`; `on.ended(reason)` is called when
+   * a new session is needed.
    */
   constructor(api, crowd, query, clock, on) {
     Object.assign(this, { api, crowd, query, clock, on });
@@ -18,7 +18,7 @@ export class PageSession {
     this.views = [{ position: { x: 0, y: 0, z: 0 } }]; // of the camera
     this.scene = "";
     this.latest = "";
-    this.state = ""; // of the connection, when it is not being made
+    this.state = ""; // of the connection, unless it is being made
     addEventListener("pagehide", () => this.current?.own && api.abandonSession(this.current.id));
   }
 
@@ -30,17 +30,17 @@ export class PageSession {
     return this.current?.player ?? null;
   }
 
-  /** A new one in a scene, or with "" on a floor without end; the one before ends. Throws ApiError. */
+  /** Opens a new session in a scene, or with "" on an endless floor; the one before ends. Throws ApiError. */
   async open(scene = "") {
     this.#enter(await Session.open(this.api, this.#options(scene)));
   }
 
-  /** Somebody else's, to watch it and give goals in it; the one before ends. */
+  /** Joins another user's session, to watch it and set goals; the one before ends. */
   join(id, scene) {
     this.#enter(Session.join(this.api, id, this.#options(scene)));
   }
 
-  /** A script in separate lock-step sessions (`how`: see replay.js); the one before ends. Throws ApiError. */
+  /** Plays a script in separate lock-step sessions (`how`: see replay.js); the one before ends. Throws ApiError. */
   async replay(script, how) {
     const replay = new Replay(this.api, script, this.#options("").on, how);
     this.#enter(replay);
@@ -54,28 +54,28 @@ export class PageSession {
     return replay;
   }
 
-  /** See people from these viewpoints (sight.js); said to the server when they have moved. */
+  /** Shows people from these viewpoints (sight.js); they are sent to the server when they have moved. */
   look(views) {
     this.views = views;
     if (this.current?.interest) this.current.look(views);
   }
 
-  /** The server answers: if the connection was lost, it need not wait to be made again. */
+  /** Ends the wait for the next attempt to connect, since the server answers. */
   hurry() {
     if (this.latest === "lost") this.current?.stream?.reconnect();
   }
 
-  /** The page has slept (asleep.js). */
+  /** Handles that the page has slept (asleep.js). */
   wake() {
     this.current?.stream?.wake();
   }
 
-  /** Whether it is a replay: nobody can be sent. */
+  /** Whether it is a replay, in which nobody can be sent. */
   get watchOnly() {
     return this.current instanceof Replay;
   }
 
-  /** End it, or leave it if it is somebody else's. */
+  /** Ends it, or leaves it if it is another user's. */
   leave() {
     this.current?.close();
     this.current = null;
@@ -89,7 +89,7 @@ export class PageSession {
     this.scene = session.scene;
   }
 
-  /** After a restart of the server, remove the people that it no longer has. */
+  /** After a restart of the server, removes the people that it no longer has. */
   async #align() {
     const { id, player } = this;
     try {
@@ -97,7 +97,7 @@ export class PageSession {
       if (id !== this.id) return;
       for (const { agent } of [...player.agents.values()]) if (!there.has(agent.id)) player.remove(agent.alias);
     } catch (error) {
-      if (error.status !== 404) tell(error.message); // of a session that is gone, the stream tells
+      if (error.status !== 404) tell(error.message); // the stream reports a session that is gone
     }
   }
 

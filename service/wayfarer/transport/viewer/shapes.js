@@ -1,13 +1,12 @@
-// Blocks and ground as triangles to be drawn: flat arrays of numbers. No DOM, no three.js.
+// Blocks and ground as triangles for drawing: flat arrays of numbers. No DOM, no three.js.
 
 const PLAIN = { walls: true, triangles: [] };
 
 /**
- * Corners (x, y, z each) and normals of blocks { top: [{ x, y, z }], bottom }, and the lines along their
- * upright and upper edges. `starts[k]` is the first vertex of block k, and the last entry their count; `dressed[k]` is
- * the first vertex of what `dressingOf` gives it besides or instead (dressing.js), in `paints`: { colour, light, glow } of each
- * triangle.
- * `triangulate(ring)` gives triangles [[i, j, k]] of a ring of { x, z }.
+ * Corners (x, y, z each) and normals of blocks { top: [{ x, y, z }], bottom }, and the lines along their upright and upper edges.
+ * `starts[k]` is the first vertex of block k, and the last entry their count. `dressed[k]` is the first vertex that `dressingOf`
+ * (dressing.js) adds to it or draws instead. `paints` has { colour, light, glow } for each of those triangles.
+ * `triangulate(ring)` returns triangles [[i, j, k]] of a ring of { x, z }.
  */
 export function blockMesh(blocks, triangulate, dressingOf = () => PLAIN) {
   const corners = [];
@@ -32,7 +31,7 @@ export function blockMesh(blocks, triangulate, dressingOf = () => PLAIN) {
   };
 }
 
-/** A block's top and sides, and the lines of them. */
+/** A block's top and sides, and their lines. */
 function addWalls({ corners, normals, lines }, { top, bottom }, number, triangulate) {
   const raised = top.map((point) => ({ ...point, y: point.y + lift(point.y - bottom, number) }));
   const ring = signedArea(top) > 0 ? raised : raised.reverse();
@@ -57,8 +56,8 @@ function lift(height, number) {
   return height > TALL ? 0.02 * (number % 5) : 0;
 }
 
-const TALL = 2.5; // metres: nobody walks up there
-const UPRIGHTS = 12; // a ring of more corners is round: lines down its side would not be edges
+const TALL = 2.5; // metres: nobody walks on top of it
+const UPRIGHTS = 12; // a ring of more corners is round: lines along its side would not be edges
 
 /** Edges of the ground that only one triangle has: its outline. [x, y, z, x, y, z …] */
 export function outlineOf(vertices, triangles) {
@@ -81,7 +80,7 @@ export function extentOf(points) {
   return { x: (x0 + x1) / 2, z: (z0 + z1) / 2, low: y0, high: y1, size: Math.max(x1 - x0, z1 - z0) };
 }
 
-/** Twice the area; positive where the ring runs so that `outward` points out. */
+/** Twice the area; positive if the ring runs so that `outward` points out. */
 function signedArea(ring) {
   return ring.reduce((sum, a, k) => {
     const b = ring[(k + 1) % ring.length];

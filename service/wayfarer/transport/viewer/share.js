@@ -1,18 +1,18 @@
-// A link to what is shown, for somebody else.
+// A link to the present contents of the page, for other people.
 
 import { byId } from "./hud.js";
 import { pastOf } from "./past.js";
 import { encodeScript, scriptOf } from "./script.js";
 
-const LONGEST = 64_000; // characters of an address with what was seen before; without it, ten people take some 1,200
+const LONGEST = 64_000; // maximum characters of an address with the past; without it, ten people take some 1,200
 
-/** The address of a script of what is there at the moment shown, and what was seen until then: { address, past, seconds }. Throws when it cannot be shared. */
+/** The address of a script of the moment shown, with the past until then: { address, past, seconds }. Throws if it cannot be shared. */
 export async function shareLink({ api, session, place, crowd, stage, timeline, history }) {
   const choice = place.choices.find(({ value }) => value === place.value);
   if (place.value && !choice?.example) throw new Error("Only example scenes can be shared: a level of yours is not in a link");
   const { live } = timeline;
   const moment = live ? history.last : timeline.moment;
-  timeline.pause(); // while it is packed
+  timeline.pause(); // while the script is packed
   try {
     const agents = await api.agents(session.id), known = new Set(agents.map(({ agent_id: id }) => id));
     const people = crowd.people.filter(({ agent, shown }) => shown && known.has(agent.id));
@@ -23,7 +23,7 @@ export async function shareLink({ api, session, place, crowd, stage, timeline, h
       people,
       camera: { eye: stage.camera.position.toArray(), target: stage.controls.target.toArray() },
     }));
-    const url = new URL(location.pathname, api.homes.entry); // of a cluster's nodes one that answers
+    const url = new URL(location.pathname, api.homes.entry); // a node of the cluster that answers
     const { text, seconds } = await pastOf(people, history, moment, LONGEST - url.href.length - script.length - 20);
     url.hash = `replay=${script}`;
     return { address: url.href, past: text, seconds };
@@ -39,7 +39,7 @@ export function momentLink(api, moment) {
   return { address: changed(href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), past: "", seconds: null };
 }
 
-/** Offers a choice of further contents, and to copy the link or open it. `models`: names of others that are loaded. */
+/** Offers a choice of further contents, and to copy or open the link. `models`: names of other loaded models. */
 export function showLink({ address, past, seconds }, models) {
   const shown = byId("share-address"), beside = byId("share-beside"), before = byId("share-past");
   byId("share-models").replaceChildren(...models.map((name) => new Option(name, `model:${name}`)));
@@ -64,14 +64,14 @@ export function showLink({ address, past, seconds }, models) {
       await navigator.clipboard.writeText(shown.value);
       byId("share-copy").textContent = "Copied";
     } catch {
-      byId("share-copy").textContent = "Press Ctrl-C"; // it is selected; the browser does not let the page
+      byId("share-copy").textContent = "Press Ctrl-C"; // it is selected; the browser does not allow the page to copy
     }
   };
   byId("share-copy").textContent = "Copy";
   byId("share-link").showModal();
 }
 
-/** An address with a part of its hash set; "": without it. */
+/** An address with a part of its hash set; "": without that part. */
 function changed(address, name, value) {
   const url = new URL(address);
   const parts = new URLSearchParams(url.hash.slice(1));

@@ -1,4 +1,4 @@
-// Begins the page, or says why it cannot.
+// Begins the page, or shows the reason why it cannot.
 
 if (parent !== globalThis) parent.postMessage("wayfarer", "*"); // it is shown: wayfarer-view.js waits for it
 

@@ -1,6 +1,6 @@
-// A stick on the screen, for a thumb: how far it is pushed, and where to.
+// A stick on the screen for a thumb: how far it is pushed, and in which direction.
 
-/** `well`: the element it stands in, its first child the knob; `pushed(right, forward)`, each −1 to 1, is called when it moves. */
+/** `well`: the element of the stick, whose first child is the knob. `pushed(right, forward)`, each −1 to 1, is called when it moves. */
 export function watchStick(well, pushed) {
   const knob = well.firstElementChild;
   let pointer = null;

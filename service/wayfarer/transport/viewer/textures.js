@@ -1,10 +1,10 @@
-// Pictures that are painted here: sky, paving, floor.
+// Pictures that this page paints: sky, paving, floor.
 
 import { CanvasTexture, RepeatWrapping, SRGBColorSpace } from "./vendor/three.min.js";
 
 const PAINTED = { willReadFrequently: true }; // on the processor: the page does not wait for the graphics card
 
-/** From the zenith to the horizon, in the upper half of a sphere. */
+/** A sky from the zenith to the horizon, in the upper half of a sphere. */
 export function skyTexture(zenith, horizon) {
   const canvas = document.createElement("canvas");
   canvas.width = 4;

@@ -1,13 +1,13 @@
-// Which moment is shown: now, or one of the last minute. No DOM.
+// The moment that is shown: now, or one of the last minute. No DOM.
 
 export const FRAME = 1 / 30; // seconds of a step
 export const RATES = [1, 0.5, 0.25, 0.1];
 
 export class Timeline {
-  /** `history`: { first, last } moments that can be shown. */
+  /** `history` has the moments { first, last } that can be shown. */
   constructor(history) {
     this.history = history;
-    this.moment = null; // null: what comes from the server, as it comes
+    this.moment = null; // null: the stream, as it comes
     this.rate = 1;
     this.playing = true;
   }
@@ -28,12 +28,12 @@ export class Timeline {
     this.playing = false;
   }
 
-  /** Go on from the moment shown. */
+  /** Continues from the moment shown. */
   play() {
     this.playing = true;
   }
 
-  /** Show a share of what there is: 0 the earliest moment, 1 the last. */
+  /** Shows a moment by its share of the history: 0 the earliest, 1 the last. */
   scrub(share) {
     this.pause();
     if (this.live) return;
@@ -47,13 +47,13 @@ export class Timeline {
     if (!this.live) this.#to(this.moment + frames * FRAME);
   }
 
-  /** Play at a share of the speed; slower than 1 falls behind what comes. */
+  /** Sets the share of the speed; a speed below 1 falls behind the stream. */
   setRate(rate) {
     this.rate = rate;
     if (rate < 1 && this.live && Number.isFinite(this.history.last)) this.moment = this.history.last;
   }
 
-  /** Seconds have gone by. Returns the moment to show, or null for what comes now. */
+  /** Advances by some seconds. Returns the moment to show, or null for the present. */
   advance(seconds) {
     if (this.live) return null;
     const on = this.playing ? seconds * this.rate : 0;
@@ -62,7 +62,7 @@ export class Timeline {
     return this.moment;
   }
 
-  /** Where the moment shown is: 0 to 1. */
+  /** The moment shown as a share of the history: 0 to 1. */
   get share() {
     const { first, last } = this.history;
     return this.live || !(last > first) ? 1 : (this.moment - first) / (last - first);

@@ -1,4 +1,4 @@
-// The timeline as it is seen: buttons, slider, and a strip of the selected person's speed and steps.
+// The view of the timeline: buttons, slider, and a strip of the selected person's speed and steps.
 
 import { byId } from "./hud.js";
 import { FRAME } from "./timeline.js";
@@ -7,11 +7,11 @@ const DRAW_SECONDS = 0.2;
 const FASTEST = 2.4; // m/s at the upper edge of the strip
 
 export class TimelineBar {
-  /** `person()`: whose strip is shown, or null. */
+  /** `person()` returns the person whose strip is shown, or null. */
   constructor(timeline, history, person) {
     Object.assign(this, { timeline, history, person });
     this.drawn = -Infinity;
-    this.asked = false; // for, by pausing
+    this.asked = false; // whether the user paused to see it
     byId("pause").onclick = () => this.toggle();
     byId("frame-back").onclick = () => timeline.step(-1);
     byId("frame-on").onclick = () => timeline.step(1);
@@ -27,7 +27,7 @@ export class TimelineBar {
     else timeline.play();
   }
 
-  /** Once per picture, at local time `now`; `open`: all controls are shown. */
+  /** Called once per picture, at local time `now`; `open`: all controls are shown. */
   frame(now, open) {
     const { timeline, history } = this;
     const shown = open || !timeline.live;
@@ -45,7 +45,7 @@ export class TimelineBar {
     this.#draw(this.person());
   }
 
-  /** Speed as a line; below, when the left and the right foot stood on the ground. */
+  /** Draws the speed as a line; below it, when the left and the right foot were on the ground. */
   #draw(person) {
     const canvas = byId("strip");
     const legend = byId("strip-legend");

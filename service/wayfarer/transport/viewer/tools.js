@@ -16,11 +16,11 @@ const HINTS = {
 };
 
 export class Tools {
-  /** `attempt(action)` wraps what may be refused; `selection`: of people. */
+  /** `attempt(action)` wraps actions that may be refused; `selection` has the selected people. */
   constructor({ stage, level, book, crowd, errands, selection, attempt }) {
     Object.assign(this, { stage, level, book, crowd, errands, selection });
     this.name = "send";
-    this.points = []; // of a patrol to be
+    this.points = []; // of a patrol that is being drawn
     this.marks = [];
     for (const act of ["send", "addCrate", "patrol", "follow", "keepAway", "queue", "removeCrate", "changeGoal"]) {
       this[act] = attempt(this[act].bind(this));
@@ -30,7 +30,7 @@ export class Tools {
     }
   }
 
-  /** Take up a tool; the same one again ends it. */
+  /** Takes up a tool; the same one again ends it. */
   use(name) {
     if (name === "patrol" && this.name === "patrol" && this.points.length > 1) this.patrol(this.points);
     this.points = [];
@@ -44,12 +44,12 @@ export class Tools {
     this.stage.canvas.style.cursor = this.name === "send" ? "" : "crosshair";
   }
 
-  /** How people are sent and selected. */
+  /** The text on how people are sent and selected. */
   get help() {
     return HINTS.send;
   }
 
-  /** Shows how the tool is used, where tools are shown. */
+  /** Shows how the tool is used, next to the tools. */
   hint() {
     byId("hint").textContent = byId("rest").hidden ? "" : HINTS[this.name];
   }
@@ -74,7 +74,7 @@ export class Tools {
     else if (hit) this.act(hit.point, hit.obstacle);
   }
 
-  /** Whom a ray through the picture meets; or null. */
+  /** The person that a ray through the picture meets; or null. */
   personAt(ray) {
     return pick(this.crowd.people, ray);
   }
@@ -88,7 +88,7 @@ export class Tools {
     else tell("Click a person", true);
   }
 
-  /** Delete: the chosen crate, if there is one. */
+  /** Deletes the chosen crate, if there is one. */
   deleteChosen() {
     const { chosen } = this.level;
     if (chosen !== null) this.removeCrate(chosen);
@@ -145,7 +145,7 @@ export class Tools {
     this.stage.add(mark);
   }
 
-  /** Selects who is in it; with Shift, as well as those before. A press without a move: one more, or one less. */
+  /** Selects the people in the box; with Shift, in addition to the selected ones. A press without a move adds or removes one. */
   #dragBox(from) {
     const box = byId("box");
     const sides = (to) => ({
@@ -175,7 +175,7 @@ export class Tools {
     };
   }
 
-  /** Whose middle is seen within these sides. */
+  /** The people whose middle appears within these sides. */
   #inside({ left, right, top, bottom }) {
     return this.crowd.people.filter((person) => {
       const at = person.shown && this.stage.seenAt({ x: person.x, y: person.y + person.height / 2, z: person.z });
@@ -183,7 +183,7 @@ export class Tools {
     });
   }
 
-  /** Along the level plane through the point where it was seized. */
+  /** Drags a crate along the level plane through the point where it was seized. */
   #dragCrate(name, seized) {
     this.level.choose(name);
     const block = this.book.obstacles.get(name);
@@ -196,7 +196,7 @@ export class Tools {
     };
   }
 
-  /** To another place; with Shift, to say which way to face there. */
+  /** Drags a goal to another place; with Shift, sets the heading there. */
   #dragGoal({ person, number }, turning) {
     const goal = person.ahead[number];
     const changed = (event) => {

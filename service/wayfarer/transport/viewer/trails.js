@@ -1,12 +1,12 @@
-// Where people have walked, in one draw call.
+// The trails of people, in one draw call.
 
 import { BufferAttribute, BufferGeometry, Color, DynamicDrawUsage, LineBasicMaterial, LineSegments } from "./vendor/three.min.js";
 
 const POINTS = 200; // of one trail
 const STEP = 0.12; // metres between two points
-const FIRST = 16; // trails there is room for at the start; doubled when more are needed
+const FIRST = 16; // trails that there is room for at the start; doubled when more are needed
 
-/** Trails of all people: `begin(colour)` gives one. */
+/** Trails of all people; `begin(colour)` returns one. */
 export class Trails {
   constructor() {
     this.lines = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true }));
@@ -50,7 +50,7 @@ export class Trails {
       places.copyWithin(start, start + 3, start + 3 * POINTS);
       trail.count -= 1;
     }
-    // those to come lie on the newest: the lines to them have no length
+    // later points lie on the newest one: the lines to them have no length
     this.#collapse(slot, trail.count, [x, y + 0.012, z]);
     trail.count += 1;
   }

@@ -4,10 +4,10 @@ import { BONES } from "./client/index.js";
 import { CharacterFile } from "./character.js";
 import { byId, mention } from "./hud.js";
 
-const SIZES = [0.9, 2.2]; // times a person's legs, on which a person's steps look well
+const SIZES = [0.9, 2.2]; // leg length relative to a person's for which a person's steps look well
 const FOUND = { vrm: "by VRM's table", names: "by their names", shape: "by its shape", user: "as you chose" };
 const REQUIRED = new Set(["pelvis", ...["left", "right"].flatMap((side) => ["hip", "knee", "ankle"].map((bone) => `${side}_${bone}`))]);
-const WORDS = { // of bones, where the canonical name says little
+const WORDS = { // for bones whose canonical name says little
   hip: "upper leg", knee: "lower leg", ankle: "foot", foot: "toes", collar: "shoulder", shoulder: "upper arm", elbow: "lower arm", wrist: "hand",
 };
 
@@ -31,7 +31,7 @@ export class Wardrobe {
     byId("bones-reset").onclick = () => this.#change((look) => look.reset());
   }
 
-  /** A file of a character: shown, and made to walk if its bones are known. */
+  /** Reads a character's file: it is shown, and made to walk if its bones are known. */
   async #take(file) {
     const look = await CharacterFile.read(await file.arrayBuffer(), file.name);
     this.look = look;
@@ -59,7 +59,7 @@ export class Wardrobe {
       }
       return { gender, betas };
     } catch (error) {
-      if (error.status !== 404 && error.status !== 405) throw error; // a server that does not know the call
+      if (error.status !== 404 && error.status !== 405) throw error; // a server that does not have the call
       return { phenotype: { height_m: Math.min(2, Math.max(1.4, this.look.height)) } };
     }
   }
@@ -72,7 +72,7 @@ export class Wardrobe {
     else this.send();
   }
 
-  /** The bones and their nodes, to be corrected. */
+  /** Lists the bones and their nodes, so that the user can correct them. */
   #list() {
     const { look } = this;
     byId("character").hidden = false;

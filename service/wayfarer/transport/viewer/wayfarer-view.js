@@ -1,7 +1,7 @@
 // <wayfarer-view scene="corridor" session="…">: the viewer in another page. The page's origin must be in the server's setting
 // cors_origins, unless the page is of the visitor's own machine, or the server's own, and the server asks for no credentials.
 
-const PATIENCE = 1000; // ms after the frame has loaded until its page should have reported
+const PATIENCE = 1000; // ms after the frame has loaded within which its page should report
 const PASSED = ["scene", "session", "look", "people"]; // attributes that the viewer's address has, too
 
 export class WayfarerView extends HTMLElement {
@@ -37,7 +37,7 @@ export class WayfarerView extends HTMLElement {
     return this.getAttribute("server") ?? new URL(".", import.meta.url).href;
   }
 
-  /** Say why the frame is empty if the page in it has not reported: nobody can look into a page of another origin. */
+  /** Shows why the frame is empty if the page in it has not reported, since a page of another origin cannot be inspected. */
   async #check(address) {
     await new Promise((go) => setTimeout(go, PATIENCE));
     const [frame] = this.shadowRoot.children;
@@ -47,7 +47,7 @@ export class WayfarerView extends HTMLElement {
     this.#tell(answers ? `${origin} lets no page of ${location.origin} show it: add "${location.origin}" to its setting cors_origins.` : `${origin} does not answer.`);
   }
 
-  /** Show this in place of the frame; "": the frame. */
+  /** Shows this text instead of the frame; "": the frame. */
   #tell(text) {
     const [frame, said] = this.shadowRoot.children;
     this.reported = !text;

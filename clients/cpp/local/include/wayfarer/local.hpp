@@ -28,12 +28,12 @@ using LocalTensors = std::map<std::string, LocalTensor>;
 /// Runs the graph of a gender for all people of a call: all its inputs to all its outputs.
 using LocalRun = std::function<LocalTensors(const std::string& gender, const LocalTensors& inputs)>;
 
-/// What `wayfarer.json` and `body_<gender>.bin` hold. Does not change: any thread.
+/// The contents of `wayfarer.json` and `body_<gender>.bin`. It never changes, so any thread may use it.
 class LocalModel {
  public:
-  /// Of a folder. Throws std::runtime_error that says what is missing or cut short.
+  /// Reads a folder. Throws std::runtime_error that says what is missing or cut short.
   static LocalModel read(const std::string& folder);
-  /// Of the files' contents; `body` is asked for each file by its name.
+  /// Reads the files' contents; `body` returns a file by its name.
   LocalModel(std::string_view sidecar, const std::function<std::string(const std::string& file)>& body);
 
   /// Names of the graph's inputs and outputs.
@@ -86,8 +86,8 @@ class LocalWorld {
   LocalWorld(LocalWorld&&) noexcept;
   ~LocalWorld();
 
-  /// Somebody who stands there from about a chunk (0.2 s) after `now` on. Returns the person's number. Throws
-  /// std::invalid_argument for a gender that the model has not.
+  /// Adds a person that stands there from about a chunk (0.2 s) after `now` on; returns its number. Throws
+  /// std::invalid_argument for a gender that the model does not have.
   int add(const LocalSpec& spec, double now);
   void remove(int person);
   /// Goals in place of those given before; none: stop.

@@ -7,8 +7,8 @@ extends RefCounted
 ## Hip, knee, ankle, foot of the left and of the right leg.
 const LEGS: Array[Array] = [[1, 4, 7, 10], [2, 5, 8, 11]]
 const _ARMS: Array[Array] = [[16, 18, 20], [17, 19, 21]]
-const _REACH := 0.999  # of a leg's length: how far it is stretched at most
-## Of a leg's length: how far hips sink at most for a standing foot to reach its print.
+const _REACH := 0.999  # maximum stretch of a leg, as a share of its length
+## Maximum that hips sink for a standing foot to reach its print, as a share of the leg's length.
 const _SINKS := 0.018
 ## Heights of a sole over the ground by the leg's length: hips sink and a heel rises by all that a
 ## foot lacks while it is below the first, by nothing when it is above the second.
@@ -28,14 +28,14 @@ var basis: WayfarerBasis
 var mapped := PackedInt32Array()
 ## Height of the character's thigh joints by that of the agent's.
 var ratio := 1.0
-## Height of the ground that the last pose stands on.
+## Height of the ground below the last pose.
 var ground := 0.0
-## Of the bones' nodes in the world, by number of the bone.
+## Rotations and places of the bones' nodes in the world, by number of the bone.
 var rotations: Array[Quaternion] = []
 var places := PackedVector3Array()
 ## Relative to the nodes' parents.
 var local: Array[Quaternion] = []
-## Bones whose places are to be set, too: the hips, and those that hang from another bone than they
+## Bones whose places must be set, too: the hips, and bones that hang from another bone than they
 ## follow.
 var loose := PackedInt32Array()
 ## Places of their nodes relative to the nodes' parents, by number of the bone.
@@ -67,8 +67,8 @@ var _source := PackedVector3Array()
 
 
 ## `rest_offsets` of the agent, three numbers a bone, in the stream's basis and unit, as is the
-## character's own space; `floor_height`: of its soles at rest, NAN: 0, or below its feet; `soles`:
-## what its mesh tells of them.
+## character's own space. `floor_height`: of its soles at rest; NAN: 0, or below its feet.
+## `soles`: found in its mesh.
 func _init(
 	bone_map: WayfarerBoneMap,
 	rest_offsets: PackedFloat64Array,
@@ -190,7 +190,7 @@ func _find_rest(floor_height: float, soles: WayfarerSoles) -> void:
 	_find_legs(joints, correct, floor_height, soles)
 
 
-## Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it.
+## The middle of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it.
 static func _middle(place: Variant) -> Vector3:
 	return (place[LEGS[0][0]] + place[LEGS[1][0]]) / 2.0
 

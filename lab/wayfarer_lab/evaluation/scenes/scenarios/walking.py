@@ -31,7 +31,7 @@ PACE: Final = 0.5
 
 
 def cubes(rig: SceneRig, seed: int, pairs: int, watch: Watch) -> Seen:
-    """The paper's setting: 20 x 20 m, 30 boxes, random pairs; agents do not see each other."""
+    """The paper's setting: 20 x 20 m, 30 boxes, random pairs. Agents do not see each other."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
     asked = random_pairs(scene, pairs, random)
