@@ -10,6 +10,7 @@ from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
+from wayfarer.world.agents.velocity import moving
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.collision_avoidance import (
     CollisionAvoidance,
@@ -19,7 +20,6 @@ from wayfarer.world.scenes.collision_avoidance import (
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
-from wayfarer.world.scenes.people import moving
 from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes

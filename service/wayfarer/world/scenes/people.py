@@ -1,19 +1,24 @@
 """Agents as avoidance sees them: those of a session all at one moment."""
 
-from typing import Final, NamedTuple
+from functools import cache
+from math import sqrt
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Mode, Slots
-from wayfarer.world.agents.velocity import FORESIGHT, moving
+from wayfarer.world.agents.velocity import FORESIGHT, SLOW
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Flags, Float, Index, Int, Int8
 from wayfarer.world.scenes.world_scenes import NOWHERE
 
 RADIUS: Final = 0.22
 """Metres: of a person among others."""
+
+OPEN, WALKING = int(Passage.OPEN), int(Mode.WALKING)
 
 
 class SessionPeople(NamedTuple):
@@ -53,41 +58,134 @@ class Gathering(NamedTuple):
         )
 
 
+class SlotArrays(NamedTuple):
+    """The columns of all slots that a gathering is made of."""
+
+    active: Flags
+    session: Int
+    scene: Int
+    frame: Int  # at which what is planned ends
+    hips: Float
+    speed: Float
+    mode: Int8
+    arrived: Flags
+    wants: Flags
+    goal_revision: Int
+    revision: Int
+    passage: Int8
+
+
 def crowd_of(slots: Slots, rows: Index) -> Gathering:
     """Everybody of the sessions of `rows`, which are about to be stepped.
 
     Agents are planned to different moments; they are carried on to that of their session's `rows`.
     """
-    sessions, which = np.unique(slots.session[rows], return_inverse=True)
-    members = np.flatnonzero(slots.active & np.isin(slots.session, sessions))
-    members = members[np.argsort(slots.session[members], kind="stable")]
-    session = slots.session[members]
-    own = np.searchsorted(session, session), np.searchsorted(session, session, "right")
-    places = np.zeros(len(slots.active), np.int64)
-    places[members] = np.arange(len(members))
-    planned, route = slots.planned, slots.route
-    seed, gait = planned.seed, planned.gait
-    frames = slots.start_frame + NEW_FRAMES * slots.planned_chunks
-    velocity = moving(seed.translation[members], gait.speed[members])
-    moments = np.full(len(sessions), np.iinfo(np.int64).min)
-    np.maximum.at(moments, which, frames[rows])
-    ahead = (moments[np.searchsorted(sessions, session)] - frames[members]) / FPS
-    ahead = np.minimum(np.maximum(ahead, -FORESIGHT), FORESIGHT)
-    mode = gait.mode[members]
-    on_way = slots.aims.wants[members] & ~gait.arrived[members]
-    opened = route.revision[members] == slots.goal_revision[members]
-    opened &= route.passage[members] == Passage.OPEN
-    walks = on_way & (opened | (slots.scene[members] == NOWHERE))
+    found, own, places, stand, place, height, velocity, walks = _gather(_arrays(slots), rows)
     people = People(
-        number=slots.alias[members],
-        group=slots.group[members],
-        position=(seed.translation[members, -1, :2] + velocity * ahead[:, None]).astype(np.float32),
-        height=seed.translation[members, -1, 2].astype(np.float32),
+        number=slots.alias[found],
+        group=slots.group[found],
+        position=place,
+        height=height,
         velocity=velocity,
-        walks=walks | (mode == Mode.WALKING),
-        radius=np.full(len(members), RADIUS, np.float32),
-        memory=slots.memory.take(members),
-        aims=slots.aims.take(members),
+        walks=walks,
+        radius=np.full(len(found), RADIUS, np.float32),
+        memory=slots.memory.take(found),
+        aims=slots.aims.take(found),
     )
-    stand = ~people.walks & ~velocity.any(-1)
-    return Gathering(people, members, own, stand, places)
+    return Gathering(people, found, own, stand, places)
+
+
+def _arrays(slots: Slots) -> SlotArrays:
+    seed, gait = slots.planned.seed, slots.planned.gait
+    return SlotArrays(
+        slots.active,
+        slots.session,
+        slots.scene,
+        slots.start_frame + NEW_FRAMES * slots.planned_chunks,
+        seed.translation,
+        gait.speed,
+        gait.mode,
+        gait.arrived,
+        slots.aims.wants,
+        slots.goal_revision,
+        slots.route.revision,
+        slots.route.passage,
+    )
+
+
+@inner
+def _at(numbers: Index, known: int, number: int) -> int:
+    """Where a number stands, or would stand, among the `known` ascending ones."""
+    low, high = 0, known
+    while low < high:
+        middle = (low + high) // 2
+        if numbers[middle] < number:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
+    """Columns of `Gathering` and `People`."""
+    sessions, moments = np.empty(len(rows) + 1, np.int64), np.empty(len(rows), np.int64)
+    known = 0
+    for row in rows:
+        session, frame = slots.session[row], slots.frame[row]
+        at = _at(sessions, known, session)
+        if at == known or sessions[at] != session:
+            for k in range(known, at, -1):
+                sessions[k], moments[k] = sessions[k - 1], moments[k - 1]
+            sessions[at], moments[at] = session, frame
+            known += 1
+        moments[at] = max(moments[at], frame)
+    of, ends = np.full(len(slots.active), -1), np.zeros(known + 1, np.int64)
+    for slot in range(len(of)):
+        if slots.active[slot]:
+            at = _at(sessions, known, slots.session[slot])
+            if at < known and sessions[at] == slots.session[slot]:
+                of[slot] = at
+                ends[at + 1] += 1
+    for at in range(known):
+        ends[at + 1] += ends[at]
+    count, begins, places = ends[known], ends.copy(), np.zeros(len(of), np.int64)
+    found, first, last = (
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+    )
+    place, velocity = np.empty((count, 2), np.float32), np.empty((count, 2), np.float32)
+    height, walks, stand = (
+        np.empty(count, np.float32),
+        np.empty(count, np.bool_),
+        np.empty(count, np.bool_),
+    )
+    for slot in range(len(of)):
+        if of[slot] < 0:
+            continue
+        at = of[slot]
+        row, end = begins[at], slots.hips.shape[1] - 1
+        begins[at] += 1
+        places[slot], found[row], first[row], last[row] = row, slot, ends[at], ends[at + 1]
+        x = slots.hips[slot, end, 0] - slots.hips[slot, 0, 0]
+        y = slots.hips[slot, end, 1] - slots.hips[slot, 0, 1]
+        speed = slots.speed[slot] if slots.speed[slot] >= np.float32(SLOW) else np.float32(0)
+        speed /= max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+        velocity[row, 0], velocity[row, 1] = x * speed, y * speed
+        ahead = min(max((moments[at] - slots.frame[slot]) / FPS, -FORESIGHT), FORESIGHT)
+        for k in range(2):
+            place[row, k] = slots.hips[slot, end, k] + velocity[row, k] * ahead
+        height[row] = slots.hips[slot, end, 2]
+        opened = slots.revision[slot] == slots.goal_revision[slot] and slots.passage[slot] == OPEN
+        goes = slots.wants[slot] and not slots.arrived[slot]
+        goes = goes and (opened or slots.scene[slot] == NOWHERE)
+        walks[row] = goes or slots.mode[slot] == WALKING
+        stand[row] = not walks[row] and velocity[row, 0] == 0 and velocity[row, 1] == 0
+    return found, (first, last), places, stand, place, height, velocity, walks
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    warm(_gather, _arrays(Slots.empty(1)), np.zeros(1, np.int64))
