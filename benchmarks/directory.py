@@ -36,7 +36,7 @@ def main() -> None:
     for number in range(args.nodes):
         node = NodeInfo(
             name=f"node{number}", number=number, host="10.0.0.1", grpc_port=1, http_port=2,
-            peer_port=3, fingerprint="a", capacity=1024,
+            fingerprint="a", capacity=1024,
         )  # fmt: skip
         held = dict.fromkeys(groups[number :: args.nodes], 1)
         asked(directory, "register", Registration(node=node, count=1, held=held, leased=True))

@@ -18,7 +18,6 @@ def info(name, fingerprint="a", capacity=100, number=None):
         host="127.0.0.1",
         grpc_port=1000 + number,
         http_port=2000 + number,
-        peer_port=3000 + number,
         fingerprint=fingerprint,
         capacity=capacity,
     )

@@ -9,7 +9,7 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import Bench
 from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
-from wayfarer.cluster.peer import Replicas
+from wayfarer.cluster.replicas import Replicas
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.ids import group_of
 
@@ -73,7 +73,8 @@ class Pair:
             self.moves[name], self.replicas[name] = Moves(), Replicas()
             gateway = SimpleNamespace(moves=self.moves[name], streams=0)
             self.agents[name] = NodeAgent(
-                self.bench.nodes[name], gateway, self, self, self.replicas[name],
+                self.bench.nodes[name], gateway, self, SimpleNamespace(call=self.peer),
+                self.replicas[name],
                 SimpleNamespace(), lambda: self.stopped.append(1),
             )  # fmt: skip
         self.moves["n1"].frozen[self.name] = False
@@ -94,10 +95,10 @@ class Pair:
             raise Unavailable("the directory does not answer")
         return epoch
 
-    async def take(self, node, owner, group, epoch, live):
+    async def peer(self, node, verb, *told, seconds=0):
         if self.loses("take"):
             raise Unavailable("deadline")
-        await self.agents[node.name].take(owner, group, epoch, live)
+        await getattr(self.agents[node.name], verb)(*told)
         if self.loses("taken"):
             raise Unavailable("deadline")
 
@@ -215,9 +216,11 @@ def test_without_room_all_of_a_group_is_handed_on_to_a_node_that_has_some():
             self.bench.add("n3")
             return there
 
-        async def keep(self, node, owner, name, replica, after):
-            left.setdefault(node.name, []).append((owner, name[-2:], replica.log_part, after))
-            return after + 1
+        async def peer(self, node, verb, owner, copies):
+            assert verb == "keep"
+            [(name, (_, part, after))] = copies.items()
+            left.setdefault(node.name, []).append((owner, name[-2:], part, after))
+            return {name: after + 1}
 
     pair = Three()
     for end, part in (("00", b"one"), ("01", b"")):

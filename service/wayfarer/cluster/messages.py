@@ -1,39 +1,17 @@
-"""What nodes, entries and the directory tell each other: small JSON documents, and never a pose.
-
-An answer is `{"value": …}`, or `{"error": class, "text": …}` of a WayfarerError.
+"""What nodes, entries and the directory tell each other, and how they call each other.
 
 A *node* is a server process with its own ports, under a name that no other process ever gets again.
 A *group* is a scene with its sessions, or a session alone: the first digits of their ids (ids.py).
 """
 
-import json
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from wayfarer import errors
 from wayfarer.config import Settings
-from wayfarer.errors import Unavailable, WayfarerError
 
-
-def value(found: Any) -> str:
-    """The answer that holds a message, or what is JSON already."""
-    plain = found.model_dump(mode="json") if isinstance(found, BaseModel) else found
-    return json.dumps({"value": plain})
-
-
-def problem(error: WayfarerError) -> str:
-    """The answer that holds an error."""
-    return json.dumps({"error": type(error).__name__, "text": str(error)})
-
-
-def heard(answer: str | bytes) -> Any:
-    """The value of an answer. Raises the error that it holds."""
-    found = json.loads(answer)
-    if "error" in found:
-        kind = getattr(errors, found["error"], Unavailable)
-        raise kind(found["text"])
-    return found["value"]
+CALL_S: Final = 10.0
+"""How long a node's answer is waited for."""
 
 
 class DirectoryLink(Protocol):
@@ -46,19 +24,20 @@ class DirectoryLink(Protocol):
         ...
 
 
+class NodeLink(Protocol):
+    """A way to the nodes."""
+
+    async def call(self, node: "NodeInfo", verb: str, *told: Any, seconds: float = CALL_S) -> Any:
+        """`NodeAgent`'s method of this name. Raises what it raises; Unavailable when there is no
+        answer: it may be done all the same.
+        """
+        ...
+
+
 class ClusterMessage(BaseModel):
     """Base of all; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class NodeQuestion(ClusterMessage):
-    """What an entry asks every node on behalf of a caller (every_node.py)."""
-
-    method: str
-    caller: str
-    scopes: tuple[str, ...]
-    told: dict[str, Any] = {}
 
 
 class NodePlan(ClusterMessage):
@@ -66,8 +45,7 @@ class NodePlan(ClusterMessage):
 
     name: str
     number: int
-    host: str  # at which others reach it; empty: all nodes are on one machine (LOOPBACK)
-    secret: str  # that nodes show each other
+    host: str  # at which clients reach it; empty: that at which they called the entry
     cores: tuple[int, ...] = ()  # those it may run on; none: all
     settings: Settings
 
@@ -80,7 +58,6 @@ class NodeInfo(ClusterMessage):
     host: str  # empty: clients call it at the host at which they called the entry
     grpc_port: int
     http_port: int
-    peer_port: int  # of the service between nodes; 0: none
     fingerprint: str  # hash over model, bodies, format: sessions move only between equals
     capacity: int  # agents at most, by its limits
 

@@ -12,15 +12,17 @@ import structlog
 from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import (
+    CALL_S,
     Answer,
     DirectoryLink,
     NodeInfo,
+    NodeLink,
     NodeLoad,
     NodeOrder,
     NodePlan,
 )
-from wayfarer.cluster.peer import CONTENT, LOOPBACK, KeptReplica, Peers, PeerServer, Replicas
-from wayfarer.cluster.replication import Replication
+from wayfarer.cluster.replicas import CONTENT, KeptReplica, Replicas
+from wayfarer.cluster.replication import PREPARE_S, Replication
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import (
     Aborted,
@@ -30,10 +32,9 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.service.persistence.replica import Replica
+from wayfarer.transport.caller import Caller
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
-from wayfarer.transport.tls import peer_tls
 
 log = structlog.get_logger(__name__)
 
@@ -48,6 +49,13 @@ HAND_ON_S: Final = 3.0
 
 STATS_S: Final = 1.0
 
+SESSION_S: Final = 0.1
+"""How much longer a call may take for each session that it gives away."""
+
+
+Copies = dict[str, tuple[bytes, bytes, int]]
+"""By id: state, what is new of its log, and how many parts are before that."""
+
 
 class NodeAgent:
     """Of one node."""
@@ -57,7 +65,7 @@ class NodeAgent:
         tenancy: Tenancy,
         gateway: Gateway,
         directory: DirectoryLink,
-        peers: Peers,
+        nodes: NodeLink,
         replicas: Replicas,
         replication: Replication,
         stop: Callable[[], None],
@@ -67,7 +75,7 @@ class NodeAgent:
         self._moves = gateway.moves
         self._gateway = gateway
         self._directory = directory
-        self._peers = peers
+        self._nodes = nodes
         self._replicas = replicas
         self._replication = replication
         self._stop = stop
@@ -90,6 +98,31 @@ class NodeAgent:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._tenancy.unclaimed.wait(), RENEW_S)
             self._tenancy.unclaimed.clear()
+
+    # What other nodes and entries call
+
+    async def keep(self, owner: str, copies: Copies) -> dict[str, int | str]:
+        """Keep these replicas; see `Replicas.keep`: for each what it returns, or why not."""
+        kept = dict[str, int | str]()
+        for name, copy in copies.items():
+            try:
+                kept[name] = self._replicas.keep(owner, name, *copy)
+            except ResourceExhausted as error:
+                kept[name] = str(error)
+        return kept
+
+    async def present(self, owner: str, names: list[str]) -> None:
+        """These sessions and scenes are on the owner now, and no others."""
+        self._replicas.renew(owner, set(names))
+
+    async def prepare(self, owner: str, scene_id: str, content: bytes) -> None:
+        """A scene of this content may come: bake it."""
+        self._replicas.keep(owner, scene_id + CONTENT, content)
+        await self._moves.prepare(scene_id, content)
+
+    async def ask(self, method: str, caller: Caller, told: dict[str, Any]) -> Any:
+        """See every_node.py."""
+        return await answer(self._gateway, method, caller, told)
 
     async def take(self, owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
         """A group comes from another node, with all that lives there; the directory decides whether
@@ -279,10 +312,14 @@ class NodeAgent:
             for name, one in kept.items():
                 if name.endswith(CONTENT):
                     scene_id = name.removesuffix(CONTENT)
-                    await self._peers.prepare(node, one.owner, scene_id, one.state)
+                    told = one.owner, scene_id, one.state
+                    await self._nodes.call(node, "prepare", *told, seconds=PREPARE_S)
                     continue
                 for after, part in enumerate(one.log_parts or [b""]):
-                    await self._peers.keep(node, one.owner, name, Replica(one.state, part), after)
+                    copies = {name: (one.state, part, after)}
+                    found = await self._nodes.call(node, "keep", one.owner, copies)
+                    if isinstance(found[name], str):  # there is no room for it
+                        return ""
         except WayfarerError:
             return ""
         return node.name
@@ -295,7 +332,8 @@ class NodeAgent:
             return
         try:
             for name in filter(is_scene, names):  # which takes long, while they live on
-                await self._peers.prepare(node, own, name, await self._moves.content(name))
+                content = await self._moves.content(name)
+                await self._nodes.call(node, "prepare", own, name, content, seconds=PREPARE_S)
         except WayfarerError as error:
             log.error("scene not moved", group=group, to=order.to, reason=str(error))
             return
@@ -311,7 +349,8 @@ class NodeAgent:
             return
         tenancy.moving(group)
         try:
-            await self._peers.take(node, own, group, order.epoch, frozen)
+            told, seconds = (own, group, order.epoch, frozen), CALL_S + SESSION_S * len(frozen)
+            await self._nodes.call(node, "take", *told, seconds=seconds)
         except WayfarerError as error:  # it may have come there all the same
             log.error("session not moved", group=group, to=order.to, reason=str(error))
             epoch = await self._transfer(group, own, order.epoch)
@@ -333,43 +372,27 @@ class NodeAgent:
 
 @contextlib.asynccontextmanager
 async def joined(
-    plan: NodePlan,
     directory: DirectoryLink,
+    nodes: NodeLink,
     tenancy: Tenancy,
     gateway: Gateway,
     ports: tuple[int, int],
     stop: Callable[[], None],
-) -> AsyncIterator[None]:
+) -> AsyncIterator[NodeAgent]:
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
-    tls = peer_tls(plan.settings.peer_tls)
-    replicas, peers = Replicas(), Peers(plan.secret, tls)
-
-    async def take(owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
-        await agent.take(owner, group, epoch, live)
-
-    async def ask(question: bytes) -> bytes:
-        return await answer(gateway, question)
-
-    host, prepare = plan.settings.host if plan.host else LOOPBACK, gateway.moves.prepare
-    server = PeerServer(host, plan.secret, replicas, take, prepare, ask, tls)
-    tenancy.node = tenancy.node.model_copy(
-        update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
-    )
-    replication = Replication(tenancy, gateway.moves, peers)
-    agent = NodeAgent(tenancy, gateway, directory, peers, replicas, replication, stop)
-    await server.start()
+    tenancy.node = tenancy.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
+    replicas, replication = Replicas(), Replication(tenancy, gateway.moves, nodes)
+    agent = NodeAgent(tenancy, gateway, directory, nodes, replicas, replication, stop)
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(replication.running(), name="replicas"),
     ]
     try:
-        yield
+        yield agent
     finally:
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
-        await server.stop()
-        await peers.forget_others(set())
 
 
 def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
@@ -385,7 +408,6 @@ def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
         host=plan.host,
         grpc_port=0,
         http_port=0,
-        peer_port=0,
         fingerprint=fingerprint,
         capacity=plan.settings.limits.agents,
     )
