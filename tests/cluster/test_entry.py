@@ -15,7 +15,7 @@ from wayfarer import errors
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.every_node import answer
-from wayfarer.cluster.messages import LeaseRenewal, NodeLoad, Registration
+from wayfarer.cluster.messages import LeaseRenewal
 from wayfarer.config import Settings
 from wayfarer.ids import session_id
 from wayfarer.transport import schema
@@ -33,7 +33,7 @@ class Rig:
         self.link.directory._settled_at = 0.0
         self.nodes = [await self.node(name) for name in ("n1", "n2")]
         for node in self.nodes:
-            self.link.directory.register(Registration(node=node, count=1))
+            self.link.directory.renew(LeaseRenewal(name=node.name, count=1, node=node))
         settings = Settings(http_port=0, grpc_port=0, drain_s=0.2)
         self.stopped = asyncio.Event()
         self.entry = Entry(settings, self.link, self, self.stopped.set)
@@ -54,7 +54,7 @@ class Rig:
 
     async def owned(self, node):
         """Id of a session of this node."""
-        told = LeaseRenewal(name=node.name, count=2, load=NodeLoad(), held={GROUP: 0})
+        told = LeaseRenewal(name=node.name, count=2, held={GROUP: 0})
         self.link.directory.renew(told)
         return session_id(GROUP)
 
@@ -99,7 +99,7 @@ async def test_who_was_made_a_moment_ago_is_found():
         assert (await rig.http.get(f"/v1/sessions/{name}")).status_code == 421, "to some node"
         for count, node in enumerate(rig.nodes, start=2):
             group = f"{count:012x}"
-            told = LeaseRenewal(name=node.name, count=count, load=NodeLoad(), held={group: 0})
+            told = LeaseRenewal(name=node.name, count=count, held={group: 0})
             rig.link.directory.renew(told)
             found = await rig.http.get(f"/v1/sessions/{session_id(group)}")
             assert found.json()["endpoint"]["grpc_port"] == node.grpc_port

@@ -85,12 +85,12 @@ class Pair:
         return None
 
     async def call(self, verb, *told):
-        if verb != "transfer":
+        if verb != "claim":
             return getattr(self.bench.directory, verb)(*told)
         self.asked.append(told[-1])
         if self.loses("question"):
             raise Unavailable("the directory does not answer")
-        epoch = self.bench.directory.transfer(*told)
+        epoch = self.bench.directory.claim(*told)
         if self.loses("answer"):
             raise Unavailable("the directory does not answer")
         return epoch
@@ -114,7 +114,7 @@ class Pair:
     def owner(self):
         """The only node that steps it, which must be the directory's choice, too."""
         [found] = [name for name in self.moves if self.moves[name].frozen == {self.name: False}]
-        assert self.bench.directory.node_for(self.group).name == found
+        assert self.bench.owner(self.group) == found
         epoch = self.bench.directory._groups[self.group].epoch
         assert {n: node.epoch(self.name) for n, node in self.bench.nodes.items() if node.epoch(
             self.name)} == {found: epoch}  # fmt: skip
@@ -158,7 +158,7 @@ def test_who_has_withdrawn_an_offer_keeps_the_session_though_all_of_it_has_come(
     pair = Pair()
     n1, n2 = pair.bench.nodes.values()
     epoch = n1.epoch(pair.name)
-    pair.bench.directory.transfer(pair.group, "n1", epoch, "n1")
+    pair.bench.directory.claim(pair.group, "n1", epoch, "n1")
     with pytest.raises(Unavailable, match="does not give"):
         virtual_time.run(pair.agents["n2"].take("n1", pair.group, epoch, {pair.name: b"live"}))
     assert pair.moves["n2"].taken and not pair.moves["n2"].frozen and not n2.epoch(pair.name)

@@ -220,7 +220,7 @@ class NodeActor:
         if self.plan.cores and hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(0, self.plan.cores)  # this thread, and those that it starts
         try:
-            self._tell("replaced", self._place)
+            self._tell("ended", self._place)
             pkgutil.resolve_name(self._serve)(self)
             faulthandler.cancel_dump_traceback_later()
         except Exception as error:

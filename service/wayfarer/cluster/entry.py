@@ -108,9 +108,8 @@ class NodeFinder:
                 return
             self._looked_at = time.monotonic()
             with contextlib.suppress(WayfarerError):
-                status: Status = await self._directory.call("status")
-                # after the status: who reads there that nodes are ready finds them in the view
-                self._view.take(await self._directory.call("changes", self._view.seen))
+                status, changes = await self._directory.call("look", self._view.seen)
+                self._view.take(changes)
                 self.status = status
                 self._heard_at = time.monotonic()
 

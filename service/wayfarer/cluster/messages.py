@@ -71,26 +71,19 @@ class NodeLoad(ClusterMessage):
     fits: int = 0  # agents that it can move in time, as measured; 0: not known yet
 
 
-class Registration(ClusterMessage):
-    """A node comes: for the first time, after it was fenced, or to a directory that forgot it."""
-
-    node: NodeInfo
-    count: int  # as LeaseRenewal's
-    load: NodeLoad = NodeLoad()
-    held: dict[str, int] = {}  # groups in use, and the epoch of each
-    leased: bool = False  # a lease of an earlier directory still holds
-
-
 class LeaseRenewal(ClusterMessage):
     """Renews the lease, several times in its length. Everything in it may be said twice."""
 
     name: str
     count: int  # greater with each: one that comes after its successor is not heard
-    load: NodeLoad
+    load: NodeLoad = NodeLoad()
+    node: NodeInfo | None = None  # it comes, or comes again: `held` is all that it has
+    leased: bool = False  # a lease of an earlier directory still holds
     held: dict[str, int] = {}  # groups and their epochs: new ones, and a share of the others
     freed: tuple[str, ...] = ()  # groups that hold none any more
     adopted: tuple[str, ...] = ()  # adoptions that succeeded, and
-    failed: dict[str, str] = {}  # those without a replica or room; the node with replicas, or ""
+    # those without a replica or room: epoch, and the node that has the replicas now, or ""
+    failed: dict[str, tuple[int, str]] = {}
     seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
 
 
@@ -114,9 +107,9 @@ class Changes(ClusterMessage):
 
 
 class Answer(ClusterMessage):
-    """To a registration or renewal."""
+    """To a renewal."""
 
-    fenced: bool = False  # the node's lease has ended here: release what it has lost, register
+    fenced: bool = False  # the node is not known, or its lease has ended: it tells all that it has
     lease_s: float = 0.0  # from when the request was sent; 0: none yet, ask again
     epochs: dict[str, int] = {}  # of groups that it owns: those that it named, and the same share
     lost: tuple[str, ...] = ()  # groups that have another owner: release them before stepping

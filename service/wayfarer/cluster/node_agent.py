@@ -145,7 +145,7 @@ class NodeAgent:
         try:
             for name, data in live.items():
                 came[name] = await self._moves.take(name, data, _content(kept, name))
-            given = await self._transfer(group, owner, epoch)
+            given = await self._claim(group, owner, epoch)
             if given is None:
                 raise Unavailable(f"{owner} does not give group {group} away any more")
         except BaseException as error:
@@ -169,7 +169,7 @@ class NodeAgent:
         log.info("sessions came", sessions=list(came), epoch=given, at=boot_clock())
         return None
 
-    async def _transfer(self, group: str, owner: str, epoch: int) -> int | None:
+    async def _claim(self, group: str, owner: str, epoch: int) -> int | None:
         """The new epoch of a group that `owner` gives to this node, or keeps; None: another has it.
 
         Asks until the directory answers: what the group has is frozen here, so it can wait.
@@ -178,7 +178,7 @@ class NodeAgent:
         while True:
             try:
                 if self._tenancy.registered:  # else the directory does not count with this node
-                    return int(await self._directory.call("transfer", *told))
+                    return int(await self._directory.call("claim", *told))
             except (Aborted, FailedPrecondition) as error:
                 log.warning("a group has another owner", group=group, reason=str(error))
                 return None
@@ -189,21 +189,14 @@ class NodeAgent:
     # The lease
 
     async def _renew(self) -> None:
-        tenancy, load = self._tenancy, await self._load()
-        sent_at = boot_clock()
-        if not tenancy.registered:
-            if not self._gateway.started:  # what it has kept is not there yet
-                return
-            registration = tenancy.registration(load, self._moves.groups)
-            answer = await self._directory.call("register", registration)
-            heard = tenancy.take_registered(answer, registration, sent_at)
-        else:
-            renewal = tenancy.renewal(load, self._moves.groups)
-            answer = await self._directory.call("renew", renewal)
-            heard = tenancy.take_renewed(answer, renewal, sent_at)
+        if not (self._tenancy.registered or self._gateway.started):  # what it kept is not there yet
+            return
+        load = await self._load()
+        sent_at, told = boot_clock(), self._tenancy.renewal(load, self._moves.groups)
+        answer = await self._directory.call("renew", told)
         if answer.fenced:
             log.error("the directory has given this node up; it comes back without what it lost")
-        if heard:
+        if self._tenancy.take(answer, told, sent_at):
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
@@ -234,8 +227,7 @@ class NodeAgent:
         self._replication.neighbour = answer.neighbour
         self._busy = {group: task for group, task in self._busy.items() if not task.done()}
         for order in answer.orders:
-            here = self._tenancy.has(order.group, order.epoch)
-            if order.group not in self._busy and here == (order.kind == "move"):  # else it is done
+            if order.group not in self._busy and self._tenancy.owes(order):
                 work = self._adopt(order) if order.kind == "adopt" else self._move(order)
                 self._busy[order.group] = asyncio.create_task(work, name=order.kind)
         empty = not (self._gateway.streams or self._busy or self._moves.groups)
@@ -280,7 +272,7 @@ class NodeAgent:
                             for one in reversed(adopted):  # nobody was let in here yet
                                 await self._moves.release(one, None)
                             self._replicas.drop(group)
-                            self._tenancy.failed(group, to)
+                            self._tenancy.failed(group, order.epoch, to)
                             log.warning("no room for a group", group=group, to=to, why=str(error))
                             return
                         offer_at = now() + HAND_ON_S
@@ -300,7 +292,7 @@ class NodeAgent:
         if adopted:
             self._tenancy.adopted(group, order.epoch)
         else:
-            self._tenancy.failed(group)
+            self._tenancy.failed(group, order.epoch)
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
         """Leave these replicas with the node that has the most room; its name, or "" for none."""
@@ -353,7 +345,7 @@ class NodeAgent:
             await self._nodes.call(node, "take", *told, seconds=seconds)
         except WayfarerError as error:  # it may have come there all the same
             log.error("session not moved", group=group, to=order.to, reason=str(error))
-            epoch = await self._transfer(group, own, order.epoch)
+            epoch = await self._claim(group, own, order.epoch)
             if epoch is not None:
                 tenancy.stays(group, epoch)
                 await self._thaw(frozen)
