@@ -7,11 +7,11 @@ import pytest
 
 from wayfarer.errors import InvalidArgument
 
-ray_cluster = pytest.importorskip("wayfarer.cluster.ray_cluster", exc_type=ImportError)
+actors = pytest.importorskip("wayfarer.cluster.actors", exc_type=ImportError)
 
 ENDS = """
 import asyncio, time
-from wayfarer.cluster.ray_cluster import on_daemon
+from wayfarer.cluster.actors import on_daemon
 from wayfarer.serve import run
 
 async def work():
@@ -34,4 +34,4 @@ async def test_what_ray_refuses_is_told():
         raise InvalidArgument("no")
 
     with pytest.raises(InvalidArgument, match="no"):
-        await ray_cluster.on_daemon(refuse)
+        await actors.on_daemon(refuse)

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 from collections.abc import AsyncIterator
 from ipaddress import ip_address
 from pathlib import Path
@@ -27,10 +26,6 @@ if TYPE_CHECKING:  # Ray takes seconds to import
 
 log = structlog.get_logger(__name__)
 
-SECRET: Final = "WF_CLUSTER_SECRET"
-"""Environment variable, without the prefix of settings."""
-
-SECRET_LENGTH: Final = 16
 LOOK_S: Final = 2.0
 """Seconds between checks for new machines of Ray."""
 
@@ -83,35 +78,35 @@ def entry_command(
 
 def _enter(settings: Settings, address: str, lease: float | None = None) -> None:
     """Runs an entry; with a `lease`, also the cluster's directory and nodes if it has none yet."""
-    secret = _secret()
     warn_if_open(settings)
+    from wayfarer.cluster.actors import RayLink
     from wayfarer.cluster.entry_process import enter, leave
     from wayfarer.cluster.ray_cluster import RayCluster
 
-    ray = RayCluster(secret, address)
+    ray = RayCluster(address)
     beside: contextlib.AbstractAsyncContextManager[None]
     try:
         if lease is None:
             for host in ray.machines().values():
                 _check_links(settings, host)
-            link, beside = ray.find_directory(), contextlib.nullcontext()
+            link, beside = RayLink.find(), contextlib.nullcontext()
         else:
             link = ray.directory(LeaseRules(lease))
-            beside = _covered(ray, settings, secret)
+            beside = _covered(ray, settings)
 
         def announce(http_url: str, grpc_address: str) -> None:
             log.info("ready", http=http_url, grpc=grpc_address)
 
-        run(enter(settings, link, secret, ray, beside, announce))
+        run(enter(settings, link, ray, beside, announce))
     finally:
         leave(ray)
     log.info("stopped; the nodes go on")
 
 
 @contextlib.asynccontextmanager
-async def _covered(ray: "RayCluster", settings: Settings, secret: str) -> AsyncIterator[None]:
+async def _covered(ray: "RayCluster", settings: Settings) -> AsyncIterator[None]:
     """Keep a node on each of Ray's machines, also on new ones."""
-    from wayfarer.cluster.ray_cluster import on_daemon
+    from wayfarer.cluster.actors import on_daemon
 
     told = ""  # the last round's error
 
@@ -129,7 +124,6 @@ async def _covered(ray: "RayCluster", settings: Settings, secret: str) -> AsyncI
                 name=f"node-{machine[:12]}",
                 number=number,
                 host="" if settings.is_loopback else host,
-                secret=secret,
                 settings=settings.model_copy(update={"http_port": 0, "grpc_port": 0}),
             )
             ray.keep(plan, NODE, machine)
@@ -158,7 +152,7 @@ def _check_links(settings: Settings, host: str) -> None:
     """Refuse plain text over a network. Raises InvalidArgument."""
     if not (settings.peer_tls.cert or settings.insecure_peers or ip_address(host).is_loopback):
         raise InvalidArgument(
-            f"nodes on {host} would get people and the cluster's secret over the network as plain "
+            f"nodes on {host} would get people over the network as plain "
             "text; set peer_tls.cert, peer_tls.key and peer_tls.ca (docs/cluster.md), or, where "
             "something else protects the network between the machines, insecure_peers",
             "peer_tls",
@@ -181,16 +175,3 @@ def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
     peer_tls(settings.peer_tls)  # checked before anything is started
     encrypt_ray(settings.peer_tls)
     return settings
-
-
-def _secret() -> str:
-    """The secret that nodes show each other. Raises InvalidArgument if it is missing."""
-    given = os.environ.get(SECRET, "")
-    if given and len(given) < SECRET_LENGTH:
-        raise InvalidArgument(f"{SECRET} has {len(given)} characters; {SECRET_LENGTH} at least")
-    if not given:
-        raise InvalidArgument(
-            f"on a Ray cluster of others, set {SECRET} to a text that only its nodes know, as of "
-            "`openssl rand -hex 32`"
-        )
-    return given

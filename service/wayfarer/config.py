@@ -121,13 +121,13 @@ class PeerTls(BaseModel):
 
     cert: Path | None = Field(
         default=None,
-        description="PEM file of the certificate that a node or an entry shows the others",
+        description="PEM file of the certificate that Ray shows other machines of a cluster",
     )
     key: Path | None = Field(default=None, description="PEM file of its private key")
     ca: Path | None = Field(
         default=None,
         description="PEM file of the authority of the cluster's own, whose certificates are "
-        "accepted between nodes and entries",
+        "accepted",
     )
 
     @model_validator(mode="after")

@@ -23,7 +23,7 @@ from rich.console import Console
 
 from wayfarer import __version__, config_sources
 from wayfarer.assembly import fingerprint, model_folder, runtime, with_engine
-from wayfarer.cluster.node_agent import joined, tenancy_of
+from wayfarer.cluster.node_agent import tenancy_of
 from wayfarer.cluster.plans import check_state
 from wayfarer.cluster.ray_environment import encrypt_ray, guard_own_ray
 from wayfarer.config import Settings
@@ -103,7 +103,7 @@ async def serve(
         await server.start()
         beside: AbstractAsyncContextManager[None] = nullcontext()
         if node and tenancy:
-            beside = joined(node.plan, node.directory(), tenancy, gateway, server.ports, stop.set)
+            beside = node.joined(tenancy, gateway, server.ports, stop.set)
         async with beside:
             if shows_page:  # it says that the server is starting, and goes on by itself
                 open_page(server.http_url)

@@ -15,7 +15,6 @@ from wayfarer.errors import Unavailable
 from wayfarer.serve import NODE
 
 LEASE_S = 3.0
-SECRET = "s" * 32
 
 
 class LocalCluster:
@@ -33,16 +32,16 @@ class LocalCluster:
     def add_node(self):
         """One more; it will be ready some seconds later."""
         name, number = f"node{self._started}", self._started
-        plan = NodePlan(
-            name=name, number=number, host="127.0.0.1", secret=SECRET, settings=self.settings
-        )
+        plan = NodePlan(name=name, number=number, host="127.0.0.1", settings=self.settings)
         self._ray.keep(plan, NODE)
         self._started += 1
 
     async def __aenter__(self):
+        from wayfarer.cluster.actors import RayNodes
         from wayfarer.cluster.ray_cluster import RayCluster
 
-        self._ray = RayCluster(SECRET)
+        self.nodes = RayNodes()
+        self._ray = RayCluster()
         self.link = self._ray.directory(LeaseRules(LEASE_S))
         for _ in range(self._count):
             self.add_node()
@@ -56,14 +55,14 @@ class LocalCluster:
         self._ray.close()
 
     def new_entry(self, settings):
-        return Entry(settings, self.link, SECRET, lambda: None)
+        return Entry(settings, self.link, self.nodes, lambda: None)
 
     @staticmethod
     def ready(status):
         return sum(one.load.ready and one.lease_left_s > 0 for one in status.nodes)
 
     async def status(self):
-        return await self.link.call("status")
+        return (await self.link.call("look", (0, 0)))[0]
 
     async def until(self, good, seconds=120):
         """Wait until the directory's status is so."""

@@ -3,7 +3,7 @@
 import asyncio
 
 from wayfarer.cluster.directory import Directory, LeaseRules
-from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad, Registration
+from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import Unavailable
 
@@ -18,7 +18,6 @@ def info(name, fingerprint="a", capacity=100, number=None):
         host="127.0.0.1",
         grpc_port=1000 + number,
         http_port=2000 + number,
-        peer_port=3000 + number,
         fingerprint=fingerprint,
         capacity=capacity,
     )
@@ -72,15 +71,19 @@ class Bench:
         answers = {}
         for name in names or list(self.nodes):
             node = self.nodes[name]
-            if not node.registered:
-                told = node.registration(self.loads[name], self.present[name])
-                answers[name] = self.directory.register(told)
-                node.take_registered(answers[name], told, self.now)
-            else:
-                renewal = node.renewal(self.loads[name], self.present[name])
-                answers[name] = self.directory.renew(renewal)
-                node.take_renewed(answers[name], renewal, self.now)
+            told = node.renewal(self.loads[name], self.present[name])
+            answers[name] = self.directory.renew(told)
+            node.take(answers[name], told, self.now)
         return answers
+
+    @property
+    def status(self):
+        """Of the directory."""
+        return self.directory.look((0, 0))[0]
+
+    def owner(self, group):
+        """Name of the node that has a group."""
+        return owner(self.directory, group)
 
     def later(self, seconds, *names):
         """Time goes on; only these nodes renew meanwhile, four times a second."""
@@ -96,10 +99,14 @@ def named(group):
 
 
 def renewal(name, **fields):
-    return LeaseRenewal(
-        name=name, count=fields.pop("count", 1), load=fields.pop("load", NodeLoad()), **fields
-    )
+    return LeaseRenewal(name=name, count=fields.pop("count", 1), **fields)
 
 
-def registration(name, **fields):
-    return Registration(node=info(name), count=fields.pop("count", 1), **fields)
+def coming(name, **fields):
+    """The renewal with which it comes."""
+    return renewal(name, node=info(name), **fields)
+
+
+def owner(directory, group):
+    """Name of the node that has a group; None: nobody."""
+    return directory.look((0, 0))[1].groups.get(group)

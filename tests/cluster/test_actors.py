@@ -38,7 +38,7 @@ def serve(node):
     asyncio.run(work(node))
 
 sys.modules["played"] = sys.modules["__main__"]
-plan = NodePlan(name="node0", number=0, host="", secret="s" * 32, settings=Settings())
+plan = NodePlan(name="node0", number=0, host="", settings=Settings())
 node = actors.NodeActor(plan, "played:serve")
 {then}
 """

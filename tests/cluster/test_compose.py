@@ -146,8 +146,8 @@ async def test_the_commands_of_compose_make_a_cluster(services):
         await session.create_agents(AgentSpec())
         async with session.stream() as stream:
             assert len((await anext(aiter(stream))).frames) == 1
-    stranger = await asyncio.to_thread(services.entry, WF_CLUSTER_SECRET="of another cluster")
-    assert stranger.returncode == 2 and "WF_CLUSTER_SECRET differs" in stranger.stderr
+    stranger = await asyncio.to_thread(services.entry, RAY_AUTH_TOKEN="of another cluster")
+    assert stranger.returncode == 2 and "no Ray cluster at" in stranger.stderr
     entry.terminate()
     assert await asyncio.to_thread(entry.wait, 60) == 0, "".join(services.said)
     assert "the nodes go on" in services.said[-1]

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 
 from tests.cluster import virtual_time
-from tests.cluster.nodes import LEASE, Bench, info, named, registration, renewal
+from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
 from wayfarer.cluster.directory import DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import Changes, NodeLoad
@@ -20,7 +20,7 @@ def test_what_is_made_on_a_node_is_its_own():
     assert bench.nodes["n0"].endpoint_of(named(groups[0])) is None, "it is here already"
     bench.beat()
     assert len(set(groups)) == 3
-    owners = [bench.directory.node_for(group).name for group in groups]
+    owners = [bench.owner(group) for group in groups]
     assert owners == ["n0", "n0", "n1"]
 
 
@@ -34,7 +34,7 @@ def test_what_was_made_is_answered_once_the_directory_knows_it():
         assert node.unclaimed.is_set() and not claiming.done()
         bench.beat()
         await claiming
-        assert bench.directory.node_for(group).name == "n0"
+        assert bench.owner(group) == "n0"
         began = asyncio.get_running_loop().time()
         await node.claimed(named("abcdef012345"))  # the directory is away
         return asyncio.get_running_loop().time() - began
@@ -49,10 +49,10 @@ def test_groups_without_sessions_are_given_back():
     bench.present["n0"].clear()
     bench.beat()
     assert bench.nodes["n0"].epoch(named(group)) == 0
-    assert bench.directory.status().nodes[0].groups == 0
+    assert bench.status.nodes[0].groups == 0
     bench.present["n0"].add(group)  # as by a snapshot of what lived there
     bench.beat()
-    assert bench.directory.node_for(group).name == "n0" and bench.nodes["n0"].epoch(named(group))
+    assert bench.owner(group) == "n0" and bench.nodes["n0"].epoch(named(group))
 
 
 def test_a_report_whose_answer_was_lost_is_repeated_and_changes_nothing():
@@ -78,7 +78,7 @@ def test_a_report_that_comes_after_its_successor_is_not_heard():
     bench.now += 1
     answer = bench.directory.renew(old)
     assert answer.lease_s == 0
-    assert bench.directory.status().agents == 2
+    assert bench.status.agents == 2
 
 
 @pytest.mark.parametrize("gap", [0.005, 0.05, 0.5])
@@ -168,7 +168,7 @@ def test_the_groups_of_a_dead_node_are_adopted_by_its_neighbour():
     bench.nodes[neighbour].adopted(group, order.epoch)
     bench.present[neighbour].add(group)
     assert bench.beat(neighbour)[neighbour].orders == ()
-    assert bench.directory.node_for(group).name == neighbour
+    assert bench.owner(group) == neighbour
     assert bench.directory.counters["adopted"] == 1
 
 
@@ -180,11 +180,30 @@ def test_where_no_replica_is_the_group_goes_to_who_may_have_an_older_one_and_is_
     bench.directory._nodes["n0"].keepers = (first, second)
     bench.directory.ended("n0")
     for keeper in (first, second):
-        assert [o.group for o in bench.beat(keeper)[keeper].orders] == [group]
-        bench.nodes[keeper].failed(group)
+        (order,) = bench.beat(keeper)[keeper].orders
+        assert order.group == group and bench.nodes[keeper].owes(order)
+        bench.nodes[keeper].failed(group, order.epoch)
+        assert not bench.nodes[keeper].owes(order), "it is said again until the failure is heard"
         assert bench.beat(keeper)[keeper].orders == ()
     assert bench.directory.counters["lost"] == 1
     assert group not in bench.directory._groups
+
+
+def test_the_failure_of_an_adoption_told_again_does_not_end_a_later_one():
+    bench = Bench(["n0", "n1", "n2"])
+    group = bench.new_session("n0")
+    first = bench.beat()["n0"].neighbour
+    second = ({"n1", "n2"} - {first}).pop()
+    bench.directory.ended("n0")
+    told = {}
+    for name, to in ((first, second), (second, first)):  # each hands it on to the other
+        (order,) = bench.beat(name)[name].orders
+        told[name] = order.epoch, to
+        bench.nodes[name].failed(group, *told[name])
+        bench.beat(name)
+    again = renewal(first, count=99, failed={group: told[first]})  # its answer was lost
+    (order,) = bench.directory.renew(again).orders
+    assert order.group == group and bench.owner(group) == first
 
 
 def test_an_adopter_that_dies_too_hands_on_to_its_own_neighbour():
@@ -207,9 +226,9 @@ def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     bench.beat()
     bench.later(LEASE, "n1")
     assert not bench.nodes["n0"].may_step()
-    assert bench.directory.node_for(group).name == "n0"
+    assert bench.owner(group) == "n0"
     bench.later(LEASE * (DRIFT - 1) + 0.25, "n1")
-    assert bench.directory.node_for(group).name == "n1"
+    assert bench.owner(group) == "n1"
     assert bench.beat("n0")["n0"].fenced
     assert bench.beat("n0")["n0"].lost == (group,)
     assert not bench.nodes["n0"].may_step()  # what it lost is still there
@@ -226,14 +245,14 @@ def test_a_drained_node_moves_what_it_has_and_is_done():
     while not (answer := bench.beat("n0")["n0"]).done:
         assert answer.orders and answer.draining
         for order in answer.orders:
-            epoch = bench.directory.transfer(order.group, "n0", order.epoch, order.to)
+            epoch = bench.directory.claim(order.group, "n0", order.epoch, order.to)
             bench.nodes["n0"].moved(order.group)
             bench.present["n0"].discard(order.group)
             bench.nodes[order.to].came(order.group, epoch)
             bench.present[order.to].add(order.group)
             moved.add(order.group)
     assert moved == groups
-    assert {bench.directory.node_for(group).name for group in groups} == {"n1", "n2"}
+    assert {bench.owner(group) for group in groups} == {"n1", "n2"}
 
 
 def test_a_drain_that_nobody_could_take_over_is_refused():
@@ -246,23 +265,23 @@ def test_a_drain_that_nobody_could_take_over_is_refused():
         bench.directory.drain("n7")
 
 
-def test_a_transfer_needs_owner_and_epoch_as_they_are():
+def test_a_claim_needs_owner_and_epoch_as_they_are():
     bench = Bench(["n0", "n1"])
     bench.add("n2", fingerprint="b")
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
     directory = bench.directory
-    for owner, wrong in (("n1", epoch), ("n0", epoch - 1)):
+    for giver, wrong in (("n1", epoch), ("n0", epoch - 1)):
         with pytest.raises(Aborted):
-            directory.transfer(group, owner, wrong, "n1")
+            directory.claim(group, giver, wrong, "n1")
     with pytest.raises(FailedPrecondition, match="another model"):
-        directory.transfer(group, "n0", epoch, "n2")
-    new = directory.transfer(group, "n0", epoch, "n1")
+        directory.claim(group, "n0", epoch, "n2")
+    new = directory.claim(group, "n0", epoch, "n1")
     assert new > epoch
-    assert directory.transfer(group, "n0", epoch, "n1") == new, "the answer was lost"
+    assert directory.claim(group, "n0", epoch, "n1") == new, "the answer was lost"
     with pytest.raises(Aborted):  # it has not heard that n1 has taken it
-        directory.transfer(group, "n0", epoch, "n0")
+        directory.claim(group, "n0", epoch, "n0")
     assert directory.counters["moved"] == 1
 
 
@@ -271,11 +290,11 @@ def test_an_owner_that_keeps_a_group_takes_the_offer_back():
     group = bench.new_session("n0")
     bench.beat()
     epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
-    kept = directory.transfer(group, "n0", epoch, "n0")
-    assert kept > epoch and directory.transfer(group, "n0", epoch, "n0") == kept
+    kept = directory.claim(group, "n0", epoch, "n0")
+    assert kept > epoch and directory.claim(group, "n0", epoch, "n0") == kept
     with pytest.raises(Aborted):
-        directory.transfer(group, "n0", epoch, "n1")
-    assert directory.transfer(group, "n0", kept, "n1") > kept
+        directory.claim(group, "n0", epoch, "n1")
+    assert directory.claim(group, "n0", kept, "n1") > kept
 
 
 def test_a_directory_that_does_not_know_all_decides_no_move():
@@ -283,7 +302,7 @@ def test_a_directory_that_does_not_know_all_decides_no_move():
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
-    given = bench.directory.transfer(group, "n0", epoch, "n1")
+    given = bench.directory.claim(group, "n0", epoch, "n1")
     bench.nodes["n1"].came(group, given)
     bench.present = {"n0": {group}, "n1": {group}}
     bench.nodes["n0"].moving(group)
@@ -291,10 +310,10 @@ def test_a_directory_that_does_not_know_all_decides_no_move():
     bench.beat()  # fenced
     bench.beat("n0")
     with pytest.raises(Unavailable):
-        bench.directory.transfer(group, "n0", epoch, "n0")
+        bench.directory.claim(group, "n0", epoch, "n0")
     bench.later(LEASE * DRIFT + 0.5, "n1", "n0")
     with pytest.raises(Aborted, match="n1's"):
-        bench.directory.transfer(group, "n0", epoch, "n0")
+        bench.directory.claim(group, "n0", epoch, "n0")
 
 
 def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
@@ -302,14 +321,14 @@ def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
     group = bench.new_session("n0")
     bench.beat()
     epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
-    directory.transfer(group, "n0", epoch, "n1")
+    directory.claim(group, "n0", epoch, "n1")
     directory._nodes["n1"].keepers = ("n2",)
     directory.ended("n1")
     with pytest.raises(Unavailable, match="adopted by n2"):
-        directory.transfer(group, "n0", epoch, "n0")
-    bench.nodes["n2"].failed(group)
+        directory.claim(group, "n0", epoch, "n0")
+    bench.nodes["n2"].failed(group, directory._groups[group].epoch)
     bench.beat("n2")
-    assert directory.transfer(group, "n0", epoch, "n0") > epoch
+    assert directory.claim(group, "n0", epoch, "n0") > epoch
     assert not bench.beat("n0")["n0"].orders and not directory.counters["lost"]
 
 
@@ -332,7 +351,7 @@ def test_what_is_left_from_an_earlier_time_does_not_stand_for_a_replica():
     group = bench.new_session("n0")
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
-    bench.directory.transfer(group, "n0", epoch, "n1")
+    bench.directory.claim(group, "n0", epoch, "n1")
     bench.directory.ended("n1")  # n0, which has not heard that, is to adopt it
     bench.nodes["n0"].registered = False
     answer = bench.beat("n0")["n0"]
@@ -350,7 +369,7 @@ def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_mean
     bench.nodes["n0"]._until = bench.now + 1.0  # the old lease still held
     answers = bench.beat()
     assert answers["n0"].lease_s == LEASE
-    assert bench.directory.node_for(group).name == "n0"
+    assert bench.owner(group) == "n0"
     assert bench.nodes["n0"].epoch(named(group)) == epoch
     bench.later(LEASE * DRIFT + 0.25, "n0", "n1")
     later = bench.new_session("n1")
@@ -362,40 +381,40 @@ def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_mean
 def test_of_two_claimants_the_greater_epoch_is_right():
     now = 0.0
     directory = Directory(LeaseRules(LEASE), 1, lambda: now)
-    silent = directory.register(registration("n0", held={"7": 5}, leased=False))
+    silent = directory.renew(coming("n0", held={"7": 5}, leased=False))
     assert silent.lease_s == 0  # its lease had ended: another may be the owner
     now = 0.2
-    directory.register(registration("n1", held={"7": 9}, leased=True))
+    directory.renew(coming("n1", held={"7": 9}, leased=True))
     now = LEASE * DRIFT + 0.1
-    late = directory.register(registration("n0", held={"7": 5}, leased=False, count=2))
+    late = directory.renew(coming("n0", held={"7": 5}, leased=False, count=2))
     assert late.lost == ("7",) and late.lease_s == LEASE
-    assert directory.node_for("7").name == "n1"
+    assert owner(directory, "7") == "n1"
 
 
 def test_a_view_follows_by_changes_or_as_a_whole():
     bench = Bench(["n0", "n1"])
     view, fresh = GroupMap(), GroupMap()
-    view.take(bench.directory.changes(view.seen))
+    view.take(bench.directory.look(view.seen)[1])
     for i in range(40):
         bench.new_session(f"n{i % 2}")
         bench.beat()
-        changes = bench.directory.changes(view.seen)
+        changes = bench.directory.look(view.seen)[1]
         assert not changes.whole and len(changes.groups) == 1
         view.take(changes)
     bench.directory.ended("n1")
-    view.take(bench.directory.changes(view.seen))
-    fresh.take(bench.directory.changes((0, 0)))
+    view.take(bench.directory.look(view.seen)[1])
+    fresh.take(bench.directory.look((0, 0))[1])
     assert view._owners == fresh._owners and list(view.nodes) == ["n0"]
-    assert bench.directory.changes(view.seen) is None
+    assert bench.directory.look(view.seen)[1] is None
 
 
 def test_a_view_that_is_older_than_the_log_gets_the_whole(monkeypatch):
     bench = Bench(["n0"])
     view = GroupMap()
-    view.take(bench.directory.changes(view.seen))
+    view.take(bench.directory.look(view.seen)[1])
     for _ in range(9000):
         bench.directory._touch("ffff")
-    assert bench.directory.changes(view.seen).whole
+    assert bench.directory.look(view.seen)[1].whole
 
 
 def test_a_node_knows_where_the_sessions_of_others_are():
@@ -432,7 +451,7 @@ def test_an_imported_snapshot_claims_the_group_of_its_id():
     bench = Bench(["n0", "n1"])
     bench.present["n0"].add("abcd")
     bench.beat()
-    assert bench.directory.node_for("abcd").name == "n0"
+    assert bench.owner("abcd") == "n0"
     bench.present["n1"].add("abcd")
     assert bench.beat("n1")["n1"].lost == ("abcd",)
 
@@ -463,11 +482,11 @@ def test_a_node_that_was_silent_gets_back_what_it_keeps():
     group = bench.new_session("n0")
     bench.beat()
     bench.later(2 * LEASE, "n1")
-    assert [one.node.name for one in bench.directory.status().nodes] == ["n1"]
+    assert [one.node.name for one in bench.status.nodes] == ["n1"]
     assert bench.beat("n0")["n0"].fenced
     bench.beat("n0")
     assert bench.nodes["n0"].may_step() and not bench.nodes["n0"].lost
-    assert bench.directory.node_for(group).name == "n0"
+    assert bench.owner(group) == "n0"
 
 
 def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
@@ -476,11 +495,11 @@ def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
     bench.present["n0"] = {one}
     bench.add("n0")
     assert bench.nodes["n0"].leased and bench.nodes["n0"].epoch(named(one)) > 0
-    assert not bench.directory.status().settled
+    assert not bench.status.settled
     bench.present["n1"] = {one, two}  # it was moving when all were killed
     bench.add("n1")
     assert bench.nodes["n1"].lost == {one}
-    assert bench.directory.status().settled
+    assert bench.status.settled
 
 
 def test_rendezvous_moves_only_what_it_must():
@@ -496,14 +515,14 @@ def test_status_counts_room():
     bench = Bench(["n0", "n1"])
     bench.loads["n0"] = NodeLoad(agents=30, sessions=2)
     bench.beat()
-    status = bench.directory.status()
+    status = bench.status
     assert (status.capacity, status.agents) == (200, 30)
     bench.loads["n0"] = NodeLoad(agents=30, sessions=2, fits=40)  # it has measured
     bench.loads["n1"] = NodeLoad(fits=400)  # its limits allow 100
     bench.beat()
-    assert bench.directory.status().capacity == 140
+    assert bench.status.capacity == 140
     bench.directory.drain("n1")
-    assert bench.directory.status().capacity == 40
+    assert bench.status.capacity == 40
 
 
 def test_unknown_nodes_are_fenced():

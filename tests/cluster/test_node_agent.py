@@ -9,7 +9,7 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import Bench
 from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
-from wayfarer.cluster.peer import Replicas
+from wayfarer.cluster.replicas import Replicas
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.ids import group_of
 
@@ -73,7 +73,8 @@ class Pair:
             self.moves[name], self.replicas[name] = Moves(), Replicas()
             gateway = SimpleNamespace(moves=self.moves[name], streams=0)
             self.agents[name] = NodeAgent(
-                self.bench.nodes[name], gateway, self, self, self.replicas[name],
+                self.bench.nodes[name], gateway, self, SimpleNamespace(call=self.peer),
+                self.replicas[name],
                 SimpleNamespace(), lambda: self.stopped.append(1),
             )  # fmt: skip
         self.moves["n1"].frozen[self.name] = False
@@ -84,20 +85,20 @@ class Pair:
         return None
 
     async def call(self, verb, *told):
-        if verb != "transfer":
+        if verb != "claim":
             return getattr(self.bench.directory, verb)(*told)
         self.asked.append(told[-1])
         if self.loses("question"):
             raise Unavailable("the directory does not answer")
-        epoch = self.bench.directory.transfer(*told)
+        epoch = self.bench.directory.claim(*told)
         if self.loses("answer"):
             raise Unavailable("the directory does not answer")
         return epoch
 
-    async def take(self, node, owner, group, epoch, live):
+    async def peer(self, node, verb, *told, seconds=0):
         if self.loses("take"):
             raise Unavailable("deadline")
-        await self.agents[node.name].take(owner, group, epoch, live)
+        await getattr(self.agents[node.name], verb)(*told)
         if self.loses("taken"):
             raise Unavailable("deadline")
 
@@ -113,7 +114,7 @@ class Pair:
     def owner(self):
         """The only node that steps it, which must be the directory's choice, too."""
         [found] = [name for name in self.moves if self.moves[name].frozen == {self.name: False}]
-        assert self.bench.directory.node_for(self.group).name == found
+        assert self.bench.owner(self.group) == found
         epoch = self.bench.directory._groups[self.group].epoch
         assert {n: node.epoch(self.name) for n, node in self.bench.nodes.items() if node.epoch(
             self.name)} == {found: epoch}  # fmt: skip
@@ -157,7 +158,7 @@ def test_who_has_withdrawn_an_offer_keeps_the_session_though_all_of_it_has_come(
     pair = Pair()
     n1, n2 = pair.bench.nodes.values()
     epoch = n1.epoch(pair.name)
-    pair.bench.directory.transfer(pair.group, "n1", epoch, "n1")
+    pair.bench.directory.claim(pair.group, "n1", epoch, "n1")
     with pytest.raises(Unavailable, match="does not give"):
         virtual_time.run(pair.agents["n2"].take("n1", pair.group, epoch, {pair.name: b"live"}))
     assert pair.moves["n2"].taken and not pair.moves["n2"].frozen and not n2.epoch(pair.name)
@@ -215,9 +216,11 @@ def test_without_room_all_of_a_group_is_handed_on_to_a_node_that_has_some():
             self.bench.add("n3")
             return there
 
-        async def keep(self, node, owner, name, replica, after):
-            left.setdefault(node.name, []).append((owner, name[-2:], replica.log_part, after))
-            return after + 1
+        async def peer(self, node, verb, owner, copies):
+            assert verb == "keep"
+            [(name, (_, part, after))] = copies.items()
+            left.setdefault(node.name, []).append((owner, name[-2:], part, after))
+            return {name: after + 1}
 
     pair = Three()
     for end, part in (("00", b"one"), ("01", b"")):

@@ -262,15 +262,15 @@ async def test_a_directory_that_does_not_answer_is_looked_for_again(monkeypatch)
         else:
             answered.set_result(result)
         asked = SimpleNamespace(future=lambda: answered)
-        return SimpleNamespace(status=SimpleNamespace(remote=lambda *told: asked))
+        return SimpleNamespace(look=SimpleNamespace(remote=lambda *told: asked))
 
     lost = handle(actors.ray.exceptions.RayError())
     link = actors.RayLink(lost)
     monkeypatch.setattr(actors.ray, "get_actor", lambda name, space: handle(f"{name} is here"))
     with pytest.raises(errors.Unavailable, match="RayError"):
-        await link.call("status")
+        await link.call("look")
     link._finding.join()
-    assert await link.call("status") == "directory is here"
+    assert await link.call("look") == "directory is here"
     assert link._first is lost
 
 

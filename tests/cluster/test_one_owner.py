@@ -15,8 +15,9 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import info
 from wayfarer.cluster import node_agent
 from wayfarer.cluster.directory import Directory, LeaseRules
+from wayfarer.cluster.messages import CALL_S
 from wayfarer.cluster.node_agent import NodeAgent
-from wayfarer.cluster.peer import CALL_S, Replicas
+from wayfarer.cluster.replicas import Replicas
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import AlreadyExists, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
@@ -123,7 +124,7 @@ class Node:
             moves=self.moves, started=True, alive=True, streams=0, loop_stats=self._stats
         )
         self.agent = NodeAgent(
-            self.tenancy, gateway, self, self, self.replicas, self.replication, self._end
+            self.tenancy, gateway, self, Peers(self), self.replicas, self.replication, self._end
         )
         self.tasks = [
             asyncio.create_task(self.agent.renewing()),
@@ -179,39 +180,38 @@ class Node:
             self.sim.seen["fenced"] += result.fenced
         return result
 
-    # Other nodes, as Peers
 
-    async def keep(self, node, owner, name, replica, after):
-        to = self.sim.nodes.get(node.name)
-        if to is None or self.sim.loses():
-            raise Unavailable("it has ended")
-        await to.awake()
-        self.sim.seen["handed on"] += 1
-        return to.replicas.keep(owner, name, replica.state, replica.log_part, after)
+class Peers:
+    """Other nodes, as RayNodes."""
 
-    async def take(self, node, owner, group, epoch, live):
+    def __init__(self, caller):
+        self.sim, self.caller = caller.sim, caller
+
+    async def call(self, node, verb, *told, seconds=CALL_S):
         to, sim = self.sim.nodes.get(node.name), self.sim
         if to is None:
             raise Unavailable("it has ended")
         if sim.loses():
-            await asyncio.sleep(CALL_S)
+            await asyncio.sleep(seconds)
             raise Unavailable("deadline")
         await to.awake()
-        handling = asyncio.create_task(to.agent.take(owner, group, epoch, live))
+        sim.seen["handed on"] += verb == "keep"
+        handling = asyncio.create_task(getattr(to.agent, verb)(*told))
         try:
-            async with asyncio.timeout(0.2 if sim.chance(0.2) else CALL_S):  # or it is reset
+            async with asyncio.timeout(0.2 if sim.chance(0.2) else seconds):  # or it is reset
                 await asyncio.wait({handling})
             if handling.cancelled():
                 raise Unavailable("it has ended")
-            handling.result()
+            found = handling.result()
         except TimeoutError:
             handling.cancel()
             raise Unavailable("deadline") from None
         finally:
-            await self.awake()
+            await self.caller.awake()
         if sim.loses():
-            await asyncio.sleep(CALL_S)
+            await asyncio.sleep(seconds)
             raise Unavailable("deadline")
+        return found
 
 
 class Sim:

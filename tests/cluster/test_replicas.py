@@ -2,11 +2,9 @@
 
 import pytest
 
-from tests.cluster.nodes import info
-from wayfarer.cluster import peer
-from wayfarer.cluster.peer import CONTENT, KEPT_S, Peers, PeerServer, Replicas
-from wayfarer.errors import ResourceExhausted, Unavailable
-from wayfarer.service.persistence.replica import Replica
+from wayfarer.cluster import replicas
+from wayfarer.cluster.replicas import CONTENT, KEPT_S, Replicas
+from wayfarer.errors import ResourceExhausted
 
 SCENE, SESSION, OTHER = "scene-00ff12", "session-00ff34", "session-00ee34"
 
@@ -37,7 +35,7 @@ def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with
 
 
 def test_there_is_a_limit(monkeypatch):
-    monkeypatch.setattr(peer, "REPLICA_BYTES", 3)
+    monkeypatch.setattr(replicas, "REPLICA_BYTES", 3)
     kept = Replicas()
     kept.keep("a", SESSION, b"12")
     kept.keep("a", SESSION, b"123")
@@ -68,29 +66,9 @@ def test_where_parts_are_missing_the_log_is_asked_for_again_and_the_state_is_kep
 
 
 def test_logs_have_a_limit_of_their_own(monkeypatch):
-    monkeypatch.setattr(peer, "LOG_BYTES", 2 * (peer.PART_BYTES + 1))
+    monkeypatch.setattr(replicas, "LOG_BYTES", 2 * (replicas.PART_BYTES + 1))
     kept = Replicas()
     assert kept.keep("a", SCENE, b"1", b"x") == 1
     assert kept.keep("a", SESSION, b"1", b"x") == 1
     assert kept.keep("a", SESSION, b"2", b"y", 1) == 0
     assert logs_of(kept) == {SCENE: [b"x"], SESSION: []}
-
-
-@pytest.mark.parametrize(("limit", "most"), [("MESSAGE_BYTES", 1000), ("REPLICA_BYTES", 10)])
-async def test_what_is_refused_is_told_from_a_node_that_is_away(monkeypatch, limit, most):
-    monkeypatch.setattr(peer, limit, most)
-    kept, secret = Replicas(), "s" * 64
-
-    async def nothing(*_):
-        return b""
-
-    server = PeerServer("127.0.0.1", secret, kept, nothing, nothing, nothing)
-    await server.start()
-    peers, node = Peers(secret), info("n2").model_copy(update={"peer_port": server.port})
-    with pytest.raises(ResourceExhausted):
-        await peers.keep(node, "n1", SESSION, Replica(bytes(most + 1)), 0)
-    await peers.keep(node, "n1", SESSION, Replica(b"1"), 0)
-    await server.stop()
-    with pytest.raises(Unavailable):
-        await peers.keep(node, "n1", SESSION, Replica(b"2"), 0)
-    await peers.forget_others(set())

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from tests.cluster.nodes import info
-from wayfarer.cluster import peer, replication
-from wayfarer.cluster.peer import Replicas
+from wayfarer.cluster import replicas, replication
+from wayfarer.cluster.replicas import Replicas
 from wayfarer.cluster.replication import Replication
-from wayfarer.errors import ResourceExhausted, Unavailable
+from wayfarer.errors import Unavailable
 from wayfarer.service.persistence.record import UNCOPIED, LogMark
 from wayfarer.service.persistence.replica import Replica
 
@@ -52,23 +52,24 @@ class Neighbours:
         self.away = self.forgets = self.broken = False
         self.refuses = None
 
-    async def keep(self, node, owner, name, replica, after):
+    async def call(self, node, verb, owner, told, seconds=0):
+        return getattr(self, verb)(self.kept[node.name], owner, told)
+
+    def keep(self, kept, owner, copies):
         if self.away:
             raise Unavailable("away")
-        if name == self.refuses:
-            raise ResourceExhausted("too large")
         if self.forgets:
-            self.kept[node.name].renew(owner, set())
+            kept.renew(owner, set())
             self.forgets = False
-        return self.kept[node.name].keep(owner, name, replica.state, replica.log_part, after)
+        return {
+            name: "too large" if name == self.refuses else kept.keep(owner, name, *copy)
+            for name, copy in copies.items()
+        }
 
-    async def present(self, node, owner, names):
+    def present(self, kept, owner, names):
         if self.broken:
             raise KeyError("a bug")
-        self.kept[node.name].renew(owner, set(names))
-
-    async def forget_others(self, nodes):
-        pass
+        kept.renew(owner, set(names))
 
     def log(self, name="n2"):
         """What the session's log is there."""
@@ -167,7 +168,9 @@ async def test_a_round_that_fails_is_not_the_last_one(copies, caplog):
     assert copies.peers.log() == ["0", "1"]
 
 
-@pytest.mark.parametrize(("where", "limit"), [(peer, "LOG_BYTES"), (replication, "LOG_PART_BYTES")])
+@pytest.mark.parametrize(
+    ("where", "limit"), [(replicas, "LOG_BYTES"), (replication, "LOG_PART_BYTES")]
+)
 async def test_where_a_log_has_no_room_the_state_is_kept_all_the_same(
     copies, monkeypatch, caplog, where, limit
 ):

@@ -12,26 +12,29 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import structlog
 
 from wayfarer.cluster.directory import Directory, LeaseRules
-from wayfarer.cluster.messages import NodePlan
+from wayfarer.cluster.messages import CALL_S, NodeInfo, NodePlan
+from wayfarer.cluster.node_agent import NodeAgent, joined
 from wayfarer.cluster.ray_settings import ray
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.logs import configure_logging
 
 log = structlog.get_logger(__name__)
 
+T = TypeVar("T")
+
 NAMESPACE: Final = "wayfarer"
 DIRECTORY: Final = "directory"
 
-CALL_S: Final = 1.5
+ANSWER_S: Final = 1.5
 """For an answer of the directory."""
 
 HANGS_S: Final = 15.0
@@ -56,13 +59,15 @@ class RayLink:
         try:
             return cls(ray.get_actor(DIRECTORY, NAMESPACE))
         except (ValueError, ray.exceptions.RayError):
-            raise Unavailable("no directory runs on this Ray cluster") from None
+            raise Unavailable(
+                "no directory runs on this Ray cluster; start it with `wayfarer cluster start`"
+            ) from None
 
     async def call(self, verb: str, *told: Any) -> Any:
         """See `DirectoryLink`."""
         try:
             asked = getattr(self._directory, verb).remote(*told).future()
-            return await asyncio.wait_for(asyncio.wrap_future(asked), CALL_S)
+            return await asyncio.wait_for(asyncio.wrap_future(asked), ANSWER_S)
         except (TimeoutError, ray.exceptions.RayError) as error:
             cause = getattr(error, "cause", None)
             if isinstance(cause, WayfarerError):
@@ -84,21 +89,39 @@ class RayLink:
             self._directory = ray.get_actor(DIRECTORY, NAMESPACE)
 
 
+class RayNodes:
+    """To the nodes' actors. Implements `NodeLink`."""
+
+    def __init__(self) -> None:
+        self._actors: dict[str, Any] = {}  # by the name of a life
+
+    async def call(self, node: NodeInfo, verb: str, *told: Any, seconds: float = CALL_S) -> Any:
+        """See `NodeLink`."""
+        name = node.name
+        try:
+            async with asyncio.timeout(seconds):
+                if name not in self._actors:
+                    place = name.rpartition("-")[0]
+                    self._actors[name] = await on_daemon(lambda: ray.get_actor(place, NAMESPACE))
+                asked = self._actors[name].call.remote(name, verb, *told)
+                return await asyncio.wrap_future(asked.future())
+        except (TimeoutError, ValueError, ray.exceptions.RayError) as error:
+            cause = getattr(error, "cause", None)
+            if isinstance(cause, WayfarerError):
+                raise cause from None
+            self._actors.pop(name, None)
+            raise Unavailable(f"node {name} does not answer ({type(error).__name__})") from None
+
+
 class DirectoryActor(Directory):
     """One for a cluster. Started again, it knows nothing, and is told by the nodes."""
 
-    def __init__(self, rules: LeaseRules, digest: str) -> None:
-        """`digest`: of the cluster's secret, which this process need not know."""
+    def __init__(self, rules: LeaseRules) -> None:
         with warnings.catch_warnings(action="ignore"):  # Ray's, of what it calls itself
             again = ray.get_runtime_context().was_current_actor_reconstructed
         if again:
             rules = replace(rules, nodes=0)  # leases of the one before may hold
         super().__init__(rules, time.time_ns() // 1000)
-        self._digest = digest
-
-    def digest(self) -> str:
-        """Of the secret that the cluster was started with."""
-        return self._digest
 
 
 class NodeActor:
@@ -115,6 +138,7 @@ class NodeActor:
         self.plan = plan.model_copy(update={"name": f"{plan.name}-{secrets.token_hex(3)}"})
         self._place, self._serve = plan.name, serve
         configure_logging(plan.settings.log_level, plan.settings.log_format, node=self.plan.name)
+        self._agent: NodeAgent | None = None
         self._started = Future[None]()
         self._ended = threading.Event()
         self._stopping = threading.Event()
@@ -141,11 +165,17 @@ class NodeActor:
         """Read the keys again."""
         self._tell_reload()
 
-    # What its server calls, on its own thread
+    def call(self, name: str, verb: str, *told: Any) -> Any:
+        """`NodeAgent`'s method of this name. `name`: of the life that is meant.
 
-    def directory(self) -> RayLink:
-        """Raises Unavailable."""
-        return RayLink.find()
+        Raises what it raises, and Unavailable.
+        """
+        if name != self.plan.name or self._agent is None:
+            raise Unavailable(f"node {name} has ended, or is starting or ending")
+        work = getattr(self._agent, verb)(*told)
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+    # What its server calls, on its own thread
 
     def listen(self, stop: Callable[[], None], reload: Callable[[], None]) -> None:
         """Let calls and signals do this, on the running event loop."""
@@ -153,6 +183,14 @@ class NodeActor:
         self._tell_reload, self._tell_stop = partial(tell, reload), partial(tell, stop)
         if self._stopping.is_set():
             stop()
+
+    @contextlib.asynccontextmanager
+    async def joined(self, *server: Any) -> AsyncIterator[None]:
+        """Be a node of the cluster meanwhile; see node_agent.py."""
+        self._loop = asyncio.get_running_loop()
+        async with joined(RayLink.find(), RayNodes(), *server) as self._agent:
+            yield
+        self._agent = None
 
     def ready(self) -> None:
         """It takes calls. If the event loop hangs from now on, the process ends.
@@ -182,7 +220,7 @@ class NodeActor:
         if self.plan.cores and hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(0, self.plan.cores)  # this thread, and those that it starts
         try:
-            self._tell("replaced", self._place)
+            self._tell("ended", self._place)
             pkgutil.resolve_name(self._serve)(self)
             faulthandler.cancel_dump_traceback_later()
         except Exception as error:
@@ -200,3 +238,18 @@ class NodeActor:
             self._tell("ended", self.plan.name)
         # it has ended of its own will: who covers this machine again gives it a new node
         ray.kill(ray.get_runtime_context().current_actor, no_restart=True)
+
+
+async def on_daemon(work: Callable[[], T]) -> T:
+    """Run on a thread whose end the process does not wait for: Ray may never answer it."""
+    done = Future[T]()
+    done.set_running_or_notify_cancel()  # a call that cannot be stopped must not be cancelled
+
+    def run_it() -> None:
+        try:
+            done.set_result(work())
+        except Exception as error:
+            done.set_exception(error)
+
+    threading.Thread(target=run_it, name="Ray", daemon=True).start()
+    return await asyncio.wrap_future(done)

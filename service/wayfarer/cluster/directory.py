@@ -1,10 +1,11 @@
 """Who owns which group: leases, epochs, placement, adoption, drains. No network, no Ray.
 
-The rules, on which "never two owners" rests:
+What nodes and entries call: `renew`, `claim`, `ended`, `place`, `drain` and `look`. The rules, on
+which "never two owners" rests:
 
 - A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
   here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
-- A group changes its owner only by its owner's wish (`transfer`), or after its owner has ended or
+- A group changes its owner only by its owner's wish (`claim`), or after its owner has ended or
   its lease has. Each change gives it an epoch greater than any before.
 - A move is decided here and nowhere else. The owner freezes what lives in the group and sends it to
   the new node, which asks for the group once it has everything, and lets it go on after the answer.
@@ -36,7 +37,6 @@ from wayfarer.cluster.messages import (
     NodeLoad,
     NodeOrder,
     NodeState,
-    Registration,
     Status,
 )
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
@@ -127,96 +127,73 @@ class Directory:
         self._nodes_version = 0
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
         self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
-        self._came: set[int] = set()  # numbers of the nodes that have ever registered
+        self._came: set[int] = set()  # numbers of the nodes that have ever come
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
         self._random = random.Random(seed)
 
     # ---- nodes
 
-    def register(self, told: Registration) -> Answer:
-        """Enter a node and what it holds. It may come again at any time."""
-        self.expire()
-        name = told.node.name
-        if not (self._settled() or told.leased or self.rules.nodes) and told.held:
-            return Answer()  # who of two claimants is right is known once all have come
-        node = self._nodes.get(name)
-        if node is None:
-            node = self._nodes[name] = _Node(told.node, told.load, self._clock())
-            self._nodes_changed()
-            self._came.add(told.node.number)
-            for group in self._waiting.pop(told.node.number, ()):
-                self._own(group, name, self._next_epoch())
-                node.used.add(group)
-        if told.count <= node.count:
-            return Answer()
-        node.count = told.count
-        lost: list[str] = []
-        used: set[str] = set()
-        epochs: dict[str, int] = {}
-        for group, epoch in told.held.items():
-            self._epoch = max(self._epoch, epoch)
-            entry = self._groups.get(group)
-            if entry is None and not told.leased:
-                # given up as lost; who adopted it meanwhile may have ended, too
-                self._own(group, name, self._next_epoch())
-            elif entry is None or (entry.owner != name and entry.epoch < epoch):
-                self._own(group, name, epoch or self._next_epoch())
-            if self._has(name, group, epoch):
-                used.add(group)
-                epochs[group] = self._groups[group].epoch  # an answer with it may have been lost
-            else:
-                lost.append(group)
-        # what it owns here and does not have any more; an adoption that it was to make goes on
-        for group in node.used - used:
-            if not self._is_adopted(group):
-                self._disown(group)
-        node.used = used | {s for s in node.used - used if s in self._groups}
-        node.load = told.load
-        return self._answer(node, (0, 0), tuple(lost), epochs)
-
     def renew(self, told: LeaseRenewal) -> Answer:
-        """Prolong a node's lease, take its reports, give it its orders."""
+        """Prolong a node's lease, take its reports, give it its orders.
+
+        A node that is not known here is asked for all that it holds. It may say that at any time.
+        """
         self.expire()
-        node = self._nodes.get(told.name)
+        node, whole = self._nodes.get(told.name), told.node
+        if whole is not None:
+            if not (self._settled() or told.leased or self.rules.nodes) and told.held:
+                return Answer()  # who of two claimants is right is known once all have come
+            node = node or self._enter(whole)
         if node is None:
             return Answer(fenced=True)
         if told.count <= node.count:
             return Answer()
-        node.count = told.count
-        node.load = told.load
-        lost: list[str] = []
+        node.count, node.load = told.count, told.load
+        lost = list[str]()
         for group, epoch in told.held.items():
-            if group not in self._groups:  # it was made there, or came with a snapshot
-                self._own(group, told.name, self._next_epoch())
+            self._epoch = max(self._epoch, epoch)
+            entry = self._groups.get(group)
+            if entry is None or (entry.owner != told.name and entry.epoch < epoch):
+                # made there, or come with a snapshot; or given up as lost, and who adopted it
+                # meanwhile may have ended, too; or of an earlier directory, whose lease still holds
+                known = epoch if told.leased or entry is not None else 0
+                self._own(group, told.name, known or self._next_epoch())
             if not self._has(told.name, group, epoch):
                 lost.append(group)
-                continue
-            node.used.add(group)
-        for group in told.freed:
-            if group in node.used:
+        # an adoption that it was to make goes on
+        freed = told.freed if whole is None else node.used.difference(told.held)
+        for group in node.used.intersection(freed):
+            if not self._is_adopted(group):
                 self._disown(group)
-        for group in told.adopted:
-            if group in node.used and self._is_adopted(group):
-                self._groups[group].keepers = None
-                self.counters["adopted"] += 1
-        for group, to in told.failed.items():
-            if group in node.used and self._is_adopted(group):
+        for group in filter(self._is_adopted, node.used.intersection(told.adopted)):
+            self._groups[group].keepers = None
+            self.counters["adopted"] += 1
+        for group in filter(self._is_adopted, node.used.intersection(told.failed)):
+            epoch, to = told.failed[group]
+            if epoch == self._groups[group].epoch:  # not of an adoption before this one
                 self._pass_on(group, to)
-        compared = {*told.held, *share_of(node.used, told.count)} & node.used
-        epochs = {s: self._groups[s].epoch for s in compared if not self._is_adopted(s)}
+        compared = node.used.intersection({*told.held, *share_of(node.used, told.count)})
+        epochs = {g: self._groups[g].epoch for g in compared if not self._is_adopted(g)}
         return self._answer(node, told.seen, tuple(lost), epochs)
 
-    def ended(self, name: str) -> None:
-        """A node's process is known to have ended: the keepers of its replicas adopt its groups, or
-        they wait for its next life (`LeaseRules.keep`).
-        """
-        node = self._nodes.pop(name, None)
-        if node is None:
-            return
+    def _enter(self, info: NodeInfo) -> _Node:
+        node = self._nodes[info.name] = _Node(info, NodeLoad(), self._clock())
         self._nodes_changed()
-        for other in self._nodes.values():
-            if name in other.keepers:
-                other.keepers = tuple(one for one in other.keepers if one != name)
+        self._came.add(info.number)
+        for group in self._waiting.pop(info.number, ()):
+            self._own(group, info.name, self._next_epoch())
+        return node
+
+    def ended(self, name: str) -> None:
+        """The process of a node is known to have ended: `name` is its own, or that of its place,
+        where the next one starts. The keepers of its replicas adopt its groups, or they wait for
+        its next life (`LeaseRules.keep`).
+        """
+        for one in [one for one in self._nodes if name in (one, one.rpartition("-")[0])]:
+            self._end(self._nodes.pop(one))
+
+    def _end(self, node: _Node) -> None:
+        self._nodes_changed()
         if self.rules.keep:
             self._waiting.setdefault(node.info.number, set()).update(node.used)
             return
@@ -228,21 +205,19 @@ class Directory:
                 entry.keepers = (*node.keepers, *giver)
             self._pass_on(group)
 
-    def replaced(self, place: str) -> None:
-        """A node is started again: the one before, of the same name but for its end, has ended."""
-        for name in [name for name in self._nodes if name.rpartition("-")[0] == place]:
-            self.ended(name)
-
     def expire(self) -> None:
         """Fence the nodes whose lease has ended."""
         now = self._clock()
         for node in [n for n in self._nodes.values() if n.lease_until <= now]:
             self.counters["expired"] += 1
-            self.ended(node.info.name)
+            self._end(self._nodes.pop(node.info.name))
 
     def drain(self, name: str) -> None:
         """Let a node give its sessions to others, and end. Raises NotFound, FailedPrecondition."""
-        node = self._node(name)
+        node = self._nodes.get(name)
+        if node is None:
+            known = ", ".join(sorted(self._nodes)) or "none"
+            raise NotFound(f"there is no node {name!r}; there are {known}", "node", name)
         equals = [
             other
             for other in self._nodes.values()
@@ -255,7 +230,7 @@ class Directory:
             )
         node.draining = True
 
-    def transfer(self, group: str, owner: str, epoch: int, to: str) -> int:
+    def claim(self, group: str, owner: str, epoch: int, to: str) -> int:
         """Give a group to `to`, if `owner` still has it with this epoch; its new epoch.
 
         `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group:
@@ -281,18 +256,9 @@ class Directory:
             raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
         self._own(group, to, self._next_epoch())
         self._groups[group].before = (owner, epoch)
-        target.used.add(group)
         if to != owner:
             self.counters["moved"] += 1
         return self._groups[group].epoch
-
-    def node_for(self, group: str) -> NodeInfo | None:
-        """The owner, or who would be; None without any node."""
-        entry = self._groups.get(group)
-        if entry is not None and entry.owner in self._nodes:
-            return self._nodes[entry.owner].info
-        name = rendezvous(group, self._nodes)
-        return self._nodes[name].info if name else None
 
     # ---- new sessions
 
@@ -375,7 +341,7 @@ class Directory:
             draining=node.draining,
             done=node.draining and not node.used,
             orders=tuple(self._orders(node, now)),
-            changes=self.changes(seen),
+            changes=self._changes(seen),
         )
 
     def _orders(self, node: _Node, now: float) -> Iterable[NodeOrder]:
@@ -393,8 +359,14 @@ class Directory:
             to = able[i % len(able)].info.name
             yield NodeOrder(kind="move", group=group, epoch=self._groups[group].epoch, to=to)
 
-    def changes(self, seen: tuple[int, int]) -> Changes | None:
-        """Of the view since (generation, version); None when there are none."""
+    def look(self, seen: tuple[int, int]) -> tuple[Status, Changes | None]:
+        """At a glance, and who owns what: what has changed since (generation, version), if
+        anything.
+        """
+        self.expire()
+        return self._status(), self._changes(seen)
+
+    def _changes(self, seen: tuple[int, int]) -> Changes | None:
         generation, version = seen
         if seen == (self._generation, self._version):
             return None
@@ -406,12 +378,12 @@ class Directory:
             version=self._version,
             whole=whole,
             groups={g: self._groups[g].owner if g in self._groups else "" for g in touched},
-            nodes=self._infos() if whole or self._nodes_version > version else None,
+            nodes=tuple(node.info for node in self._nodes.values())
+            if whole or self._nodes_version > version
+            else None,
         )
 
-    def status(self) -> Status:
-        """At a glance."""
-        self.expire()
+    def _status(self) -> Status:
         now = self._clock()
         nodes = tuple(
             NodeState(
@@ -443,8 +415,6 @@ class Directory:
         lost.
         """
         entry = self._groups[group]
-        if entry.owner in self._nodes:
-            self._nodes[entry.owner].used.discard(group)
         left = [name for name in (first, *(entry.keepers or ())) if name in self._nodes]
         if not left:
             self.counters["lost"] += 1
@@ -453,18 +423,15 @@ class Directory:
         self._own(group, left[0], self._next_epoch())
         self._groups[group].before = (entry.owner, entry.epoch)
         self._groups[group].keepers = tuple(left[1:])
-        self._nodes[left[0]].used.add(group)
 
     def _own(self, group: str, owner: str, epoch: int) -> None:
-        before = self._groups.get(group)
-        if before is not None and before.owner in self._nodes:
-            self._nodes[before.owner].used.discard(group)
+        self._disown(group)
         self._groups[group] = _Entry(owner, epoch)
-        self._touch(group)
+        self._nodes[owner].used.add(group)
 
     def _disown(self, group: str) -> None:
-        entry = self._groups.pop(group)
-        if entry.owner in self._nodes:
+        entry = self._groups.pop(group, None)
+        if entry is not None and entry.owner in self._nodes:
             self._nodes[entry.owner].used.discard(group)
         self._touch(group)
 
@@ -483,12 +450,6 @@ class Directory:
 
     # ---- nodes, once more
 
-    def _node(self, name: str) -> _Node:
-        if name not in self._nodes:
-            known = ", ".join(sorted(self._nodes)) or "none"
-            raise NotFound(f"there is no node {name!r}; there are {known}", "node", name)
-        return self._nodes[name]
-
     def _alike(self, one: _Node, other: _Node) -> bool:
         return one.info.fingerprint == other.info.fingerprint
 
@@ -502,15 +463,13 @@ class Directory:
             for other in self._nodes.values()
             if other is not node and not other.draining and self._alike(other, node)
         }
+        node.keepers = tuple(keeper for keeper in node.keepers if keeper in self._nodes)
         if node.keepers and node.keepers[0] in able:
             return
         if able:
             ring = sorted(able, key=_hash)
             after = [other for other in ring if _hash(other) > _hash(name)]
             node.keepers = ((after or ring)[0], *node.keepers[:1])
-
-    def _infos(self) -> tuple[NodeInfo, ...]:
-        return tuple(node.info for node in self._nodes.values())
 
     def _nodes_changed(self) -> None:
         self._touch("")

@@ -27,8 +27,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from wayfarer.cluster.every_node import Calls, EveryNode
 from wayfarer.cluster.group_map import GroupMap, endpoint
-from wayfarer.cluster.messages import DirectoryLink, NodeInfo, Status
-from wayfarer.cluster.peer import Peers
+from wayfarer.cluster.messages import DirectoryLink, NodeInfo, NodeLink, Status
 from wayfarer.cluster.routes import (
     METHODS,
     Subject,
@@ -61,7 +60,6 @@ from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem
 from wayfarer.transport.residence import misdirected
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
-from wayfarer.transport.tls import peer_tls
 from wayfarer.transport.wire import answer, from_message
 from wayfarer.v1 import control_pb2
 
@@ -110,9 +108,8 @@ class NodeFinder:
                 return
             self._looked_at = time.monotonic()
             with contextlib.suppress(WayfarerError):
-                status: Status = await self._directory.call("status")
-                # after the status: who reads there that nodes are ready finds them in the view
-                self._view.take(await self._directory.call("changes", self._view.seen))
+                status, changes = await self._directory.call("look", self._view.seen)
+                self._view.take(changes)
                 self.status = status
                 self._heard_at = time.monotonic()
 
@@ -172,18 +169,17 @@ class Entry:
         self,
         settings: Settings,
         directory: DirectoryLink,
-        secret: str,
+        nodes: NodeLink,
         stop: Callable[[], None],
     ) -> None:
-        """`secret`: of the nodes. `stop` is what AdminService.Drain does.
+        """`stop` is what AdminService.Drain does.
 
         Create it inside a running event loop. Raises Unavailable when a port is taken.
         """
         operation = ServerOptions.from_settings(settings)
         host, tls, limits = settings.host, operation.tls, settings.limits
         self.finder = NodeFinder(directory)
-        self._peers = Peers(secret, peer_tls(settings.peer_tls))
-        every = EveryNode(self._peers, self.finder.all_nodes, stop)
+        every = EveryNode(nodes, self.finder.all_nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log
@@ -244,7 +240,6 @@ class Entry:
             task.cancel()
         self._http.should_exit = True
         await asyncio.gather(self._grpc.stop(self._drain_s), http)
-        await self._peers.forget_others(set())
 
     async def _tell_health(self) -> None:
         while True:

@@ -11,11 +11,12 @@ from typing import Final
 
 import structlog
 
+from wayfarer.cluster.actors import RayNodes, on_daemon
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import DirectoryLink, NodePlan
 from wayfarer.cluster.plans import node_plans
-from wayfarer.cluster.ray_cluster import RayCluster, on_daemon
+from wayfarer.cluster.ray_cluster import RayCluster
 from wayfarer.config import Settings
 
 log = structlog.get_logger(__name__)
@@ -37,10 +38,9 @@ class OneMachine:
         """`serve`: see `NodeActor`."""
         self._settings, self._serve = settings, serve
         self._plans = node_plans(settings)
-        self._secret = self._plans[0].secret
 
     def __enter__(self) -> "OneMachine":
-        self._ray = RayCluster(self._secret)
+        self._ray = RayCluster()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -55,7 +55,7 @@ class OneMachine:
         keep = self._settings.state_dir is not None
         link = self._ray.directory(LeaseRules(LEASE_S, nodes=len(self._plans), keep=keep))
         nodes = _started(self._ray, self._plans, self._serve)
-        await enter(self._settings, link, self._secret, self._ray, nodes, announce)
+        await enter(self._settings, link, self._ray, nodes, announce)
 
 
 @contextlib.asynccontextmanager
@@ -70,7 +70,6 @@ async def _started(ray: RayCluster, plans: list[NodePlan], serve: str) -> AsyncI
 async def enter(
     settings: Settings,
     link: DirectoryLink,
-    secret: str,
     ray: RayCluster,
     beside: AbstractAsyncContextManager[None],
     announce: Callable[[str, str], None],
@@ -79,7 +78,7 @@ async def enter(
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
-    entry = Entry(settings, link, secret, stop.set)
+    entry = Entry(settings, link, RayNodes(), stop.set)
 
     def reload() -> None:
         entry.reload()

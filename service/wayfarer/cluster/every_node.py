@@ -6,9 +6,8 @@ from typing import Any, Final
 
 import structlog
 
-from wayfarer.cluster.messages import NodeInfo, NodeQuestion, heard, problem, value
-from wayfarer.cluster.peer import CALL_S, Peers
-from wayfarer.errors import Unavailable, WayfarerError
+from wayfarer.cluster.messages import CALL_S, NodeInfo, NodeLink
+from wayfarer.errors import Unavailable
 from wayfarer.transport import schema
 from wayfarer.transport.caller import Caller, Scope, current_caller, enter
 from wayfarer.transport.gateway import Gateway
@@ -21,22 +20,16 @@ MODEL_S: Final = 300.0
 METHODS: Final[dict[str, Callable[[Gateway, dict[str, Any]], Awaitable[Any]]]] = {
     "list_sessions": lambda gateway, told: gateway.sessions.list_own(),
     "list_scenes": lambda gateway, told: gateway.scenes.list_own(),
-    "load_model": lambda gateway, told: gateway.admin.load_model(schema.NewModel(**told)),
-    "use_model": lambda gateway, told: gateway.admin.use_model(
-        told["name"], schema.ModelUse(move_agents=told["move_agents"])
-    ),
+    "load_model": lambda gateway, told: gateway.admin.load_model(told["request"]),
+    "use_model": lambda gateway, told: gateway.admin.use_model(told["name"], told["request"]),
     "unload_model": lambda gateway, told: gateway.admin.unload_model(told["name"]),
 }
 
 
-async def answer(gateway: Gateway, question: bytes) -> bytes:
-    """A node's, to a NodeQuestion; the gateway checks whether the caller may. Raises ValueError."""
-    asked = NodeQuestion.model_validate_json(question)
-    enter(Caller(asked.caller, frozenset(Scope(scope) for scope in asked.scopes)))
-    try:
-        return value(await METHODS[asked.method](gateway, asked.told)).encode()
-    except WayfarerError as error:
-        return problem(error).encode()
+async def answer(gateway: Gateway, method: str, caller: Caller, told: dict[str, Any]) -> Any:
+    """A node's; the gateway checks whether the caller may."""
+    enter(caller)
+    return await METHODS[method](gateway, told)
 
 
 Calls = dict[str, Callable[..., Awaitable[Any]]]
@@ -48,12 +41,12 @@ class EveryNode:
 
     def __init__(
         self,
-        peers: Peers,
+        link: NodeLink,
         nodes: Callable[[], Awaitable[list[NodeInfo]]],
         stop: Callable[[], None],
     ) -> None:
         """`stop` is what `drain` does."""
-        self._peers = peers
+        self._link = link
         self._nodes = nodes
         self._stop = stop
         self.calls: Calls = {
@@ -67,23 +60,23 @@ class EveryNode:
 
     async def list_sessions(self) -> schema.Sessions:
         """The caller's, oldest first."""
-        lists = [schema.Sessions(**one).sessions for one in await self._ask("list_sessions")]
+        lists = [one.sessions for one in await self._ask("list_sessions")]
         return schema.Sessions(sessions=_by_age(lists))
 
     async def list_scenes(self) -> schema.Scenes:
         """The caller's, oldest first."""
-        lists = [schema.Scenes(**one).scenes for one in await self._ask("list_scenes")]
+        lists = [one.scenes for one in await self._ask("list_scenes")]
         return schema.Scenes(scenes=_by_age(lists))
 
     async def load_model(self, request: schema.NewModel) -> schema.Model:
         """Everywhere."""
-        found = await self._ask("load_model", MODEL_S, **request.model_dump())
-        return schema.Model(**found[0])
+        found: list[schema.Model] = await self._ask("load_model", MODEL_S, request=request)
+        return found[0]
 
     async def use_model(self, name: str, request: schema.ModelUse) -> schema.ModelUsed:
         """Everywhere; how many people of all nodes it moves now."""
-        found = await self._ask("use_model", MODEL_S, name=name, move_agents=request.move_agents)
-        return schema.ModelUsed(moved=sum(one["moved"] for one in found))
+        found = await self._ask("use_model", MODEL_S, name=name, request=request)
+        return schema.ModelUsed(moved=sum(one.moved for one in found))
 
     async def unload_model(self, name: str) -> None:
         """Everywhere."""
@@ -99,12 +92,10 @@ class EveryNode:
         nodes, caller = await self._nodes(), current_caller()
         if not nodes:
             raise Unavailable("no node runs; they are starting or stopping")
-        await self._peers.forget_others({node.name for node in nodes})
-        scopes = tuple(sorted(caller.scopes))
-        question = NodeQuestion(method=method, caller=caller.name, scopes=scopes, told=told)
-        data = question.model_dump_json().encode()
-        answers = await asyncio.gather(*(self._peers.ask(node, data, seconds) for node in nodes))
-        return [heard(one) for one in answers]
+        asked = (
+            self._link.call(node, "ask", method, caller, told, seconds=seconds) for node in nodes
+        )
+        return await asyncio.gather(*asked)
 
 
 def _by_age(lists: Iterable[Iterable[Any]]) -> tuple[Any, ...]:

@@ -1,39 +1,17 @@
-"""What nodes, entries and the directory tell each other: small JSON documents, and never a pose.
-
-An answer is `{"value": …}`, or `{"error": class, "text": …}` of a WayfarerError.
+"""What nodes, entries and the directory tell each other, and how they call each other.
 
 A *node* is a server process with its own ports, under a name that no other process ever gets again.
 A *group* is a scene with its sessions, or a session alone: the first digits of their ids (ids.py).
 """
 
-import json
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from wayfarer import errors
 from wayfarer.config import Settings
-from wayfarer.errors import Unavailable, WayfarerError
 
-
-def value(found: Any) -> str:
-    """The answer that holds a message, or what is JSON already."""
-    plain = found.model_dump(mode="json") if isinstance(found, BaseModel) else found
-    return json.dumps({"value": plain})
-
-
-def problem(error: WayfarerError) -> str:
-    """The answer that holds an error."""
-    return json.dumps({"error": type(error).__name__, "text": str(error)})
-
-
-def heard(answer: str | bytes) -> Any:
-    """The value of an answer. Raises the error that it holds."""
-    found = json.loads(answer)
-    if "error" in found:
-        kind = getattr(errors, found["error"], Unavailable)
-        raise kind(found["text"])
-    return found["value"]
+CALL_S: Final = 10.0
+"""How long a node's answer is waited for."""
 
 
 class DirectoryLink(Protocol):
@@ -46,19 +24,20 @@ class DirectoryLink(Protocol):
         ...
 
 
+class NodeLink(Protocol):
+    """A way to the nodes."""
+
+    async def call(self, node: "NodeInfo", verb: str, *told: Any, seconds: float = CALL_S) -> Any:
+        """`NodeAgent`'s method of this name. Raises what it raises; Unavailable when there is no
+        answer: it may be done all the same.
+        """
+        ...
+
+
 class ClusterMessage(BaseModel):
     """Base of all; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class NodeQuestion(ClusterMessage):
-    """What an entry asks every node on behalf of a caller (every_node.py)."""
-
-    method: str
-    caller: str
-    scopes: tuple[str, ...]
-    told: dict[str, Any] = {}
 
 
 class NodePlan(ClusterMessage):
@@ -66,8 +45,7 @@ class NodePlan(ClusterMessage):
 
     name: str
     number: int
-    host: str  # at which others reach it; empty: all nodes are on one machine (LOOPBACK)
-    secret: str  # that nodes show each other
+    host: str  # at which clients reach it; empty: that at which they called the entry
     cores: tuple[int, ...] = ()  # those it may run on; none: all
     settings: Settings
 
@@ -80,7 +58,6 @@ class NodeInfo(ClusterMessage):
     host: str  # empty: clients call it at the host at which they called the entry
     grpc_port: int
     http_port: int
-    peer_port: int  # of the service between nodes; 0: none
     fingerprint: str  # hash over model, bodies, format: sessions move only between equals
     capacity: int  # agents at most, by its limits
 
@@ -94,26 +71,19 @@ class NodeLoad(ClusterMessage):
     fits: int = 0  # agents that it can move in time, as measured; 0: not known yet
 
 
-class Registration(ClusterMessage):
-    """A node comes: for the first time, after it was fenced, or to a directory that forgot it."""
-
-    node: NodeInfo
-    count: int  # as LeaseRenewal's
-    load: NodeLoad = NodeLoad()
-    held: dict[str, int] = {}  # groups in use, and the epoch of each
-    leased: bool = False  # a lease of an earlier directory still holds
-
-
 class LeaseRenewal(ClusterMessage):
     """Renews the lease, several times in its length. Everything in it may be said twice."""
 
     name: str
     count: int  # greater with each: one that comes after its successor is not heard
-    load: NodeLoad
+    load: NodeLoad = NodeLoad()
+    node: NodeInfo | None = None  # it comes, or comes again: `held` is all that it has
+    leased: bool = False  # a lease of an earlier directory still holds
     held: dict[str, int] = {}  # groups and their epochs: new ones, and a share of the others
     freed: tuple[str, ...] = ()  # groups that hold none any more
     adopted: tuple[str, ...] = ()  # adoptions that succeeded, and
-    failed: dict[str, str] = {}  # those without a replica or room; the node with replicas, or ""
+    # those without a replica or room: epoch, and the node that has the replicas now, or ""
+    failed: dict[str, tuple[int, str]] = {}
     seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
 
 
@@ -137,9 +107,9 @@ class Changes(ClusterMessage):
 
 
 class Answer(ClusterMessage):
-    """To a registration or renewal."""
+    """To a renewal."""
 
-    fenced: bool = False  # the node's lease has ended here: release what it has lost, register
+    fenced: bool = False  # the node is not known, or its lease has ended: it tells all that it has
     lease_s: float = 0.0  # from when the request was sent; 0: none yet, ask again
     epochs: dict[str, int] = {}  # of groups that it owns: those that it named, and the same share
     lost: tuple[str, ...] = ()  # groups that have another owner: release them before stepping

@@ -12,15 +12,17 @@ import structlog
 from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import (
+    CALL_S,
     Answer,
     DirectoryLink,
     NodeInfo,
+    NodeLink,
     NodeLoad,
     NodeOrder,
     NodePlan,
 )
-from wayfarer.cluster.peer import CONTENT, LOOPBACK, KeptReplica, Peers, PeerServer, Replicas
-from wayfarer.cluster.replication import Replication
+from wayfarer.cluster.replicas import CONTENT, KeptReplica, Replicas
+from wayfarer.cluster.replication import PREPARE_S, Replication
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import (
     Aborted,
@@ -30,10 +32,9 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.service.persistence.replica import Replica
+from wayfarer.transport.caller import Caller
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
-from wayfarer.transport.tls import peer_tls
 
 log = structlog.get_logger(__name__)
 
@@ -48,6 +49,13 @@ HAND_ON_S: Final = 3.0
 
 STATS_S: Final = 1.0
 
+SESSION_S: Final = 0.1
+"""How much longer a call may take for each session that it gives away."""
+
+
+Copies = dict[str, tuple[bytes, bytes, int]]
+"""By id: state, what is new of its log, and how many parts are before that."""
+
 
 class NodeAgent:
     """Of one node."""
@@ -57,7 +65,7 @@ class NodeAgent:
         tenancy: Tenancy,
         gateway: Gateway,
         directory: DirectoryLink,
-        peers: Peers,
+        nodes: NodeLink,
         replicas: Replicas,
         replication: Replication,
         stop: Callable[[], None],
@@ -67,7 +75,7 @@ class NodeAgent:
         self._moves = gateway.moves
         self._gateway = gateway
         self._directory = directory
-        self._peers = peers
+        self._nodes = nodes
         self._replicas = replicas
         self._replication = replication
         self._stop = stop
@@ -91,6 +99,31 @@ class NodeAgent:
                 await asyncio.wait_for(self._tenancy.unclaimed.wait(), RENEW_S)
             self._tenancy.unclaimed.clear()
 
+    # What other nodes and entries call
+
+    async def keep(self, owner: str, copies: Copies) -> dict[str, int | str]:
+        """Keep these replicas; see `Replicas.keep`: for each what it returns, or why not."""
+        kept = dict[str, int | str]()
+        for name, copy in copies.items():
+            try:
+                kept[name] = self._replicas.keep(owner, name, *copy)
+            except ResourceExhausted as error:
+                kept[name] = str(error)
+        return kept
+
+    async def present(self, owner: str, names: list[str]) -> None:
+        """These sessions and scenes are on the owner now, and no others."""
+        self._replicas.renew(owner, set(names))
+
+    async def prepare(self, owner: str, scene_id: str, content: bytes) -> None:
+        """A scene of this content may come: bake it."""
+        self._replicas.keep(owner, scene_id + CONTENT, content)
+        await self._moves.prepare(scene_id, content)
+
+    async def ask(self, method: str, caller: Caller, told: dict[str, Any]) -> Any:
+        """See every_node.py."""
+        return await answer(self._gateway, method, caller, told)
+
     async def take(self, owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
         """A group comes from another node, with all that lives there; the directory decides whether
         it does. Raises WayfarerError.
@@ -112,7 +145,7 @@ class NodeAgent:
         try:
             for name, data in live.items():
                 came[name] = await self._moves.take(name, data, _content(kept, name))
-            given = await self._transfer(group, owner, epoch)
+            given = await self._claim(group, owner, epoch)
             if given is None:
                 raise Unavailable(f"{owner} does not give group {group} away any more")
         except BaseException as error:
@@ -136,7 +169,7 @@ class NodeAgent:
         log.info("sessions came", sessions=list(came), epoch=given, at=boot_clock())
         return None
 
-    async def _transfer(self, group: str, owner: str, epoch: int) -> int | None:
+    async def _claim(self, group: str, owner: str, epoch: int) -> int | None:
         """The new epoch of a group that `owner` gives to this node, or keeps; None: another has it.
 
         Asks until the directory answers: what the group has is frozen here, so it can wait.
@@ -145,7 +178,7 @@ class NodeAgent:
         while True:
             try:
                 if self._tenancy.registered:  # else the directory does not count with this node
-                    return int(await self._directory.call("transfer", *told))
+                    return int(await self._directory.call("claim", *told))
             except (Aborted, FailedPrecondition) as error:
                 log.warning("a group has another owner", group=group, reason=str(error))
                 return None
@@ -156,21 +189,14 @@ class NodeAgent:
     # The lease
 
     async def _renew(self) -> None:
-        tenancy, load = self._tenancy, await self._load()
-        sent_at = boot_clock()
-        if not tenancy.registered:
-            if not self._gateway.started:  # what it has kept is not there yet
-                return
-            registration = tenancy.registration(load, self._moves.groups)
-            answer = await self._directory.call("register", registration)
-            heard = tenancy.take_registered(answer, registration, sent_at)
-        else:
-            renewal = tenancy.renewal(load, self._moves.groups)
-            answer = await self._directory.call("renew", renewal)
-            heard = tenancy.take_renewed(answer, renewal, sent_at)
+        if not (self._tenancy.registered or self._gateway.started):  # what it kept is not there yet
+            return
+        load = await self._load()
+        sent_at, told = boot_clock(), self._tenancy.renewal(load, self._moves.groups)
+        answer = await self._directory.call("renew", told)
         if answer.fenced:
             log.error("the directory has given this node up; it comes back without what it lost")
-        if heard:
+        if self._tenancy.take(answer, told, sent_at):
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
@@ -201,8 +227,7 @@ class NodeAgent:
         self._replication.neighbour = answer.neighbour
         self._busy = {group: task for group, task in self._busy.items() if not task.done()}
         for order in answer.orders:
-            here = self._tenancy.has(order.group, order.epoch)
-            if order.group not in self._busy and here == (order.kind == "move"):  # else it is done
+            if order.group not in self._busy and self._tenancy.owes(order):
                 work = self._adopt(order) if order.kind == "adopt" else self._move(order)
                 self._busy[order.group] = asyncio.create_task(work, name=order.kind)
         empty = not (self._gateway.streams or self._busy or self._moves.groups)
@@ -247,7 +272,7 @@ class NodeAgent:
                             for one in reversed(adopted):  # nobody was let in here yet
                                 await self._moves.release(one, None)
                             self._replicas.drop(group)
-                            self._tenancy.failed(group, to)
+                            self._tenancy.failed(group, order.epoch, to)
                             log.warning("no room for a group", group=group, to=to, why=str(error))
                             return
                         offer_at = now() + HAND_ON_S
@@ -267,7 +292,7 @@ class NodeAgent:
         if adopted:
             self._tenancy.adopted(group, order.epoch)
         else:
-            self._tenancy.failed(group)
+            self._tenancy.failed(group, order.epoch)
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
         """Leave these replicas with the node that has the most room; its name, or "" for none."""
@@ -279,10 +304,14 @@ class NodeAgent:
             for name, one in kept.items():
                 if name.endswith(CONTENT):
                     scene_id = name.removesuffix(CONTENT)
-                    await self._peers.prepare(node, one.owner, scene_id, one.state)
+                    told = one.owner, scene_id, one.state
+                    await self._nodes.call(node, "prepare", *told, seconds=PREPARE_S)
                     continue
                 for after, part in enumerate(one.log_parts or [b""]):
-                    await self._peers.keep(node, one.owner, name, Replica(one.state, part), after)
+                    copies = {name: (one.state, part, after)}
+                    found = await self._nodes.call(node, "keep", one.owner, copies)
+                    if isinstance(found[name], str):  # there is no room for it
+                        return ""
         except WayfarerError:
             return ""
         return node.name
@@ -295,7 +324,8 @@ class NodeAgent:
             return
         try:
             for name in filter(is_scene, names):  # which takes long, while they live on
-                await self._peers.prepare(node, own, name, await self._moves.content(name))
+                content = await self._moves.content(name)
+                await self._nodes.call(node, "prepare", own, name, content, seconds=PREPARE_S)
         except WayfarerError as error:
             log.error("scene not moved", group=group, to=order.to, reason=str(error))
             return
@@ -311,10 +341,11 @@ class NodeAgent:
             return
         tenancy.moving(group)
         try:
-            await self._peers.take(node, own, group, order.epoch, frozen)
+            told, seconds = (own, group, order.epoch, frozen), CALL_S + SESSION_S * len(frozen)
+            await self._nodes.call(node, "take", *told, seconds=seconds)
         except WayfarerError as error:  # it may have come there all the same
             log.error("session not moved", group=group, to=order.to, reason=str(error))
-            epoch = await self._transfer(group, own, order.epoch)
+            epoch = await self._claim(group, own, order.epoch)
             if epoch is not None:
                 tenancy.stays(group, epoch)
                 await self._thaw(frozen)
@@ -333,43 +364,27 @@ class NodeAgent:
 
 @contextlib.asynccontextmanager
 async def joined(
-    plan: NodePlan,
     directory: DirectoryLink,
+    nodes: NodeLink,
     tenancy: Tenancy,
     gateway: Gateway,
     ports: tuple[int, int],
     stop: Callable[[], None],
-) -> AsyncIterator[None]:
+) -> AsyncIterator[NodeAgent]:
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
-    tls = peer_tls(plan.settings.peer_tls)
-    replicas, peers = Replicas(), Peers(plan.secret, tls)
-
-    async def take(owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
-        await agent.take(owner, group, epoch, live)
-
-    async def ask(question: bytes) -> bytes:
-        return await answer(gateway, question)
-
-    host, prepare = plan.settings.host if plan.host else LOOPBACK, gateway.moves.prepare
-    server = PeerServer(host, plan.secret, replicas, take, prepare, ask, tls)
-    tenancy.node = tenancy.node.model_copy(
-        update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
-    )
-    replication = Replication(tenancy, gateway.moves, peers)
-    agent = NodeAgent(tenancy, gateway, directory, peers, replicas, replication, stop)
-    await server.start()
+    tenancy.node = tenancy.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
+    replicas, replication = Replicas(), Replication(tenancy, gateway.moves, nodes)
+    agent = NodeAgent(tenancy, gateway, directory, nodes, replicas, replication, stop)
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(replication.running(), name="replicas"),
     ]
     try:
-        yield
+        yield agent
     finally:
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
-        await server.stop()
-        await peers.forget_others(set())
 
 
 def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
@@ -385,7 +400,6 @@ def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
         host=plan.host,
         grpc_port=0,
         http_port=0,
-        peer_port=0,
         fingerprint=fingerprint,
         capacity=plan.settings.limits.agents,
     )

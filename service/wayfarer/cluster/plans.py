@@ -1,6 +1,5 @@
 """What each node of `wayfarer serve --workers N` is to be: its ports, cores and state folder."""
 
-import secrets
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -22,13 +21,12 @@ def node_plans(settings: Settings) -> list[NodePlan]:
             "setting workers: several need pipes and clocks that Windows has not; set 1", "workers"
         )
     check_state(settings)
-    shares, secret = shares_of(core_numbers(), settings.workers), secrets.token_hex(32)
+    shares = shares_of(core_numbers(), settings.workers)
     return [
         NodePlan(
             name=f"node{number}",
             number=number,
             host="",
-            secret=secret,
             cores=shares[number] if settings.pin_workers else (),
             settings=settings.model_copy(
                 update={

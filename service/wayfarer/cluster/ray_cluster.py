@@ -3,14 +3,11 @@
 import asyncio
 import atexit
 import contextlib
-import hashlib
 import socket
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import structlog
 
@@ -18,11 +15,9 @@ from wayfarer.cluster.actors import DIRECTORY, NAMESPACE, DirectoryActor, NodeAc
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.cluster.ray_settings import NodeAffinitySchedulingStrategy, ray
-from wayfarer.errors import InvalidArgument, Unavailable
+from wayfarer.errors import Unavailable
 
 log = structlog.get_logger(__name__)
-
-T = TypeVar("T")
 
 LOCAL_ADDRESS: Final = "127.0.0.2"
 """Address of Ray on one machine: at 127.0.0.1 it waits for ever."""
@@ -32,9 +27,6 @@ OBJECT_BYTES: Final = 80 * 1024 * 1024
 
 STARTS: Final = 4
 """Ray starts as many processes at a time as it is told that there are cores."""
-
-START_S: Final = 30.0
-"""For the first answer of the directory, which may be starting."""
 
 LEAVE_S: Final = 8.0
 """Ray is left within 2 s; within 7 s if its head has ended, and never if its head hangs."""
@@ -58,13 +50,11 @@ ALIVE: Final = 0  # of GcsNodeInfo.GcsNodeState
 class RayCluster:
     """Calls of Ray block: not on an event loop."""
 
-    def __init__(self, secret: str, address: str = "") -> None:
+    def __init__(self, address: str = "") -> None:
         """`address`: of a Ray cluster; empty: one of its own on this machine, which ends with it.
-        `secret`: what the cluster's nodes show each other.
 
         Raises Unavailable.
         """
-        self._digest = hashlib.sha256(secret.encode()).hexdigest()
         self._own = not address
         self._nodes: dict[str, Any] = {}
         self._drain_s = 0.0
@@ -105,32 +95,14 @@ class RayCluster:
         outputs.add_handler("wayfarer", _print)
 
     def directory(self, rules: LeaseRules) -> RayLink:
-        """Start it, unless it runs. Raises InvalidArgument, Unavailable."""
+        """Start it, unless it runs. Raises Unavailable."""
         if not self._own and _runs(DIRECTORY):
             log.info("directory runs already, with the lease that it was started with")
-            return self.find_directory()
+            return RayLink.find()
         # with a CPU, so that it is never on the head, with which it would be away
         options = self._life() | {"num_cpus": 0.01}
         actor = ray.remote(DirectoryActor).options(name=DIRECTORY, **options)
-        return RayLink(actor.remote(rules, self._digest))
-
-    def find_directory(self) -> RayLink:
-        """The one that runs. Raises Unavailable; InvalidArgument where its secret is another."""
-        try:
-            found = ray.get_actor(DIRECTORY)
-        except ValueError:
-            raise Unavailable(
-                "no directory runs on this Ray cluster; start it with `wayfarer cluster start`"
-            ) from None
-        try:
-            digest: Any = ray.get(found.digest.remote(), timeout=START_S)
-        except ray.exceptions.RayError as error:
-            raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
-        if digest != self._digest:
-            raise InvalidArgument(
-                "WF_CLUSTER_SECRET differs from that which the cluster was started with"
-            )
-        return RayLink(found)
+        return RayLink(actor.remote(rules))
 
     def head_answers(self) -> bool:
         """Whether somebody listens at Ray's head. When nobody does, this process reads its logs and
@@ -212,21 +184,6 @@ class RayCluster:
         """Options of an actor: it needs no core, is started again, and is one of its name."""
         life = {} if self._own else {"lifetime": "detached"}
         return {"num_cpus": 0, "max_restarts": FOREVER, "get_if_exists": True, **life}
-
-
-async def on_daemon(work: Callable[[], T]) -> T:
-    """Run on a thread whose end the process does not wait for: Ray may never answer it."""
-    done = Future[T]()
-    done.set_running_or_notify_cancel()  # a call that cannot be stopped must not be cancelled
-
-    def run_it() -> None:
-        try:
-            done.set_result(work())
-        except Exception as error:
-            done.set_exception(error)
-
-    threading.Thread(target=run_it, name="Ray", daemon=True).start()
-    return await asyncio.wrap_future(done)
 
 
 def _folder() -> tempfile.TemporaryDirectory[str]:

@@ -13,12 +13,10 @@ from typing import Final
 
 import structlog
 
-from wayfarer.cluster.messages import NodeInfo
-from wayfarer.cluster.peer import Peers
+from wayfarer.cluster.messages import NodeInfo, NodeLink
 from wayfarer.cluster.tenancy import Tenancy
-from wayfarer.errors import ResourceExhausted, Unavailable, WayfarerError
+from wayfarer.errors import WayfarerError
 from wayfarer.service.persistence.record import UNCOPIED, LogMark
-from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway.moves import SessionMoves
 
 log = structlog.get_logger(__name__)
@@ -27,6 +25,12 @@ REPLICATE_S: Final = 1.0
 
 LOG_PART_BYTES: Final = 32 * 1024 * 1024
 """A log that has grown by more since its last copy is not copied: no message would take it."""
+
+BATCH_BYTES: Final = 1024 * 1024
+"""Of one message, somewhat exceeded."""
+
+PREPARE_S: Final = 60.0
+"""Within which a scene is baked."""
 
 TOLD: Final = 4
 """Refused replicas of a round that are named in the log."""
@@ -41,15 +45,27 @@ class _LogCopy:
     refused: bool = False  # there is no room for it
 
 
+@dataclass(frozen=True, slots=True)
+class _Copy:
+    """One that is sent."""
+
+    state: bytes
+    part: bytes  # of its log
+    after: int  # so many parts
+    known: _LogCopy  # before
+    mark: LogMark  # of the log, with this part
+    sent: int  # parts, if all arrive; -1: the log is too large
+
+
 class Replication:
     """Of one node."""
 
-    def __init__(self, tenancy: Tenancy, moves: SessionMoves, peers: Peers) -> None:
+    def __init__(self, tenancy: Tenancy, moves: SessionMoves, link: NodeLink) -> None:
         self.neighbour = ""
         """Name of the node that gets the copies; empty: there is none."""
         self._tenancy = tenancy
         self._moves = moves
-        self._peers = peers
+        self._link = link
         self._contents: dict[str, asyncio.Task[None]] = {}  # of scenes, by neighbour and scene
         self._logs: dict[str, _LogCopy] = {}  # by neighbour and session
 
@@ -59,7 +75,6 @@ class Replication:
             began = time.monotonic()
             nodes = self._tenancy.view.nodes
             try:
-                await self._peers.forget_others(set(nodes))
                 if self.neighbour in nodes and self._tenancy.may_step():
                     await self._replicate(nodes[self.neighbour])
             except WayfarerError as error:
@@ -75,43 +90,55 @@ class Replication:
         keys = {_key(node, name) for name in names}
         self._logs = {key: known for key, known in self._logs.items() if key in keys}
         # First: what has ended makes room there, and a node that is away fails the round at once.
-        await self._peers.present(node, self._tenancy.node.name, names)
-        refused = dict[str, str]()
-        for name in names:
+        own, refused = self._tenancy.node.name, dict[str, str]()
+        await self._link.call(node, "present", own, names)
+        batch, size = dict[str, _Copy](), 0
+        for number, name in enumerate(names, start=1):
             try:
-                await self._keep(node, name)
-            except Unavailable:
-                raise
-            except ResourceExhausted as error:
-                refused[name] = str(error)
+                made = await self._copy(node, name)
             except Exception:  # else nothing behind it would ever be copied
                 log.exception("replica not made", session_id=name)
+                made = None
+            if made is not None:
+                batch[name] = made
+                size += len(made.state) + len(made.part)
+            if batch and (size > BATCH_BYTES or number == len(names)):
+                copies = {key: (one.state, one.part, one.after) for key, one in batch.items()}
+                kept = await self._link.call(node, "keep", own, copies)
+                for key, one in batch.items():
+                    refused |= self._heard(node, key, one, kept[key])
+                batch, size = {}, 0
         if refused:
             told = dict(islice(refused.items(), TOLD))
             log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
 
-    async def _keep(self, node: NodeInfo, name: str) -> None:
-        """Raises Unavailable, ResourceExhausted."""
-        key = _key(node, name)
-        known = self._logs.pop(key, _LogCopy())  # if this fails, it is not known what has arrived
+    async def _copy(self, node: NodeInfo, name: str) -> "_Copy | None":
+        """None: it has just ended, or moved."""
+        # if this fails, it is not known what has arrived
+        known = self._logs.pop(_key(node, name), _LogCopy())
         try:
-            replica = await self._moves.replica(name, None if known.refused else known.mark)
-        except WayfarerError:  # it has just ended, or moved
-            return
+            made = await self._moves.replica(name, None if known.refused else known.mark)
+        except WayfarerError:
+            return None
         # another log than before, of a session with the same id, begins again
-        after = known.parts if replica.mark.log_id == known.mark.log_id else 0
-        sent = after + bool(replica.log_part)
-        if len(replica.log_part) > LOG_PART_BYTES:
-            replica, sent = Replica(replica.state), -1
-        own = self._tenancy.node.name
-        kept = await self._peers.keep(node, own, name, replica, after)
-        if known.refused:
-            self._logs[key] = known
-        elif kept == sent:
-            self._logs[key] = _LogCopy(kept, replica.mark)
-        elif not after:
+        after = known.parts if made.mark.log_id == known.mark.log_id else 0
+        if len(made.log_part) > LOG_PART_BYTES:
+            return _Copy(made.state, b"", after, known, UNCOPIED, -1)
+        sent = after + bool(made.log_part)
+        return _Copy(made.state, made.log_part, after, known, made.mark, sent)
+
+    def _heard(self, node: NodeInfo, name: str, one: "_Copy", kept: int | str) -> dict[str, str]:
+        """What the neighbour has of a log now; why it has not kept a replica."""
+        if isinstance(kept, str):
+            return {name: kept}
+        if one.known.refused:
+            self._logs[_key(node, name)] = one.known
+        elif kept == one.sent:
+            self._logs[_key(node, name)] = _LogCopy(kept, one.mark)
+        elif not one.after:
             log.warning("log not copied: it is too large", session_id=name, neighbour=node.name)
-            self._logs[key] = _LogCopy(refused=True)
+            self._logs[_key(node, name)] = _LogCopy(refused=True)
+        return {}
 
     # Scenes
 
@@ -129,7 +156,8 @@ class Replication:
     async def _send_scene(self, node: NodeInfo, scene_id: str) -> None:
         try:
             content = await self._moves.content(scene_id)
-            await self._peers.prepare(node, self._tenancy.node.name, scene_id, content)
+            told = self._tenancy.node.name, scene_id, content
+            await self._link.call(node, "prepare", *told, seconds=PREPARE_S)
             log.info("scene copied", scene_id=scene_id, to=node.name)
         except WayfarerError as error:
             log.warning("scene not copied", scene_id=scene_id, reason=str(error))
@@ -138,4 +166,4 @@ class Replication:
 
 def _key(node: NodeInfo, name: str) -> str:
     """A session or scene with this life of a neighbour."""
-    return f"{node.name} {node.peer_port} {name}"
+    return f"{node.name} {name}"

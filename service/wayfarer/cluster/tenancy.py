@@ -13,7 +13,7 @@ from typing import Final
 
 from wayfarer.cluster.directory import share_of
 from wayfarer.cluster.group_map import GroupMap, endpoint
-from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo, NodeLoad, Registration
+from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo, NodeLoad, NodeOrder
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
 from wayfarer.ids import group_of, new_group
@@ -42,16 +42,15 @@ class Tenancy:
         self._until = float("-inf")  # of the lease
         self._draining = False
         self._count = 0  # of messages
-        self._held: dict[str, int] = {}  # groups in use, and their epochs
+        self._held: dict[str, int] = {}  # groups in use, and their epochs; 0: not told yet
         self._lost: frozenset[str] = frozenset()  # to be released before another step
         self._moving: set[str] = set()
         # some of what lives there is not here yet: the epoch of an adoption; 0: not owned yet
         self._coming: dict[str, int] = {}
-        self._fresh: dict[int, float] = {}  # when they were given out
-        self._used: set[str] = set()  # reported as used until it is known to have arrived
+        # what the directory has not heard yet
         self._freed: set[str] = set()
         self._adopted: set[str] = set()
-        self._failed: dict[str, str] = {}  # to which node each was handed on, if it was
+        self._failed: dict[str, tuple[int, str]] = {}  # see `LeaseRenewal`
 
     # ---- Ownership
 
@@ -107,9 +106,12 @@ class Tenancy:
         """The epoch of the group of a session; 0 if this node does not own it."""
         return self._held.get(group_of(session_id), 0)
 
-    def has(self, group: str, epoch: int) -> bool:
-        """Whether it is in use here, with this epoch."""
-        return self._held.get(group) == epoch
+    def owes(self, order: NodeOrder) -> bool:
+        """Whether an order has still to be done."""
+        has = self._held.get(order.group) == order.epoch
+        if order.kind == "move":
+            return has
+        return not has and self._failed.get(order.group, (0, ""))[0] != order.epoch
 
     # ---- what the directory is told
 
@@ -128,75 +130,52 @@ class Tenancy:
         """Groups whose sessions are to be released here."""
         return self._lost
 
-    def registration(self, load: NodeLoad, present: Collection[str]) -> Registration:
-        """To come, or to come again. `present`: as in `renewal`; a journal may have kept it."""
+    def renewal(self, load: NodeLoad, present: Collection[str]) -> LeaseRenewal:
+        """`present`: groups of the sessions and scenes that are here; a journal may have kept
+        them.
+        """
         for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
             self._held[group] = 0
-        self._count += 1
-        return Registration(
-            node=self.node,
-            count=self._count,
-            load=load,
-            held=self._owned(),
-            leased=self.leased,
-        )
-
-    def renewal(self, load: NodeLoad, present: Collection[str]) -> LeaseRenewal:
-        """`present`: groups of the sessions and scenes that are here."""
-        for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
-            self._held[group] = 0  # the answer tells its epoch
-            self._used.add(group)
             self._freed.discard(group)
-        gone = set(self._held) - set(present) - self._moving
-        for group in gone:
+        for group in set(self._held) - set(present) - self._moving:
             del self._held[group]
-            self._used.discard(group)
             self._freed.add(group)
         self._count += 1
-        named = self._used.intersection(self._held) | share_of(self._held, self._count)
+        named = share_of(self._held, self._count)
+        named.update(group for group, epoch in self._held.items() if not epoch)
+        held = {group: self._held[group] for group in sorted(named - self._moving)}
+        comes = not self.registered
         return LeaseRenewal(
             name=self.node.name,
             count=self._count,
             load=load,
-            held={group: self._held[group] for group in sorted(named - self._moving)},
+            node=self.node if comes else None,
+            leased=comes and self.leased,
+            held=self._owned() if comes else held,
             freed=tuple(sorted(self._freed)),
             adopted=tuple(sorted(self._adopted)),
             failed=dict(self._failed),
             seen=self.view.seen,
         )
 
-    def take_registered(self, answer: Answer, told: Registration, sent_at: float) -> bool:
-        """The answer to a registration. False: not heard, since it came late; do not obey it."""
-        if told.count != self._count or not answer.lease_s:
-            return False
-        self.registered = True
-        self._used = set(self._held) - set(told.held)
-        self._freed.clear()
-        self._take(answer, told.held, sent_at)
-        return True
-
-    def take_renewed(self, answer: Answer, told: LeaseRenewal, sent_at: float) -> bool:
+    def take(self, answer: Answer, told: LeaseRenewal, sent_at: float) -> bool:
         """The answer to a renewal. False: not heard, since it came late; do not obey it."""
         if told.count != self._count:
             return False
         if answer.fenced:
             self.registered, self._until = False, float("-inf")
+        if answer.fenced or not answer.lease_s:
             return False
-        if not answer.lease_s:
-            return False
-        self._used -= told.held.keys()
+        self.registered = True
         self._freed -= set(told.freed)
         self._adopted -= set(told.adopted)
-        for group in told.failed:
-            self._failed.pop(group, None)
-        self._take(answer, told.held, sent_at)
-        return True
-
-    def _take(self, answer: Answer, told: dict[str, int], sent_at: float) -> None:
-        """`told`: what was said to be held. It says nothing of what has changed since."""
+        for group, failure in told.failed.items():
+            if self._failed.get(group) == failure:
+                del self._failed[group]
+        # of what has changed since it was told, the answer says nothing
         owned = self._owned()
-        same = {group for group, epoch in told.items() if owned.get(group) == epoch}
-        lost = same.intersection(answer.lost) - self._moving  # of these `transfer` tells
+        same = {group for group, epoch in told.held.items() if owned.get(group) == epoch}
+        lost = same.intersection(answer.lost) - self._moving  # of these `claim` tells
         self._lost |= lost
         for group in lost:
             self._held.pop(group, None)
@@ -210,6 +189,7 @@ class Tenancy:
         self._draining = answer.draining
         self._answered.set()
         self._answered = asyncio.Event()
+        return True
 
     def _owned(self) -> dict[str, int]:
         """Groups in use, with those that are being adopted, and their epochs."""
@@ -229,7 +209,6 @@ class Tenancy:
         """It has another owner."""
         self._moving.discard(group)
         self._held.pop(group, None)
-        self._used.discard(group)
 
     def stays(self, group: str, epoch: int) -> None:
         """It was not given away, and has this epoch now."""
@@ -238,7 +217,7 @@ class Tenancy:
 
     def coming(self, group: str, epoch: int = 0) -> None:
         """What lives in it is being put in here; end that with `came`, `adopted`, `failed` or
-        `refused`. `epoch`: once this node owns it, by a transfer or an adoption's order.
+        `refused`. `epoch`: once this node owns it, by a claim or an adoption's order.
         """
         self._coming[group] = epoch
         self._freed.discard(group)  # it lived here once
@@ -258,7 +237,7 @@ class Tenancy:
         """It could not be put in, or has another owner."""
         self._coming.pop(group, None)
 
-    def failed(self, group: str, to: str = "") -> None:
+    def failed(self, group: str, epoch: int, to: str = "") -> None:
         """No replica of it was here, or no room; `to` has the replicas now."""
         self._coming.pop(group, None)
-        self._failed[group] = to
+        self._failed[group] = epoch, to

@@ -19,9 +19,10 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 
 VERSION: Final = 1
 
-BETWEEN_SERVERS: Final = 3
+BETWEEN_SERVERS: Final = 4
 """To be raised when what only servers send each other changes: live sessions, replicas, parts of
-logs, and the calls that bring them (cluster/peer.py). Nodes of other numbers are of another kind.
+logs, and the calls that bring them (cluster/node_agent.py). Nodes of other numbers are of another
+kind.
 """
 
 _HEAD: Final = struct.Struct("<8sHI")
