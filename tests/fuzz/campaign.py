@@ -1,4 +1,4 @@
-"""A whole run: all surfaces at once, with a healthy stream beside them."""
+"""A whole run: inputs on all surfaces at once, during a healthy stream."""
 
 import asyncio
 import time
@@ -36,27 +36,27 @@ SETTINGS = {
     "WAYFARER_LIMITS__CLIP_S": "2",
     "WAYFARER_LIMITS__STEPS_PER_CALL": "5",
 }
-"""Of the server: with its usual limits most inputs would get no farther than to that of calls, and
-those that do would let it walk all the time."""
+"""Settings of the server: with the usual ones, most inputs would end at the limit of calls, and the
+others would keep it busy with walking."""
 
 MESSAGE_BYTES = 1 << 20
 
 SHARES = {"grpc": 0.6, "socket": 0.2, "http": 0.185, "grpc_port": 0.01, "http_port": 0.005}
-"""Of the inputs."""
+"""Shares of the inputs."""
 
 WORKERS = {"grpc": 4, "socket": 2, "http": 2, "grpc_port": 1, "http_port": 2}
 
 TEND_SECONDS = 1.0
 WARM_UP = 0.2
-"""Share of the inputs after which memory is first looked at: by then everything has been used."""
+"""Share of the inputs after which memory is first measured: by then everything has been used."""
 
 
 @dataclass
 class Report:
-    """What a run has found."""
+    """Results of a run."""
 
     answers: Answers = field(default_factory=Answers)
-    stream: StreamTally = field(default_factory=StreamTally)  # of the healthy one
+    stream: StreamTally = field(default_factory=StreamTally)  # the healthy stream
     late_chunks: int = 0  # that left the server late
     resets: int = 0
     failed_turns: int = 0  # of the motion thread
@@ -76,9 +76,9 @@ async def run(
     healthy_agents: int = 4,
     progress: Callable[[Report], None] = lambda _: None,
 ) -> Report:
-    """Send so many inputs; the same seed draws the same ones (answers may change their order).
+    """Sends `inputs` inputs. The same seed draws the same ones; answers may change their order.
 
-    `progress` hears of them every second.
+    `progress` receives the report every second.
     """
     report = Report()
     drawn = Inputs(seed, MESSAGE_BYTES)
@@ -126,7 +126,7 @@ async def _send(
 
 @asynccontextmanager
 async def _healthy(target: Target, tally: StreamTally, agents: int) -> AsyncIterator[str]:
-    """A client who does all as it should; yields its session."""
+    """Runs a client that does everything right; yields its session."""
     plan = LoadPlan(sessions=1, agents=agents, goal_rate=0.2)
     client = SimulatedClient(target, plan, tally, 0)
     await client.open()
@@ -145,7 +145,7 @@ async def _healthy(target: Target, tally: StreamTally, agents: int) -> AsyncIter
 async def _tended(
     channel: grpc.aio.Channel, inputs: Inputs, healthy: str, tell: Callable[[], None]
 ) -> AsyncIterator[None]:
-    """Keep sessions there that inputs can name, and what they open from piling up."""
+    """Keeps sessions alive that inputs can name, and deletes what inputs create."""
 
     async def tend() -> None:
         while True:
@@ -153,8 +153,8 @@ async def _tended(
                 await _clean(channel, healthy)
                 await _furnish(channel, inputs)
             except grpc.aio.AioRpcError as error:
-                # a machine that gives the server no time; inputs that are answered so count, as
-                # those do that take all room for scenes for a moment
+                # the machine gives the server no time, or inputs take all room for scenes for
+                # a moment; such answers to inputs count as well
                 if error.code() not in (
                     grpc.StatusCode.UNAVAILABLE,
                     grpc.StatusCode.RESOURCE_EXHAUSTED,
@@ -235,7 +235,7 @@ async def _furnish(channel: grpc.aio.Channel, inputs: Inputs) -> None:
 
 
 async def _scene(channel: grpc.aio.Channel) -> str:
-    """A scene; what inputs put into it, another one is made without."""
+    """Makes a scene; a new one has none of the inputs' obstacles."""
     scenes = scene_pb2_grpc.SceneServiceStub(channel)
     request = scene_pb2.CreateExampleSceneRequest(name="corridor")
     return str((await scenes.CreateExampleScene(request)).scene.scene_id)

@@ -17,14 +17,14 @@ PORT_SURFACE = "gRPC port"
 LEFT_OUT = {"wayfarer.v1.AdminService.Drain"}  # it would end the server, as it should
 BAD = {"INTERNAL", "UNKNOWN", "DATA_LOSS", "UNAVAILABLE", "DEADLINE_EXCEEDED", "UNIMPLEMENTED"}
 FROM_CLIENT = "Internal error from Core"
-"""What grpcio's client says when a stream is over before all has been written to it; the status
-of the server is lost then."""
+"""Text of grpcio's client when a stream ends before everything has been written to it; the server's
+status is then lost."""
 
 SECONDS = 20.0
-"""A call that has not answered by then hangs."""
+"""Seconds after which a call without an answer counts as hanging."""
 
 MESSAGES = 3
-"""Read from a stream before it is let go."""
+"""Messages that are read from a stream before it is dropped."""
 
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 EMPTY_SETTINGS = b"\x00\x00\x00\x04\x00\x00\x00\x00\x00"
@@ -42,7 +42,7 @@ class Method:
 
 
 def methods() -> list[Method]:
-    """All but those that would end the server."""
+    """All methods except those that would end the server."""
     services = [s for file in FILES for s in file.DESCRIPTOR.services_by_name.values()]
     found = [Method(method) for service in services for method in service.methods]
     return [method for method in found if method.descriptor.full_name not in LEFT_OUT]
@@ -68,7 +68,7 @@ async def worker(channel: grpc.aio.Channel, inputs: Inputs, quota: Quota, tally:
 
 
 async def _call(channel: grpc.aio.Channel, method: Method, pieces: list[bytes]) -> tuple[str, str]:
-    """Name and text of the status; OK also when a stream was let go."""
+    """Name and text of the status; also OK if the stream was dropped."""
     incoming, outgoing = method.descriptor.client_streaming, method.descriptor.server_streaming
     try:
         if incoming and not outgoing:
@@ -104,7 +104,7 @@ async def _each(pieces: Iterable[bytes]) -> AsyncIterator[bytes]:
 
 
 async def port_worker(address: str, inputs: Inputs, quota: Quota, tally: Tally) -> None:
-    """Bytes that are not gRPC, or not for long, into its port; the answer does not matter."""
+    """Sends bytes that are not gRPC, or only at first, to its port; the answer does not matter."""
     host, port = address.rsplit(":", 1)
     while await quota.take():
         begin = inputs.chance.choice((b"", PREFACE, PREFACE + EMPTY_SETTINGS))

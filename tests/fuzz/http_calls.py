@@ -13,7 +13,7 @@ from tests.fuzz.tally import Quota, Tally
 SURFACE = "HTTP"
 PORT_SURFACE = "HTTP port"
 LEFT_OUT = ("/v1/admin/drain", "/v1/events")
-"""The end of the server, and a stream that goes on for ever."""
+"""The server's shutdown, and an endless stream."""
 
 CONTENT_TYPES = ("application/json", "application/json", "text/plain", "application/x-protobuf", "")
 SNIPPETS = (
@@ -72,7 +72,7 @@ async def worker(http: httpx.AsyncClient, inputs: Inputs, quota: Quota, tally: T
 async def _answer(
     http: httpx.AsyncClient, method: str, target: str, body: bytes, headers: dict[str, str]
 ) -> str:
-    """Status, or what went wrong; of an endless body no more than its begin."""
+    """Status, or the failure; only the beginning of an endless body is read."""
     try:
         async with (
             asyncio.timeout(SECONDS),
@@ -138,7 +138,7 @@ def _twisted(inputs: Inputs, value: object) -> object:
 
 
 async def port_worker(url: str, inputs: Inputs, quota: Quota, tally: Tally) -> None:
-    """Requests that are hardly HTTP; the server may answer 4xx or hang up, and no more."""
+    """Sends requests that are hardly HTTP; the server may only answer 4xx or hang up."""
     where = urlsplit(url)
     while await quota.take():
         answer = await _converse(where.hostname or "", where.port or 0, _request(inputs))

@@ -1,5 +1,5 @@
-"""Bytes that a server may be sent: messages with extreme values, and what becomes of them when they
-are changed, cut off, blown up, or made of chance altogether."""
+"""Hostile bytes for a server: messages with extreme values, also changed, cut off, blown up, or
+entirely random."""
 
 import math
 import random
@@ -29,7 +29,7 @@ class Inputs:
     """Draws inputs for messages. `known` names things that exist, by the name of their field."""
 
     def __init__(self, seed: int, message_bytes: int) -> None:
-        """Oversized ones have more than `message_bytes`."""
+        """Oversized inputs have more than `message_bytes`."""
         self.chance = random.Random(seed)
         self.known: dict[str, list[str]] = {}
         self._message_bytes = message_bytes
@@ -67,7 +67,7 @@ class Inputs:
         return bytes(changed)
 
     def text(self, name: str = "") -> str:
-        """Something known by that name, or a text out of the ordinary."""
+        """A known thing of that name, or an unusual text."""
         if (known := self.known.get(name)) and self.chance.random() < 0.75:
             return self.chance.choice(known)
         return self.chance.choice(TEXTS)

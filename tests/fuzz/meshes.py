@@ -21,7 +21,7 @@ from wayfarer.spec import MAX_COORDINATE
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")
 MOST_BYTES = 200_000
-"""Of a mutated file."""
+"""Maximum size of a mutated file."""
 
 NUMBERS = (
     *("0", "-0", "1", "-1", "2", "3", "-3", "7", "255", "256", "65535", "65536", "500000"),
@@ -43,7 +43,7 @@ VALUES = (
     *([], [0], [[]], [0, 0], [1e308] * 16, [0] * 16, {}, {"a": 0}, "a", "file:///etc/passwd"),
     *(float("nan"), float("inf"), 5120, 5121, 5123, 5125, 5126, "VEC3", "SCALAR", "MAT4"),
 )
-"""In place of a value of glTF's JSON."""
+"""Replacements for a value in glTF's JSON."""
 
 
 def seeds(form: MeshFormat) -> list[bytes]:
@@ -119,7 +119,7 @@ class Mutator:
         self._seeds = seeds(self.form)
 
     def __iter__(self) -> Iterator[bytes]:
-        """Endless."""
+        """Yields files without end."""
         while True:
             data = self.chance.choice(self._seeds)
             for _ in range(self.chance.choice((1, 1, 2, 3, 8))):
@@ -210,7 +210,7 @@ class Mutator:
             return
 
     def _closed(self, data: bytes) -> bytes:
-        """A GLB mostly says its true length, or no reader would look any farther."""
+        """Usually sets a GLB's true length, since otherwise no reader would read on."""
         if self.form == "glb" and len(data) >= 12 and self.chance.random() < 0.95:
             return data[:8] + struct.pack("<I", len(data)) + data[12:]
         return data
@@ -218,18 +218,18 @@ class Mutator:
 
 @dataclass
 class Report:
-    """What came of the files of one format."""
+    """Results for the files of one format."""
 
     form: MeshFormat
     files: int = 0
     read: int = 0
     refused: Counter[str] = field(default_factory=Counter)  # by the first words of the reason
-    failures: list[tuple[str, bytes]] = field(default_factory=list)  # what else happened, and file
+    failures: list[tuple[str, bytes]] = field(default_factory=list)  # other failures, and the file
     slowest: float = 0.0  # seconds
 
 
 def fuzz(form: MeshFormat, files: int, seed: int) -> Report:
-    """Read so many damaged files."""
+    """Reads `files` damaged files."""
     report = Report(form)
     for data, _ in zip(Mutator(form, seed), range(files), strict=False):
         began = time.perf_counter()
@@ -242,7 +242,7 @@ def fuzz(form: MeshFormat, files: int, seed: int) -> Report:
 
 
 def _wrong(mesh: MeshFile, report: Report) -> str:
-    """What a reader may not do with a file; empty when it did well."""
+    """The reader's fault with a file; empty if it has none."""
     try:
         corners = read_mesh(mesh)
     except InvalidArgument as error:

@@ -9,17 +9,17 @@ from pathlib import Path
 CONFIGURATION = Path(__file__).with_name("schemathesis.toml")
 PHASES = "examples,coverage,fuzzing,stateful"
 LEFT_OUT = ("/v1/admin/drain", "/v1/events")
-"""The end of the server, and a stream that has none."""
+"""The server's shutdown, and an endless stream."""
 
 SETTINGS = {
-    "WAYFARER_LIMITS__CLIP_S": "1",  # else it would spend its time walking
+    "WAYFARER_LIMITS__CLIP_S": "1",  # otherwise it would spend its time walking
 }
-"""Of the server, besides those of `campaign`."""
+"""Settings of the server, in addition to those of `campaign`."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What it has found; `text` tells people."""
+    """Results; `text` is for people."""
 
     cases: int
     failures: int  # different ones
@@ -30,7 +30,7 @@ class Outcome:
 async def schemathesis(
     url: str, examples: int, seed: int, folder: Path, phases: str = PHASES
 ) -> Outcome:
-    """Try up to so many `examples` per operation and phase; `folder` is for its files."""
+    """Tries up to `examples` examples per operation and phase; `folder` is for its files."""
     report = folder / "schemathesis.json"
     process = await asyncio.create_subprocess_exec(
         str(Path(sys.executable).with_name("schemathesis")),

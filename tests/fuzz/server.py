@@ -1,4 +1,4 @@
-"""`wayfarer serve` as a process of its own, whose log is kept."""
+"""`wayfarer serve` as a separate process, whose log is kept."""
 
 import asyncio
 import json
@@ -30,13 +30,13 @@ class Served:
 
     @property
     def errors(self) -> list[str]:
-        """What it has logged that should not have happened."""
+        """Logged events that should not have happened."""
         lines = entries(self.log)
         return [json.dumps(line)[:2000] for line in lines if line.get("level") in WRONG]
 
     @property
     def threads(self) -> int:
-        """Of the process."""
+        """Number of the process's threads."""
         return psutil.Process(self.process.pid).num_threads()
 
 
@@ -44,7 +44,7 @@ class Served:
 async def served(
     log: Path, arguments: tuple[str, ...] = (), settings: Mapping[str, str] | None = None
 ) -> AsyncIterator[Served]:
-    """On free ports of the loopback, ended afterwards; it must not have ended before."""
+    """Runs a server on free ports of the loopback; it must run until it is ended here."""
     clean = {k: v for k, v in os.environ.items() if not k.startswith("WAYFARER_")}
     with log.open("w") as file:
         process = await asyncio.create_subprocess_exec(

@@ -22,7 +22,7 @@ QUERIES = ("", "", "&fps=10", "&fps=nan", "&bones=hips", "&agent=%00", "&x=1")
 VIEWPOINTS = '{"viewpoints": [{"position": {"x": 1.5, "y": 0, "z": -2e3}, "reach": 0.5}]}'
 INTEREST = '{"rings": [{"radius": 9}, {"radius": 20, "format": {"encoding": 4}}], ' + VIEWPOINTS[1:]
 FRAMES = 12
-"""Sent over one connection, at most."""
+"""Maximum frames that are sent over one connection."""
 
 
 async def worker(url: str, inputs: Inputs, quota: Quota, tally: Tally) -> None:
@@ -87,7 +87,7 @@ def _address(url: str, inputs: Inputs) -> str:
 
 
 def _nearly(inputs: Inputs, text: str) -> str:
-    """As it is, or with a number or some bytes of it changed."""
+    """The text as it is, or with a number or some bytes changed."""
     if inputs.chance.random() < 0.3:
         return text
     if inputs.chance.random() < 0.5:

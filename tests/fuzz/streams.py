@@ -1,4 +1,4 @@
-"""Readers who leave, and readers who stop reading, beside others who do as they should."""
+"""Readers that leave or stop reading, among healthy ones."""
 
 import asyncio
 import random
@@ -33,19 +33,19 @@ SETTINGS = {
     "WAYFARER_LIMITS__CALLS_PER_SECOND": "1000000",
     "WAYFARER_LIMITS__STREAMS": "80",
 }
-"""Of a server for what is here."""
+"""Settings of the server for these tests."""
 
 AT_ONCE = 6
 WARM_UP = 100
-"""Cycles before memory is first looked at."""
+"""Cycles before memory is first measured."""
 
 RECEIVE_BYTES = 4096
-"""Of the socket of a reader who stalls: the rest is the server's to keep, or not."""
+"""Receive buffer of a stalled reader's socket; the server keeps the rest, or drops it."""
 
 
 @dataclass
 class Reading:
-    """What a healthy reader has got."""
+    """Data that a healthy reader has received."""
 
     chunks: int = 0
     lost: int = 0  # by the sequence numbers
@@ -66,7 +66,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Stall:
-    """What a stalled reader has done to the others."""
+    """Effects of a stalled reader on the others."""
 
     readings: list[Reading]
     megabytes: tuple[float, float]  # memory of the server before and after
@@ -74,7 +74,7 @@ class Stall:
 
 
 async def people(connection: Connection, agents: int) -> str:
-    """A session of people who are on a long way."""
+    """Makes a session of people on a long way."""
     made = await connection.sessions.CreateSession(session_pb2.CreateSessionRequest())
     session_id = str(made.session.session_id)
     specs = [agent_pb2.AgentSpec(gender=1 + i % 2, seed=i) for i in range(agents)]
@@ -94,10 +94,10 @@ async def stall(
     kind: str,
     warm_up: float = 0.0,
 ) -> Stall:
-    """One reader of the first session stalls; `healthy` others read it and the other sessions.
+    """Stalls one reader of the first session; `healthy` others read it and the other sessions.
 
-    The first has four times as many agents: what the stalled reader leaves must fill all buffers.
-    `warm_up`: seconds that the others read before, for the server's memory to settle.
+    The first session has four times as many agents, so that the unread motion fills all buffers.
+    `warm_up`: seconds that the others read before, so that the server's memory settles.
     """
     connection = Connection(target)
     names = [await people(connection, agents if i else 4 * agents) for i in range(sessions)]
@@ -158,9 +158,9 @@ STALLS = {"grpc": _stalled_grpc, "websocket": _stalled_socket}
 
 
 async def cycles(target: Target, count: int, seed: int) -> tuple[float, float, dict]:
-    """So many streams are opened and left, in every way there is.
+    """Opens and leaves `count` streams in every possible way.
 
-    Memory after the warm-up and at the end, MB, and the server's figures then.
+    Returns memory after the warm-up and at the end, MB, and the server's final figures.
     """
     chance = random.Random(seed)
     connection = Connection(target)
@@ -215,7 +215,7 @@ async def _leave_control(
 
 
 async def _give_up(call: grpc.aio.Call, chance: random.Random) -> None:
-    """Read a little, or nothing, then cancel: with a word or without."""
+    """Reads a little, or nothing, and leaves, with or without cancelling."""
     with suppress(grpc.aio.AioRpcError):
         for _ in range(chance.choice((0, 0, 1, 3))):
             message = await call.read()
@@ -226,7 +226,7 @@ async def _give_up(call: grpc.aio.Call, chance: random.Random) -> None:
 async def _leave_socket(
     target: Target, channel: grpc.aio.Channel, session_id: str, chance: random.Random
 ) -> None:
-    """Half a handshake, or a whole one, and gone: with FIN or with RST."""
+    """Makes half or all of a handshake and leaves, with FIN or RST."""
     where = urlsplit(target.http)
     request = handshake(where.netloc, session_id)
     with suppress(OSError):
@@ -235,14 +235,14 @@ async def _leave_socket(
         await writer.drain()
         await asyncio.sleep(chance.choice((0, 0, 0.02, 0.3)))
         if chance.random() < 0.5:
-            linger = struct.pack("ii", 1, 0)  # RST in place of FIN
+            linger = struct.pack("ii", 1, 0)  # RST instead of FIN
             writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
         writer.close()
         await writer.wait_closed()
 
 
 def handshake(host: str, query: str) -> bytes:
-    """What opens `WS /v1/stream`; `query` begins with the session."""
+    """The request that opens `WS /v1/stream`; `query` begins with the session."""
     return (
         f"GET /v1/stream?session={query} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"

@@ -1,16 +1,16 @@
-"""What a server made of its inputs."""
+"""A server's answers to inputs."""
 
 import asyncio
 from collections import Counter
 from dataclasses import dataclass, field
 
 KEPT = 25
-"""Inputs that went wrong and are shown."""
+"""Maximum number of failed inputs that are shown."""
 
 
 @dataclass
 class Tally:
-    """Answers by surface; failures with what makes them come again."""
+    """Answers by surface; failures with the data to reproduce them."""
 
     answers: Counter[tuple[str, str]] = field(default_factory=Counter)  # surface, answer
     kinds: Counter[str] = field(default_factory=Counter)
@@ -19,16 +19,16 @@ class Tally:
 
     @property
     def inputs(self) -> int:
-        """All so far."""
+        """Number of all inputs so far."""
         return self.answers.total()
 
     def answer(self, surface: str, kind: str, answer: str) -> None:
-        """An input of a kind got an answer that is in order."""
+        """Counts an acceptable answer to an input of a kind."""
         self.answers[surface, answer] += 1
         self.kinds[kind] += 1
 
     def failure(self, surface: str, kind: str, answer: str, target: str, data: bytes) -> None:
-        """One that must not be."""
+        """Counts an answer that must not occur."""
         self.answer(surface, kind, answer)
         self.failed += 1
         if len(self.failures) < KEPT:
@@ -43,13 +43,13 @@ class Tally:
 
 
 class Quota:
-    """So many inputs for all workers of a surface together."""
+    """Number of inputs for all workers of a surface together."""
 
     def __init__(self, inputs: int) -> None:
         self.left = inputs
 
     async def take(self) -> bool:
-        """Whether one more is to be sent."""
+        """Whether one more should be sent."""
         await asyncio.sleep(0)
         self.left -= 1
         return self.left >= 0

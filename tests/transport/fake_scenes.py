@@ -1,4 +1,4 @@
-"""Scenes of the fake service: really baked, and small ones best; nobody walks in them."""
+"""Scenes of the fake service: really baked, so best small; nobody walks in them."""
 
 import asyncio
 from dataclasses import replace
@@ -22,13 +22,13 @@ from wayfarer.world.scenes.populate import CrowdPeople
 
 
 class FakeScenes:
-    """Ids count from 1: scene-1, scene-2, …"""
+    """Ids count from 1: scene-1, scene-2 and so on."""
 
     def __init__(self) -> None:
         self.sources: list[SceneSource] = []
         self.crowds: list[tuple[str, Crowd]] = []
         self.guests: dict[str, str] = {}  # scene of each session
-        self.people: list[str] = []  # ids of agents who came without a call
+        self.people: list[str] = []  # ids of agents that came without a call
         self._scenes: dict[str, tuple[SceneSource, Scene]] = {}
 
     async def create_scene(self, source: SceneSource) -> SceneInfo:

@@ -300,7 +300,7 @@ class FakeService(FakeScenes):
         return past[-1]
 
     def break_down(self) -> None:
-        """As when the motion loop ends with an error."""
+        """Fails like a motion loop that ends with an error."""
         self.ready = self.alive = False
         for subscription in self.subscriptions:
             subscription.queue.put_nowait(Unavailable("the motion loop has failed"))
@@ -324,7 +324,7 @@ def gateway(
     limits: Limits | None = None,
     clock: ManualClock | None = None,
 ) -> Gateway:
-    """Not yet taking work: `await api.take_over()`."""
+    """A gateway that does not accept work before `await api.take_over()`."""
     return Gateway(
         service or FakeService(),
         BodyLibrary("anny52"),
@@ -339,7 +339,7 @@ async def opened(
     limits: Limits | None = None,
     clock: ManualClock | None = None,
 ) -> Gateway:
-    """Taking work."""
+    """A gateway that accepts work."""
     api = gateway(service, limits, clock)
     await api.take_over()
     return api

@@ -1,4 +1,4 @@
-"""An agent, a chunk, a model: samples of what a runtime tells."""
+"""Samples of a runtime's values: an agent, a chunk, a model."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
-"""A field's range and default are said alike by proto, OpenAPI, docs/api.md and the Python client.
+"""Proto, OpenAPI, docs/api.md and the Python client state the same range and default of a field.
 
-The schema is what a request is held to; everything else is compared with it.
+The schema checks requests; everything else is compared with it.
 """
 
 import re
@@ -43,7 +43,7 @@ REQUESTS = {
 """Messages whose fields, and those of the messages in them, are compared."""
 
 IDS = {"session_id", "agent_id", "agent_ids", "scene"}
-"""The server makes these; how long they may be is of no interest to a client."""
+"""The server makes these, so a client need not know their maximum length."""
 
 NUMBER = r"[-−]?\d[\d,]*(?:\.\d+)?"
 RANGE = rf"({NUMBER})(?: m| m/s)?(?: \([^)]*\))? (?:to|…) ({NUMBER})|\[({NUMBER}), ({NUMBER})\]"
@@ -52,7 +52,7 @@ DEFAULT = rf"({NUMBER})(?: m| m/s)? when\s+absent|default ({NUMBER})( h)?|None: 
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """What a text says of a field; lengths in metres."""
+    """The statements of a text about a field; lengths in metres."""
 
     bounds: tuple[float, ...]
     default: float | None
@@ -78,7 +78,7 @@ def _number(text: str) -> float:
 
 @pytest.fixture(scope="module")
 def comments(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], tuple[str, str]]:
-    """By message and field: its comment, and the message of which it is, if of one."""
+    """By message and field: its comment, and the message that is its type, if any."""
     image = tmp_path_factory.mktemp("protos") / "image.binpb"
     sources = sorted((ROOT / "proto").rglob("*.proto"))
     options = ("--include_source_info", f"--descriptor_set_out={image}", f"-I{ROOT / 'proto'}")
@@ -127,8 +127,8 @@ def _refs(field: object) -> Iterator[str]:
 
 
 def held(field: dict[str, Any], message: str = "", name: str = "") -> Said:
-    """What a field of a request is held to. World states bounds of lengths, or else they are in the
-    description, for those of JSON schema are the widest of all bases.
+    """The checks of a request's field. Bounds of lengths come from world/ or from the description,
+    since those of JSON schema are the widest of all bases.
     """
     if world := DOMAIN.get(message.removesuffix("Request")):
         hint = get_type_hints(world, include_extras=True).get(name)
@@ -150,7 +150,7 @@ def held(field: dict[str, Any], message: str = "", name: str = "") -> Said:
 
 
 def whole(comments: dict[tuple[str, str], tuple[str, str]], message: str, name: str) -> str:
-    """A field's comment, with those that it refers to."""
+    """A field's comment, with the comments that it refers to."""
     text = comments[message, name][0]
     for other in re.findall(r"(?:[Aa]s|[Ss]ee) (\w+)\.(\w+)", text):
         if other in comments and other != (message, name):
@@ -174,7 +174,7 @@ def test_the_protos_say_what_the_schema_holds(comments):
         proto = said(comments[message, name][0])
         numbers = {_number(found) for found in re.findall(NUMBER, text)}
         if "Limits." in text or "ListBodies" in text:
-            missing = set()  # the server's own, below what the schema holds
+            missing = set()  # the server's own, below the schema's
         else:
             missing = {b for b in rule.bounds if b > 1 or b < 0} - numbers
         false = set(proto.bounds) - set(rule.bounds) if proto.bounds and rule.bounds else set()

@@ -160,7 +160,7 @@ def test_lengths_that_do_not_fit_are_refused():
         codec.decode(bytes(364), bytes(2), Basis.GLTF)
 
 
-# what a client may ask for
+# formats that a client may request
 
 
 def test_defaults():
@@ -216,7 +216,7 @@ def test_wrong_choices_are_explained(choice, field, message):
 
 @pytest.fixture
 def encoded(monkeypatch):
-    """What has really been packed: (basis, format, seqs)."""
+    """The packed chunks: (basis, format, seqs)."""
     packed, plain = [], codec.encode
 
     def counting(chunks, basis, pose_format):

@@ -1,4 +1,4 @@
-"""What uvicorn's connections do to clients that dawdle or crowd."""
+"""uvicorn's connections with slow clients, and with too many."""
 
 import asyncio
 import contextlib
@@ -62,7 +62,7 @@ async def opened(port: int, start: bytes = b""):
 
 
 async def rest(reader) -> bytes:
-    """What comes until the other end hangs up."""
+    """Reads until the other end hangs up."""
     async with asyncio.timeout(5):
         with contextlib.suppress(ConnectionError):
             return await reader.read()
@@ -129,7 +129,7 @@ async def test_beyond_the_limit_connections_are_closed_and_room_comes_back():
 
 
 def head_of(size: int) -> bytes:
-    """A request whose head has so many bytes."""
+    """A request whose head has `size` bytes."""
     start, end = b"GET / HTTP/1.1\r\nHost: a\r\n", b"\r\n"
     line = b"X-%04d: " + b"x" * 990 + b"\r\n"
     lines = [line % i for i in range((size - len(start) - len(end)) // len(line % 0) - 1)]

@@ -73,7 +73,7 @@ async def test_motion_and_replies_share_the_connection(service, api):
         assert len((await anext(messages)).motion.batch.chunks.aliases) == 2
         client.send(command_id=1, clear_goal={"agent_id": agent.agent_id})
         assert (await anext(messages)).reply.revision == 1
-        client.leave()  # no more requests: the stream goes on
+        client.leave()  # no more requests: the stream continues
         service.emit(session_id)
         assert len((await anext(messages)).motion.batch.chunks.aliases) == 2
     assert service.subscriptions[0].closed

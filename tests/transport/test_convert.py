@@ -60,7 +60,7 @@ def test_twins_have_the_same_fields(twin, proto):
     ],
 )
 def test_enums_have_the_same_values(names, enum):
-    """Those that are retired (`deprecated` in the proto) are refused."""
+    """Retired values (`deprecated` in the proto) are refused."""
     prefix = enum.keys()[0].removesuffix("UNSPECIFIED")
     kept = [value.name for value in enum.DESCRIPTOR.values if not value.GetOptions().deprecated]
     assert {prefix + name.value.upper() for name in names} == set(kept[1:])
@@ -184,7 +184,7 @@ def test_bytes_stand_as_base64_among_values():
 
 @pytest.mark.parametrize("basis", Basis)
 def test_goals_there_and_back(basis):
-    """What a client writes, in each basis, and reads back from the agent's description."""
+    """Goals as a client writes them, in each basis, and reads them in the agent's description."""
     axes = basis.axes
     place = dict(zip("xyz", axes.points_to_wire(np.array([3.0, -4.0, 0.0])), strict=True))
     radius = axes.length_to_wire(0.5)

@@ -1,4 +1,4 @@
-"""Rings around viewpoints: who comes in which tier, over Control and WebSockets."""
+"""Rings around viewpoints: the tier of each agent, over Control and WebSockets."""
 
 import asyncio
 import json
@@ -45,7 +45,7 @@ TIERS = {
 
 
 def at(*distances: float, seq: int = 0) -> MotionChunks:
-    """Agents 1, 2 … in this distance of the origin."""
+    """Agents 1, 2 … at these distances from the origin."""
     return MotionChunks.of(
         [chunk(f"a{k}", k, seq, (x, 0.0, 0.0)) for k, x in enumerate(distances, start=1)]
     )
@@ -90,7 +90,7 @@ def test_the_state_of_a_deleted_agent_goes_with_it():
     assert list(interest._tiers) == [2]
 
 
-# what the motion thread knows
+# the motion thread's knowledge
 
 
 async def test_the_motion_thread_knows_who_is_near():
@@ -304,7 +304,7 @@ async def test_an_agent_that_is_deleted_is_removed_wherever_it_was(service, api)
 
 
 async def test_a_stream_keeps_nothing_of_who_has_left(service, api):
-    """People of a crowd, within the rings and outside, and one who is deleted by a call."""
+    """People of a crowd, within the rings and outside, and a person deleted by a call."""
     session_id = await crowd(api, 5)
     (agent,) = (await api.agents.list_of(session_id)).agents
     _, messages, _ = await opened_with(api, session_id, interest=TIERS)
@@ -362,7 +362,7 @@ async def test_messages_keep_to_the_bound(service, api, interest):
     assert sorted(seen) == sorted([*range(1, 41)] * 2)
     assert max(sizes) <= 16_384 and len(sizes) > 10
     positions = [int(token.split(".")[1]) for token in tokens]
-    assert positions == sorted(positions) and positions.count(2) == 1  # one who has all has 2
+    assert positions == sorted(positions) and positions.count(2) == 1  # a complete one has 2
 
 
 async def test_a_stream_of_roots_alone(service, api):

@@ -1,4 +1,4 @@
-"""What stands before the gRPC handlers, over a small service."""
+"""The checks before the gRPC handlers, over a small service."""
 
 import asyncio
 import contextlib
@@ -29,7 +29,7 @@ KEY = (("x-api-key", STUDIO),)
 
 
 class Handlers:
-    """Every kind of call; each tells who calls."""
+    """Every kind of call; each returns its caller."""
 
     async def unary(self, request: bytes, context) -> bytes:
         if request == b"bad":
@@ -188,7 +188,7 @@ async def test_beyond_the_limit_connections_are_closed_and_room_comes_back():
     await server.start()
 
     def connect() -> grpc.aio.Channel:
-        own = [("grpc.use_local_subchannel_pool", 1)]  # else channels share a connection
+        own = [("grpc.use_local_subchannel_pool", 1)]  # otherwise channels share a connection
         return grpc.aio.insecure_channel(f"127.0.0.1:{server.port}", options=own)
 
     async def answers(channel: grpc.aio.Channel) -> bool:

@@ -1,4 +1,4 @@
-"""gRPC, spoken to by a real client."""
+"""gRPC, called by a real client."""
 
 import grpc
 import numpy as np
@@ -130,7 +130,7 @@ async def test_control_over_grpc(rig):
     token = (await call.read()).motion.batch.resume_token
     await call.write(control_pb2.ControlRequest(ack={"resume_token": token}))
     await until(lambda: rig.service.subscriptions[0].acks == [(1, 0.0)])
-    await call.done_writing()  # the stream goes on
+    await call.done_writing()  # the stream continues
     rig.service.emit(session_id)
     assert len((await call.read()).motion.batch.chunks.aliases) == 2
     call.cancel()

@@ -1,4 +1,4 @@
-"""What stands before the HTTP routes, over a small application."""
+"""The checks before the HTTP routes, over a small application."""
 
 import base64
 import re

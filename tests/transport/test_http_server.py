@@ -1,4 +1,4 @@
-"""HTTP, spoken to by a real client."""
+"""HTTP, called by a real client."""
 
 import base64
 import gzip

@@ -40,7 +40,7 @@ WHOLE_BODY = {
     ("Replay", "format"),  # its fields are in the query
     ("PutObstacle", "obstacle"),
     ("Behave", "behaviour"),
-    ("CreateMeshScene", "header"),  # likewise
+    ("CreateMeshScene", "header"),  # also in the query
     ("CreateMeshScene", "data"),
 }
 
@@ -59,7 +59,7 @@ def resolved(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def fields_of(operation: dict[str, Any]) -> set[str]:
-    """All that can be said in a request."""
+    """All fields of a request."""
     names = {parameter["name"] for parameter in operation.get("parameters", ())}
     for content in operation.get("requestBody", {}).get("content", {}).values():
         names |= set(resolved(content["schema"]).get("properties", ()))
@@ -83,7 +83,7 @@ KEYWORDS = {
     *("properties", "required", "additionalProperties", "minProperties", "maxProperties"),
     *("anyOf", "oneOf"),
 }
-"""Of JSON schema 2020-12, as far as the document uses them."""
+"""Keywords of JSON schema 2020-12 that the document uses."""
 
 
 def subschemas(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -110,7 +110,7 @@ def all_schemas() -> Iterator[dict[str, Any]]:
 
 
 def test_schemas_use_keywords_of_json_schema_only():
-    """What no tool knows, as `ge`, is a bound that is not told."""
+    """A keyword that no tool knows, such as `ge`, would hide a bound."""
     assert {keyword for schema in all_schemas() for keyword in schema} - KEYWORDS == set()
 
 
@@ -166,7 +166,7 @@ def request_schemas() -> set[str]:
     ],
 )
 def test_of_several_kinds_one_is_given_and_the_others_may_be_null(obstacle, valid):
-    """The document and the server say the same of it."""
+    """The document and the server agree."""
     schemas = DOCUMENT["components"]["schemas"]
     name = "Obstacle-Input" if "Obstacle-Input" in schemas else "Obstacle"
     document = {"$ref": f"#/components/schemas/{name}", "components": DOCUMENT["components"]}

@@ -1,4 +1,4 @@
-"""Below a path of a proxy's: as nginx passes it on, and as any other may."""
+"""A server below a proxy's path, as nginx passes it on, and as other proxies may."""
 
 import asyncio
 import shutil
@@ -17,7 +17,7 @@ LOCAL = [ip_network("127.0.0.0/8")]
 
 
 async def echo(scope, receive, send):
-    """Tells the path it is asked for, and redirects where that is /old."""
+    """Answers with the requested path; redirects /old."""
     if scope["path"] == "/old":
         headers = [(b"location", b"http://inside:80/new?a=b")]
         await send({"type": "http.response.start", "status": 307, "headers": headers})

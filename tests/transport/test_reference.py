@@ -83,7 +83,7 @@ def _until(page: Page, found: Callable[[Page], bool]) -> None:
 
 @contextmanager
 def _served(folder: Path) -> Iterator[str]:
-    """A web server of somebody else, at an address that is no page of this machine."""
+    """Another web server, at an address that is no page of this machine."""
     handler = partial(SimpleHTTPRequestHandler, directory=folder)
     with ThreadingHTTPServer(("127.0.0.2", 0), handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()

@@ -1,4 +1,4 @@
-"""SceneService by gRPC and by HTTP, spoken to by real clients; nothing of it disturbs a stream."""
+"""SceneService by gRPC and by HTTP, called by real clients; no call disturbs a stream."""
 
 import json
 import struct

@@ -1,4 +1,4 @@
-"""What holds for both transports: the same answers, health, shutdown, ports."""
+"""Properties of both transports: the same answers, health, shutdown, ports."""
 
 import asyncio
 import contextlib

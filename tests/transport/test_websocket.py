@@ -1,4 +1,4 @@
-"""`WS /v1/stream` and `WS /v1/control`, spoken to by a real client."""
+"""`WS /v1/stream` and `WS /v1/control`, called by a real client."""
 
 import pytest
 import websockets

@@ -1,6 +1,6 @@
-"""Requests that are as large as a message may be, and wrong all over: an answer, and a short one.
+"""The largest possible requests, wrong everywhere, get a short answer quickly.
 
-Each of these took the event loop minutes once, found by `benchmarks.fuzz`.
+Each of these once took the event loop minutes, found by `benchmarks.fuzz`.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""docs/wire-format.md says what the code does."""
+"""docs/wire-format.md agrees with the code."""
 
 import re
 import struct
@@ -58,7 +58,7 @@ def test_the_query_of_the_socket_is_listed():
 
 def test_sizes_and_errors_of_encodings():
     table = rows("| encoding | a rotation |")
-    assert len(table) == len(PoseEncoding) - 1  # ROOT has a table of its own
+    assert len(table) == len(PoseEncoding) - 1  # ROOT has a separate table
     for row in table:
         number, name = row[0].split()
         encoding = PoseEncoding[name.strip("`")]

@@ -46,7 +46,7 @@ class Page:
 
     def __init__(self, executable: str, profile: Path, size: tuple[int, int] = (1000, 640)) -> None:
         self.url = ""
-        """Of the server that it shows."""
+        """URL of the server that it shows."""
         width, height = size
         command = [executable, *FLAGS, f"--window-size={width},{height}"]
         self.problems: list[str] = []
@@ -86,7 +86,7 @@ class Page:
 
     @property
     def process_id(self) -> int:
-        """Of the browser."""
+        """Process id of the browser."""
         return self._process.pid
 
     def call(self, method: str, **params: object) -> dict:

@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[2]
 
 
 class HostPage(SimpleHTTPRequestHandler):
-    """A page of somebody else's, with the viewer in it (?viewer=URL); the web client's files."""
+    """Another site's page, with the viewer in it (?viewer=URL); the web client's files."""
 
     FILES = ("/clients/web/", "/tests/golden/")
     REFUSED = "/refused/"
-    """Below it, what may be in no page."""
+    """Prefix of paths that may not be framed in a page."""
 
     HTML = """<!doctype html><title>Host</title>
 <wayfarer-view scene="corridor" style="width: 500px; height: 300px"></wayfarer-view>
@@ -29,7 +29,7 @@ class HostPage(SimpleHTTPRequestHandler):
 </script>"""
 
     def do_GET(self) -> None:
-        """Answer with a file, or else with the page."""
+        """Answers with a file, or otherwise with the page."""
         if self.path.startswith(self.FILES):
             super().do_GET()
             return
@@ -46,7 +46,7 @@ class HostPage(SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="session")
 def host_url() -> Iterator[str]:
-    """Of a page of another origin on this machine, which may embed the viewer."""
+    """URL of a page of another origin on this machine, which may embed the viewer."""
     handler = functools.partial(HostPage, directory=str(ROOT))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = Thread(target=server.serve_forever, daemon=True)
@@ -57,7 +57,7 @@ def host_url() -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def viewer_url() -> Iterator[str]:
-    """Of the server named by VIEWER_URL, or of one that is started here."""
+    """URL of the server named by VIEWER_URL, or of a server that is started."""
     if "VIEWER_URL" in os.environ:
         yield os.environ["VIEWER_URL"]
         return
@@ -78,7 +78,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
 def page(browser: Page, request: pytest.FixtureRequest) -> Iterator[Page]:
     """The tab in the size that the module says (SIZE), as if it had just been opened.
 
-    Its `url` is the server's, unless the module has servers of its own (SHARED_SERVER).
+    Its `url` is the server's, unless the module starts its own servers (SHARED_SERVER).
     """
     if getattr(request.module, "SHARED_SERVER", True):
         browser.url = request.getfixturevalue("viewer_url")
@@ -91,5 +91,5 @@ def page(browser: Page, request: pytest.FixtureRequest) -> Iterator[Page]:
 
 @pytest.fixture
 def shots() -> Path | None:
-    """Where pictures are to be left for somebody to look at; None: nobody asks (VIEWER_SHOTS)."""
+    """Folder for pictures that people want to look at (VIEWER_SHOTS); None: not wanted."""
     return Path(os.environ["VIEWER_SHOTS"]) if "VIEWER_SHOTS" in os.environ else None

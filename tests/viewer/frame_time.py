@@ -1,14 +1,14 @@
 """Time of a displayed frame of the page: `python -m tests.viewer.frame_time [PEOPLE [SCENE]]`.
 
 In a real browser against a real server, with the best look (shadows, fine bodies) and names shown.
-What the graphics card would do is left out: the calls that draw are made, nothing waits for them.
+The work of the graphics card is left out: draw calls are made, but nothing waits for them.
 
-The server steps at most 30 of them. More are copies with bodies of their own, for which the page
+The server steps at most 30 people. The others are copies with their own bodies, for which the page
 reads the same messages again.
 
-Counted is the CPU time of the page's main thread from one displayed frame to the next: messages
-that are decoded, the frame, garbage that is collected. A clock on the wall would also count what
-other processes take; it is printed beside.
+The figure is the CPU time of the page's main thread from one displayed frame to the next: decoding
+messages, the frame, garbage collection. The wall time is printed too; it includes the time of other
+processes.
 """
 
 import os

@@ -1,7 +1,7 @@
 """A newcomer's first ten seconds: `python -m tests.viewer.newcomer FOLDER [WIDTHxHEIGHT …]`.
 
-With `--openings 20`, the page is only opened so often, at the first size: median and 95th
-percentile of the seconds until each.
+With `--openings 20`, the page is only opened, 20 times, at the first size: median and 95th
+percentile of the seconds until each step.
 
 On windows of a desk and of a phone: the page is opened, people walk, and a click or a touch sends
 one of them. Prints when each happened, in seconds since the navigation began; leaves pictures.
@@ -102,7 +102,7 @@ def main(folder: Path, sizes: tuple[tuple[int, int], ...], count: int = 0) -> No
 
 
 def size_of(text: str) -> tuple[int, int]:
-    """Of WIDTHxHEIGHT."""
+    """Parses WIDTHxHEIGHT."""
     width, height = map(int, text.split("x"))
     return width, height
 

@@ -7,7 +7,7 @@ NAMES = f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()"
 SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
 
 SIZES = ((1440, 900), (844, 390), (390, 844))
-"""Of the windows in which the page is looked at: a desk's, and a phone's."""
+"""Sizes of the windows in which the page is tested: a desk's, and a phone's."""
 
 FIRST_SECONDS = """(() => {
   const at = globalThis.firstSeen = {};
@@ -45,7 +45,7 @@ FREE_SPOT = """(() => {
   }
   return null;
 })()"""
-"""A point of the window where nothing lies over free ground, and nobody is near; or null."""
+"""A point of the window over free ground, with nothing in front and nobody near; or null."""
 
 
 def on_screen(page: Page, x: float, y: float, z: float) -> tuple[float, float]:
@@ -61,7 +61,7 @@ def on_screen(page: Page, x: float, y: float, z: float) -> tuple[float, float]:
 
 
 def look_down(page: Page, x: float, z: float, height: float) -> None:
-    """From straight above, so that nothing hides the ground."""
+    """Looks from straight above, so that nothing hides the ground."""
     page.evaluate(
         f"wayfarer.stage.glide({{ x: {x}, y: {height}, z: {z} + 0.01 }},"
         f" {{ x: {x}, y: 0, z: {z} }}, 1)"

@@ -17,12 +17,12 @@ STATUS = "document.querySelector('#bones-found').textContent"
 MESSAGES = "document.querySelector('#messages').textContent"
 SAMPLES = 40
 FOOT = 0.02
-"""Metres that the lowest point of a standing foot's skin may be off the agent's sole, and this off
-the ground."""
+"""Maximum metres between a standing foot's lowest skin point and the agent's sole, and between that
+and the ground."""
 HIPS = 0.02
-"""Share that the height of the thigh joints may be off that of the agent's, scaled."""
+"""Maximum relative error of the thigh joints' height against the agent's, scaled."""
 TURNED = math.radians(35)
-"""What a limb's direction may differ from the agent's: legs bend by IK, T-poses differ a little."""
+"""Maximum angle between a limb and the agent's: legs bend by IK, and T-poses differ a little."""
 
 WATCH = Path(__file__).with_name("watch_character.js").read_text()
 
@@ -103,7 +103,7 @@ def test_its_bones_are_corrected_and_kept(visit: Page, files: dict[str, Path]):
     page.evaluate(f"((list) => {{ list.value = ''; list.onchange(); }})({knee})")
     assert "no node was found for left_knee" in page.evaluate(STATUS)
     assert "calf" in page.evaluate(STATUS)  # an allowed name
-    assert page.evaluate(worn) == ["spine2"]  # it goes on as it was
+    assert page.evaluate(worn) == ["spine2"]  # it continues as it was
     page.call("Page.reload")
     page.wait_for(f"globalThis.wayfarer?.wardrobe && {CONNECTION} === 'open'", 60)
     page.choose("#character-file", files["mannequin"])
@@ -153,7 +153,7 @@ LOOK = """(async (text) => {
     ids=["characters", "levels"],
 )
 def test_what_draco_and_meshopt_have_packed_is_drawn(page: Page, files: list[Path]) -> None:
-    """The page's own decoders: its policy lets nothing in from elsewhere."""
+    """The page has its own decoders, since its policy allows no other origin."""
     page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=")
     page.wait_for("Boolean(globalThis.wayfarer)", 60)
     texts = [base64.b64encode(file.read_bytes()).decode() for file in files]

@@ -1,5 +1,5 @@
-"""The page in a cluster: its node is killed, and it goes on at the one that has its people then; so
-it does when that is killed, too, and only a node is left that came after the page.
+"""The page in a cluster: its node is killed, and it continues at the node that then has its people;
+also when that is killed, and only a node is left that came after the page.
 """
 
 import time
@@ -52,7 +52,7 @@ def test_a_page_whose_node_is_killed_goes_on_at_another(page: Page):
 
 
 def until_they_know_each_other(urls: Collection[str]) -> None:
-    """A page may call the nodes that its own one knew when it was opened."""
+    """A page may call the nodes that its own node knew when it was opened."""
     places = {url.removeprefix("http://") for url in urls}
     ends_at = time.monotonic() + 30
     while time.monotonic() < ends_at:

@@ -1,4 +1,4 @@
-"""The first ten seconds of the viewer, on all screens; what it says when it cannot."""
+"""The first ten seconds of the viewer, on all screens, and its message if it cannot start."""
 
 import os
 import sys
@@ -34,7 +34,7 @@ HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) 
   return !inside || !(one.contains(seen) || seen?.contains(one));
 }}).map((one) => one.id || one.textContent)"""
 
-# what a line of news lies over: clicks go through it, but what it covers cannot be read
+# controls below a line of news: clicks go through it, but nobody can read what it covers
 UNDER_NEWS = f"""(() => {{
   const line = document.createElement("p");
   line.textContent = "W, A, S, D, a gamepad or the stick on a touch screen walk; Esc ends";

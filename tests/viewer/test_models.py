@@ -27,7 +27,7 @@ APART = """(({ people }) => {
 
 
 def other_model(folder: Path) -> None:
-    """The shipped one with weights that are a little off, as after some more training."""
+    """The shipped model with slightly different weights, as after some more training."""
     copytree(DEFAULT_MODEL, folder)
     weights = np.fromfile(folder / "weights.bin", np.float32)
     noise = np.random.default_rng(3).normal(1, 0.01, weights.shape)
@@ -77,5 +77,5 @@ def test_a_link_shows_people_over_themselves_as_another_model_moves_them(
         page.call("Page.navigate", url="about:blank")
         page.call("Page.navigate", url=address.replace("model%3Av2", "model%3Av3"))
         page.wait_for("document.querySelector('#messages')?.textContent.includes('v3')", 30)
-        page.wait_for(f"{CONNECTION} === 'open'", 60)  # a session of its own instead
+        page.wait_for(f"{CONNECTION} === 'open'", 60)  # a new session instead
         assert [problem for problem in page.problems if "404" not in problem] == []

@@ -36,7 +36,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 
 
 def test_after_a_restart_everybody_is_there_again(page: Page, keys, tmp_path: Path):
-    """As the server has them; and when it has forgotten them, as the page brings them back."""
+    """They return from the server, or from the page if the server has forgotten them."""
     key, file = keys
     port = free_port()
     options = ("--http-port", port, "--keys-file", str(file))

@@ -101,14 +101,14 @@ def test_a_crate_dropped_in_the_way_is_walked_around(visit):
         closest = min(closest, float(np.hypot(*(middle - now[:2]))))
     assert now[2] == 0, f"still on the way, {np.hypot(*(goal - now[:2])):.1f} m to go"
     arrived = f"Math.hypot(x - {reached['x']}, z - {reached['z']}) < 0.6"
-    page.wait_for(f"(({{ x, z }}) => {arrived})({PEOPLE}[0])", 20)  # what is shown is of before
+    page.wait_for(f"(({{ x, z }}) => {arrived})({PEOPLE}[0])", 20)  # the picture is older
     assert closest > 0.5
     assert page.problems == []
 
 
 def test_a_crate_is_dragged_and_deleted(visit):
     page = visit("town_square")
-    page.wait_for("wayfarer.level.obstacles.size === 1")  # the scene is the one that was left
+    page.wait_for("wayfarer.level.obstacles.size === 1")  # the former scene is back
     page.evaluate("document.querySelector('[data-tool=crate]').click()")
     middle = (
         "(([{ top }]) => ['x', 'z'].map((axis) => top.reduce((sum, p) => sum + p[axis], 0) / 4))"
@@ -159,7 +159,7 @@ def test_people_populate_a_scene_follow_and_are_followed(visit):
     assert page.evaluate("wayfarer.stage.controls.enabled") is True
     press(page, "Escape")
     assert page.evaluate("document.querySelector('#selected').value") == ""
-    page.evaluate("document.querySelector('#stop').click()")  # who stands leaves when he may
+    page.evaluate("document.querySelector('#stop').click()")  # standing people leave when they may
     page.evaluate(
         "document.querySelector('#count').value = 0; document.querySelector('#populate').click()"
     )
@@ -197,7 +197,7 @@ def test_a_file_that_is_no_level_is_refused_in_words(visit):
 
 
 def test_a_level_is_what_was_chosen_as_one_and_its_notes_are_shown(visit):
-    """A file with a skin that is chosen as a level is one; what its author should know is shown."""
+    """A file with a skin that is chosen as a level is one; notes for its author are shown."""
     page = visit("corridor")
     choose = (
         "(() => {{ const data = new DataTransfer(); data.items.add(new File([Uint8Array.from("

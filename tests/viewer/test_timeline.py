@@ -1,4 +1,4 @@
-"""The last minute, what is saved of it, links that replay, and a person driven by hand."""
+"""The last minute, files saved from it, links that replay, and a person driven by hand."""
 
 import re
 import time
@@ -84,7 +84,7 @@ def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def let_go(page: Page) -> Iterator[None]:
-    """What a test that failed has begun does not go on in the next."""
+    """Ends what a failed test has begun, before the next test."""
     yield
     page.evaluate(
         "if (globalThis.wayfarer?.drive.on) document.querySelector('#drive').click();"
@@ -112,7 +112,7 @@ def test_time_is_stopped_scrubbed_and_let_go(page: Page):
     time.sleep(0.3)
     page.evaluate(f"globalThis.before = JSON.stringify({PLACES})")
     there = page.evaluate("wayfarer.player.moment")
-    page.wait_for(f"wayfarer.player.moment > {there} + 0.5", 20)  # the stream goes on
+    page.wait_for(f"wayfarer.player.moment > {there} + 0.5", 20)  # the stream continues
     assert page.evaluate(f"JSON.stringify({PLACES}) === before")
     page.evaluate(
         "(() => { const slider = document.querySelector('#moment'); slider.value = 100;"
@@ -167,7 +167,7 @@ def test_a_box_selects_people_whose_motion_is_saved(page: Page, opened: Path):
     )
     file = opened / "2_people.glb"
     saved(opened, file.name)
-    # a busy machine's frames run out or come late: what was shown then is held, and jumps after it
+    # on a busy machine frames run out or come late: the last pose is held, and then it jumps
     steady = page.evaluate(STEADY)
     document = pygltflib.GLTF2().load(str(file))
     (animation,) = document.animations
@@ -220,7 +220,7 @@ def test_the_picture_is_filmed(page: Page, opened: Path):
 
 
 def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page):
-    page.evaluate("document.querySelector('#wander').click()")  # nobody else is told to go
+    page.evaluate("document.querySelector('#wander').click()")  # nobody else is sent
     page.evaluate("document.querySelector('#view').focus()")
     press(page, "d")
     page.wait_for("wayfarer.drive.on && document.querySelector('#follow').checked", 10)
@@ -324,7 +324,7 @@ def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Pag
     for ago, before, bar in zip((0.0, 1.0, 2.0), seen, (1e-3, 0.025, 0.025), strict=True):
         for one, other in zip(poses(moment - ago), before, strict=True):
             assert np.linalg.norm(one - other, axis=1).max() < bar
-    # nobody jumps where what was seen ends
+    # nobody jumps where the past ends
     around = [poses(at) for at in np.arange(moment - 0.2, moment + 0.53, 1 / 30)]
     for earlier, later in pairwise(around):
         for one, other in zip(earlier, later, strict=True):
@@ -355,5 +355,5 @@ def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Pag
     page.call("Page.navigate", url="about:blank")
     page.call("Page.navigate", url=f"{address[:-20]}")
     page.wait_for("document.querySelector('#messages')?.textContent.includes('not whole')", 30)
-    page.wait_for(f"{CONNECTION} === 'open'", 60)  # a session of its own instead
+    page.wait_for(f"{CONNECTION} === 'open'", 60)  # a new session instead
     assert page.problems == []

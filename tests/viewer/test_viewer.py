@@ -40,7 +40,7 @@ def picture(page: Page) -> np.ndarray:
 
 
 def add_sixteen(page: Page) -> None:
-    """A busy machine refuses so many for a while, and the page says so."""
+    """A busy machine refuses this many for a while, and the page reports that."""
     end = time.monotonic() + 120
     while page.evaluate(f"{CROWD}.members.size") == 0 and time.monotonic() < end:
         page.evaluate("document.querySelector('#add-many').click()")
@@ -101,7 +101,7 @@ def test_sixteen_people_of_differing_shape_appear(page: Page):
 def test_a_click_on_the_ground_sends_everybody(page: Page):
     start = hips(page)
     send_everybody(page)
-    # whoever stands near it may have reached it before the page is asked
+    # a person near it may have reached it before the page is asked
     sent = "person.passed + person.ahead.length === 1"
     page.wait_for(f"{CROWD}.people.filter((person) => {sent}).length === 16")
     moved = (
@@ -123,7 +123,7 @@ def test_shift_adds_waypoints_and_a_drag_the_heading(page: Page):
     camera = page.evaluate("globalThis.wayfarer.stage.camera.position.toArray()")
     page.drag((620, 420), (620, 420), shift=True)
     page.drag((500, 260), (580, 260), shift=True)
-    # whoever stands near the first may have passed it before the second is there
+    # a person near the first goal may have passed it before the second one exists
     page.wait_for(f"{ahead}.every((goals) => goals.at(-1)?.heading !== undefined)")
     page.wait_for(f"{ahead}.some((goals) => goals.length >= 2)")
     for *_, last in page.evaluate(ahead):
@@ -233,6 +233,6 @@ def test_a_session_of_a_program_is_shown_and_outlives_the_page(page: Page):
     ]
     page.call("Page.navigate", url=f"{url}/?detail=low&scene=&session=session-nobody")
     page.wait_for("document.querySelector('#messages')?.textContent.includes('nobody')", 60)
-    page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)  # one of its own
+    page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)  # a new session
     assert call("GET", f"{api}/{session}")["agent_ids"] == [ada["agent_id"]]
     page.problems.clear()  # the browser logs the 404 itself

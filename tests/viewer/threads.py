@@ -10,11 +10,11 @@ NO_DRAWING = """{
     if (/^(draw(Arrays|Elements)|clear$|texSubImage2D)/.test(name)) prototype[name] = () => {};
   }
 }"""
-"""A script: what the graphics card would do is left out."""
+"""A script that leaves out the graphics card's work."""
 
 
 def main_thread(page: Page) -> Path:
-    """What the kernel has counted of a page's main thread: of all, the one that works when told."""
+    """The kernel's counters of a page's main thread: the thread that a script keeps busy."""
     parents, found = {}, []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -33,7 +33,7 @@ def main_thread(page: Page) -> Path:
 
 
 def ancestors(process: int, parents: dict[int, int]) -> set[int]:
-    """Of a process."""
+    """The ancestors of a process."""
     found: set[int] = set()
     while process in parents:
         process = parents[process]
@@ -47,7 +47,7 @@ def cpu_ms(thread: Path) -> float:
 
 
 def worker_threads(main: Path) -> list[Path]:
-    """Of the page of this main thread, its workers; that which has run most is the first."""
+    """The workers of this main thread's page; the one that has run longest comes first."""
     names = main.parents[1].glob("*/comm")
     workers = [name.parent / "schedstat" for name in names if "Dedicated" in name.read_text()]
     return sorted(workers, key=cpu_ms, reverse=True)

@@ -1,4 +1,4 @@
-"""A boundary each: an engine that walks without models, a body of sticks, a clock by hand."""
+"""Fakes of the boundaries: an engine that walks without models, a stick body, a manual clock."""
 
 import numpy as np
 
@@ -86,7 +86,7 @@ def _turned(inputs: StepInputs) -> np.ndarray:
 
 
 def stick_body(gender: str = "female") -> BodyModel:
-    """Joints in one vertical chain; each marker is a vertex of its own on one of them."""
+    """Joints in one vertical chain; each marker is a separate vertex on one of them."""
     joints = np.zeros((JOINTS, 3))
     joints[0, 2] = HIPS_HEIGHT
     joints[1:, 2] = np.linspace(0.8, 0.1, JOINTS - 1)
@@ -143,7 +143,7 @@ def make_world(
 
 
 def people(count: int, **values: object) -> list[AgentSpec]:
-    """Agents 2 m apart along X with noise seeds of their own."""
+    """Agents 2 m apart along X with different noise seeds."""
     return [
         AgentSpec(
             **{
@@ -158,7 +158,7 @@ def people(count: int, **values: object) -> list[AgentSpec]:
 
 
 class ManualClock:
-    """Time that moves when the test says so."""
+    """Time that the test moves."""
 
     def __init__(self, now: float = 1000.0) -> None:
         self.now = now
@@ -173,14 +173,14 @@ def populated(
     spec: SessionSpec | None = None,
     **settings: object,
 ) -> tuple[World, list[str]]:
-    """A world with so many agents in session "s"; their ids."""
+    """A world with `count` agents in session "s", and their ids."""
     world = make_world(engine, **settings)
     world.create_session(spec or SessionSpec("s"), 0.0)
     return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]
 
 
 def taken(world: World, session_id: str = "s") -> SessionRecord:
-    """A session as of the last chunks sent, as snapshots and the journal have it."""
+    """A session's record as of the last chunks sent, as in snapshots and the journal."""
     session, crowd = capture_session(world, session_id)
     agents = (
         join_agent(member.part, crowd.rows.take(np.array([row])))
@@ -192,5 +192,5 @@ def taken(world: World, session_id: str = "s") -> SessionRecord:
 
 
 def taken_agent(world: World, agent_id: str) -> AgentRecord:
-    """An agent of session "s", likewise."""
+    """The record of an agent of session "s", like `taken`."""
     return next(agent for agent in taken(world).agents if agent.agent_id == agent_id)

@@ -1,4 +1,4 @@
-"""What a kept session must not lose: the places in an event's sentence are places again."""
+"""Events survive in a kept session: the places in their sentences are places again."""
 
 from pydantic import TypeAdapter
 

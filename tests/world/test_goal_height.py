@@ -1,6 +1,6 @@
-"""A goal's height is of no account on the flat floor: the model was trained on goals at height 0.
+"""A goal's height does not matter on the flat floor: the model was trained on goals at height 0.
 
-Clients send others all the time: a click on a table, hips, another character's root.
+Clients often send other heights: a click on a table, hips, another character's root.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The runtime's promises, kept by the synchronous core with a clock by hand."""
+"""The runtime's promises, kept by the synchronous core with a manual clock."""
 
 import math
 from collections import defaultdict
@@ -52,7 +52,7 @@ def test_a_chunk_leaves_at_its_time_and_not_before():
 
 
 def test_what_is_being_made_for_those_who_leave_is_lost():
-    """An engine call that takes long ends after its session was packed for another server."""
+    """A long engine call ends after its session was packed for another server."""
     world, _ = populated(2)
     list(world.advance(1.0))
     while (step := world.schedule(world.next_event())) is None:
@@ -125,7 +125,7 @@ def test_replan_replaces_only_what_has_not_been_sent():
     assert first.flags & ChunkFlag.REPLANNED and first.goal_revision == 2
     assert not any(c.flags & ChunkFlag.REPLANNED for c in [*sent, *after[1:]])
     assert first.scheduled_at - asked <= 0.25, "within one primitive"
-    # It goes on from the last sent frame, and now along X.
+    # It continues from the last sent frame, and now along X.
     step = first.translation[0] - sent[-1].translation[-1]
     assert 0 < step[0] < 0.1 and abs(step[1]) < abs(step[0])
 
@@ -263,7 +263,7 @@ def test_an_engine_that_raises_leaves_everything_as_it_was():
     reference = by_agent(populated(3)[0].advance(2.0))
     for alias, chunks in reference.items():
         found = before[alias] + after[alias]
-        # What the failing tick had sent is lost with it; what was planned is not.
+        # Chunks that the failing tick had sent are lost with it, but planned ones are not.
         assert [c.seq for c in chunks][-3:] == [c.seq for c in found][-3:]
         np.testing.assert_array_equal(chunks[-1].translation, found[-1].translation)
 

@@ -1,4 +1,4 @@
-"""Revisions, paths that are fed, wandering, changes of agents, and what observers are told."""
+"""Revisions, extended paths, wandering, changes of agents, and the calls of observers."""
 
 import math
 from itertools import pairwise
@@ -26,7 +26,7 @@ FOUR = Steering(reactions=1).with_search(candidates=4)
 
 
 class Notes:
-    """An observer that writes down what is reported to it."""
+    """An observer that records its calls."""
 
     def __init__(self):
         self.calls, self.chunks = [], []
@@ -101,7 +101,7 @@ def test_a_change_meant_for_another_revision_is_refused(change):
         change(world, "nobody", 1)
 
 
-# Paths that are fed
+# Paths that are extended
 
 
 def test_added_goals_keep_what_is_planned_and_go_on_counting():
@@ -139,7 +139,7 @@ def test_a_path_given_in_pieces_is_walked_as_one_given_whole():
 
 @pytest.mark.parametrize("lead", [1, 3])
 def test_a_path_can_be_fed_for_ever(lead):
-    """Far more goals than a path may have, always three ahead."""
+    """It gets far more goals than a path may have, always three ahead."""
     world, [agent] = populated(limits=Limits(path_goals=3), lead=lead)
     ways = (Goal((0.0, 1.0 + number, 0.0), stop=False) for number in range(40))
     world.give(agent, Path(tuple(next(ways) for _ in range(3))), 0.0)

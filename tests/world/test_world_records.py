@@ -1,4 +1,4 @@
-"""Agents and sessions taken out of a world and put into another go on as if nothing had been."""
+"""Agents and sessions moved from one world to another continue without a difference."""
 
 from dataclasses import replace
 
@@ -69,7 +69,7 @@ def test_a_session_goes_on_elsewhere_frame_for_frame(order, settings):
 
 @pytest.mark.parametrize("asked", np.arange(3.0, 3.2, 0.025).round(3))
 def test_an_order_that_has_not_shown_yet_goes_along(asked):
-    """Whatever is still planned for the path before it is thrown away, and the order is not."""
+    """Motion that is planned for the earlier path is discarded, but the command is not."""
     world, [agent, _] = populated(2, spec=SPEC)
     world.give(agent, Path(tuple(PATH)), 0.0)
     sent = by_agent(world.advance(asked), agent)
@@ -183,7 +183,7 @@ def spoil(record, path, value):
     ],
 )
 def test_records_that_cannot_be_are_refused_and_change_nothing(damage, words):
-    """More of them in `service/persistence/test_snapshot.py`, as bytes that a client makes up."""
+    """`service/persistence/test_snapshot.py` has more, as bytes that a client invents."""
     world, _ = populated(2)
     list(world.advance(1.0))
     there = make_world()

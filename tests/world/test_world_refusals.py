@@ -1,4 +1,4 @@
-"""What the world refuses, and that nothing has changed then."""
+"""The world's refusals, which change nothing."""
 
 import math
 

@@ -81,7 +81,7 @@ def test_a_new_goal_replaces_the_path_and_its_place_in_it():
 
 
 def test_a_waypoint_reached_in_frames_that_are_thrown_away_was_not_reached():
-    """The place in a path belongs to the motion: with a long lead it is ahead of what is sent."""
+    """The place in a path belongs to the motion: with a long lead it is ahead of sent chunks."""
     world, [agent] = populated(lead=3)
     world.give(agent, Path((Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 9.0, 0.0)))), 0.0)
     sent = []
@@ -117,7 +117,7 @@ def test_turns_on_the_spot_to_the_heading_of_its_goal():
     assert states[0] is AgentState.TURNING and states[-1] is AgentState.STANDING
     info = world.get_agent(agent)
     assert abs(math.degrees(info.heading) - 120) <= 15
-    # a model that only goes where it is asked walks a part of the circle that turning asks for
+    # a model that follows its request walks a part of the circle that a turn requests
     assert math.dist(info.position[:2], (0, 0)) < 0.5
 
 

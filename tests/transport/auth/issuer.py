@@ -1,4 +1,4 @@
-"""A token issuer of the tests' own."""
+"""A token issuer for tests."""
 
 import json
 import time

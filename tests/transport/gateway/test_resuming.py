@@ -1,4 +1,4 @@
-"""Streams that go on where another one was cut off."""
+"""Streams that resume where another one was cut off."""
 
 import asyncio
 import contextlib
@@ -24,7 +24,7 @@ from wayfarer.world.events import Event, EventKind
 
 
 async def token_of(api, service, session_id: str, *events, **options: object) -> str:
-    """Of the first batch of a stream, whose events are lost."""
+    """The token of a stream's first batch, whose events are lost."""
     async with contextlib.aclosing(stream(api, session_id, **options)) as messages:
         await anext(messages)
         service.emit(session_id, *events)
@@ -44,7 +44,7 @@ async def test_a_stream_goes_on_where_its_token_left_off(service, api):
     header, *batches = await resumed(api, session_id, token, 2)
     assert header.header.resumed
     assert [seq for b in batches for seq in b.batch.chunks.seqs] == [1, 1, 2, 2]
-    assert len(batches[0].batch.added) == 2  # told again: it is another connection
+    assert len(batches[0].batch.added) == 2  # sent again, since it is another connection
 
 
 async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile(service, api):
@@ -104,7 +104,7 @@ async def test_agents_that_could_not_be_created_are_not_gone(service, api):
     failing = asyncio.create_task(api.agents.create(session_id, ONE))
     await asyncio.sleep(0.01)
     service.create_agents = create
-    await api.agents.create(session_id, ONE)  # so that the counter of seeds is not put back
+    await api.agents.create(session_id, ONE)  # so that the counter of seeds is not reset
     going.set()
     await asyncio.gather(failing, return_exceptions=True)
     token = await token_of(api, service, session_id)

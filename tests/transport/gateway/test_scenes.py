@@ -276,7 +276,7 @@ async def test_people_of_a_crowd_count_as_the_agents_of_their_caller(service, ap
             await api.scenes.populate(other, schema.Crowd(count=2))
         with pytest.raises(ResourceExhausted, match="2 more"):
             await api.agents.create(one, TWO)
-        await api.scenes.populate(one, schema.Crowd(count=4))  # in place of the three
+        await api.scenes.populate(one, schema.Crowd(count=4))  # instead of the three
         await api.scenes.populate(one, schema.Crowd(count=2))
         await api.agents.create(one, TWO)
 

@@ -117,7 +117,7 @@ def test_a_walk_in_words_on_our_skeleton(url, model):
 
 
 def test_a_walk_in_words_begins_where_the_character_stands(url, model):
-    """As MMCP's add-on for Blender asks: it pins the first frame, beside words and settings."""
+    """MMCP's add-on for Blender pins the first frame, in addition to words and settings."""
     asked = request(model, segments=text("walk forward 2 m", 120))
     asked["options"] = {
         "diffusion_steps": 50,

@@ -35,7 +35,7 @@ def _bones(rig: str) -> list[tuple[str, int, list[float], list[float]]]:
 def makehuman(rig: str, rename: dict[str, str] | None = None, most: int | None = None) -> bytes:
     """A rig of tests/golden/foreign_rigs.json as a GLB: Z up, below a node that turns it.
 
-    `rename`: other names for bones; `most`: the first that many bones only.
+    `rename`: other names for bones. `most`: only this many bones, the first ones.
     """
     bones = _bones(rig)[:most]
     heads = np.array([head for _, _, head, _ in bones])

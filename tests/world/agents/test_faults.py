@@ -1,4 +1,4 @@
-"""Whose fault it is, and how long an agent sits out."""
+"""The attribution of faults, and how long an agent sits out."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from wayfarer.world.events import EventKind
 
 
 class BrokenError(Exception):
-    """Of a stage."""
+    """An error of a stage."""
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ angles = st.floats(-3.1, 3.1)
 
 
 def turned(heading, lean=0.0):
-    """Hips that lean forward by `lean` about their own right side, then turn about +Z."""
+    """Hips that lean forward by `lean` about their right side, then turn about +Z."""
     z, w = np.sin(heading / 2), np.cos(heading / 2)
     x, v = np.sin(lean / 2), np.cos(lean / 2)
     return np.array([w * x, z * x, z * v, w * v])

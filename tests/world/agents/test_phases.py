@@ -14,7 +14,7 @@ def entered(count, genders):
 
 
 def groups(phases):
-    """Sizes of those who are stepped at one moment and share a batch."""
+    """Numbers of agents that are stepped at one moment and share a batch."""
     return [agents for phase in phases.load for agents in phase if agents]
 
 
@@ -26,7 +26,7 @@ def drawn(agents, seed, males=0.5):
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("males", [0.0, 0.2, 0.5])
 def test_phases_are_filled_alike(seed, males):
-    """At any moment, so that no moment has much more to do than the others."""
+    """This holds at any time, so that no moment has much more to do than the others."""
     phases = Phases(8)
     for gender in drawn(300, seed, males):
         phases.enter(gender)
@@ -37,7 +37,7 @@ def test_phases_are_filled_alike(seed, males):
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("agents", [64, 256, 1024])
 def test_genders_keep_to_phases_of_their_own(seed, agents):
-    """A batch is of one gender: of eight phases hardly one needs two."""
+    """A batch has one gender; hardly one of eight phases needs two batches."""
     genders = drawn(agents, seed)
     phases = entered(8, genders)
     assert phases.by_gender == [genders.count(0), genders.count(1)]

@@ -1,4 +1,4 @@
-"""What is an agent's own follows from its seed, and differs from agent to agent."""
+"""An agent's traits follow from its seed, and differ from agent to agent."""
 
 import numpy as np
 import pytest

@@ -8,7 +8,7 @@ from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import People
 
 TOUCH = 0.45
-"""Metres: nearer two bodies overlap."""
+"""Distance in metres below which two bodies overlap."""
 
 
 def to(goals):
@@ -23,7 +23,7 @@ def until_there(walkers, most):
 
 
 def too_near(walkers):
-    """Share of all people at all times."""
+    """Share of overlapping people, over all people and times."""
     return float((np.array(walkers.nearest) < TOUCH).mean())
 
 
@@ -40,7 +40,7 @@ def standing_at(*places, radius=0.25):
 
 
 def velocity(people, preferred, clear=None):
-    """Of person 0."""
+    """Velocity of person 0."""
     course = avoid(people, np.array([0]), np.array([preferred], np.float32), clear, 0.2)
     return course.velocity[0], bool(course.waits[0])
 
@@ -80,7 +80,7 @@ def test_who_comes_towards_one_is_passed_on_the_right():
 
 
 def oncoming(*places):
-    """Person 0 at the origin, and people who stand at places and would walk towards -y."""
+    """Person 0 at the origin, and people at `places` that would walk towards -y."""
     people = standing_at((0.0, 0.0), *places)
     people.walks[:] = True
     people.velocity[0] = 0.0, 1.2
@@ -210,7 +210,7 @@ def test_a_corridor_with_twenty_against_twenty_clears():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_jam_in_a_corridor_dissolves(seed):
-    """People of both directions who stand mixed, as where two streams have run into each other."""
+    """People of both directions stand mixed, as after two streams have met."""
     random = np.random.default_rng(seed)
     place = np.stack(np.meshgrid(np.arange(6) * 0.8, (-0.8, 0.0, 0.8)), -1).reshape(-1, 2)
     ahead = np.where(random.permutation(18) < 9, 1.0, -1.0)

@@ -1,8 +1,8 @@
-"""People as points with the inertia of bodies: what avoidance is tested with.
+"""People as points with the inertia of bodies, for tests of avoidance.
 
-They are told where to walk every 0.2 s, a quarter of them at a time, react within 0.3 s, turn by
-2 rad/s at most and, as bodies do, stumble along at 0.5 m/s when told to walk more slowly. Who
-stands starts when told to for 0.6 s on end.
+They receive a velocity every 0.2 s, a quarter of them at a time, react within 0.3 s, and turn by at
+most 2 rad/s. Like bodies, they stumble along at 0.5 m/s when asked to walk more slowly. A standing
+person starts after 0.6 s of continuous requests.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ START, STANDS = 0.6, 0.25
 
 @dataclass
 class Walkers:
-    """`goals(walkers)` gives the place [N, 2] each walks to next; within 0.3 m it is reached."""
+    """`goals(walkers)` returns the next goals [N, 2]; a goal is reached within 0.3 m."""
 
     start: Float  # [N, 2]
     goals: Callable[["Walkers"], Float]
@@ -29,11 +29,11 @@ class Walkers:
     speed: Float | float = 1.2
     group: np.ndarray | None = None
     now: float = 0.0
-    nearest: list[Float] = field(default_factory=list)  # [N] distances to the nearest other
+    nearest: list[Float] = field(default_factory=list)  # [N] distances to the nearest person
     people: People = field(init=False)
     told: Float = field(init=False)
-    stuck: Float = field(init=False)  # longest seconds without getting 0.3 m on, while not there
-    contact: float = np.inf  # least room to a wall
+    stuck: Float = field(init=False)  # longest seconds without 0.3 m of progress before the goal
+    contact: float = np.inf  # minimum distance to a wall
 
     def __post_init__(self) -> None:
         count = len(self.start)

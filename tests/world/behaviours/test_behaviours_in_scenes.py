@@ -1,4 +1,4 @@
-"""Behaviours where there are walls, and others to be avoided."""
+"""Behaviours among walls, and among people to avoid."""
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def test_a_wanderer_gives_up_a_place_where_somebody_stands():
     world, _, _ = world_in(field())
     agents = enter(world, (3.0, 6.0), (6.0, 6.0))
     area = Wander((6.0, 6.0), 0.5)
-    for moment in range(3):  # the third place is one that the other stands beside
+    for moment in range(3):  # the other agent stands next to the third place
         world.give(agents[0].agent_id, area, float(moment))
     walked = tracks(world, 30.0)
     apart = np.linalg.norm(

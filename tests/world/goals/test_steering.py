@@ -11,7 +11,7 @@ from wayfarer.world.agents.heading import facing_at
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
 from wayfarer.world.goals.steering import Steering, observe
 
-# Of numbers of its own, so that tuning breaks no test.
+# These numbers differ from the defaults, so that tuning breaks no test.
 STEERING = Steering(
     braking_seconds=0.35,
     braking_margin=0.15,
@@ -113,7 +113,7 @@ def test_cleared_goal_stops_ahead_of_where_it_is():
 
 
 def test_who_comes_to_rest_within_reach_is_there():
-    """It need not creep to the very middle."""
+    """It need not creep to the exact centre."""
     assert next_mode(gait(Mode.WALKING, 0.05), at(0), goal(0.29)) is Mode.WALKING
     assert next_mode(gait(Mode.WALKING, 0.05, arrived=True), at(0), goal(0.29)) is Mode.STOPPING
     assert next_mode(gait(Mode.WALKING, 0.36, arrived=True), at(0), goal(0.29)) is Mode.WALKING
@@ -299,7 +299,7 @@ def test_without_a_heading_it_goes_on_facing_as_it_did_when_it_stopped():
 
 @pytest.mark.parametrize("radius", [0.05, 0.3, 2.0])
 def test_every_radius_can_be_reached(radius):
-    """An agent that moves as it is told arrives and comes to a stand."""
+    """An agent that moves as requested arrives and comes to a stand."""
     x, now = 0.0, gait(Mode.WALKING)
     for _ in range(60):
         now = STEERING.decide(now, at(x), goal(3.0, radius))
@@ -314,7 +314,7 @@ def test_every_radius_can_be_reached(radius):
 
 
 def test_walkers_alone_are_asked_for_a_speed_and_turners_for_their_own():
-    """Near a goal the trajectory slows down, which the graph makes of it."""
+    """Near a goal the trajectory, which the graph computes, slows down."""
     assert STEERING.targets(gait(Mode.WALKING, 1.2), at(0), goal(0.5)).speed[0] == pytest.approx(
         1.2
     )

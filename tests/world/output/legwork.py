@@ -36,7 +36,7 @@ def standing(frames: int, bend: float = KNEE_BEND) -> tuple[np.ndarray, np.ndarr
 
 
 def lifted(rotations: np.ndarray, foot: int, angle: np.ndarray) -> np.ndarray:
-    """A leg drawn up: its hip by `angle` [F] radians, its knee twice so much; foot level."""
+    """A raised leg: its hip bent by `angle` [F] radians, its knee by twice that, the foot level."""
     drawn = rotations.copy()
     for joints, times in zip(JOINTS, (1, -2, 1), strict=True):
         turns = np.zeros((len(angle), 3))

@@ -18,7 +18,7 @@ NAMES = ("ARIEL", "LTHI", "LKNE", "LSHN", "LANK", "LSOLE_TOE", "RANK", "RKNE")
 
 
 def locked(translation: np.ndarray, rotations: np.ndarray) -> Planted:
-    """A motion from its first frame, which came to rest there, in one piece."""
+    """A whole motion from its first frame, at rest there."""
     first = translation[:, [0, 0]], rotations[:, [0, 0]]
     agents = len(translation)
     nothing = np.zeros((agents, 0, 0, 3), np.float32), np.zeros((*rotations.shape[:2], 2), np.bool_)
@@ -206,7 +206,7 @@ def test_a_swinging_foot_is_let_go_and_comes_back_to_the_model():
 
 
 def test_nothing_jumps():
-    """Neither at contact nor at release: a correction moves as gently as a swinging foot, or so."""
+    """At contact and at release a correction moves about as gently as a swinging foot."""
     translation, rotations = walk()
     raw, new = (
         soles_of(translation, rotations),
@@ -271,7 +271,7 @@ def test_trembling_feet_of_a_standing_body_come_to_rest():
 
 
 def test_a_foot_rolls_over_its_ball():
-    """While the heel rises about the ball, the ball stays, though the ankle moves."""
+    """While the heel rises about the ball, the ball stays although the ankle moves."""
     translation, rotations = standing(12)
     rise = np.linspace(0, 0.5, 12)
     turns = np.zeros((12, 3))

@@ -1,4 +1,4 @@
-"""Bodies on uneven ground: frames of the flat floor in, frames of the ground out."""
+"""Bodies on uneven ground: from frames on the flat floor to frames on the ground."""
 
 from itertools import pairwise
 

@@ -15,8 +15,8 @@ CENTIMETRES = st.floats(-0.08, 0.08)
 def moved_pose(
     bend: float, shift: np.ndarray, shape: Legs | None = None, beside: tuple[int, float] = (1, 0.0)
 ) -> tuple[LegPose, LegPose]:
-    """The pose before and after both ankles are moved by `shift` [3]; `beside`: a component of both
-    knees' turns, and what it is.
+    """The pose before and after both ankles are moved by `shift` [3]; `beside`: index and value of
+    a component of both knees' rotations.
     """
     shape = shape or legs()
     translation, rotations = standing(1, bend)
@@ -29,7 +29,7 @@ def moved_pose(
 
 
 def turned_side(pose: LegPose) -> np.ndarray:
-    """By how much shins are bent the way knees bend [2, F, A], times both lengths."""
+    """Bend of the shins in the direction of knees [2, F, A], times both lengths."""
     thigh, shin = (pose.knee - pose.hip).T, (pose.ankle - pose.knee).T
     side = -matrix_from_quaternion(pose.hip_turn)[..., 0].T
     return (np.cross(thigh, shin, axis=0) * side).sum(0)
@@ -76,7 +76,7 @@ def test_a_knee_beyond_straight_is_bent_forwards_again(bend):
 @pytest.mark.parametrize("bend", [-0.08, 0.0, 0.02])
 @pytest.mark.parametrize("beside", [-0.3, 0.3])
 def test_a_knee_turned_sideways_is_not_stretched_beyond_straight(bend, beside):
-    """The sideways turn is not taken off by the hinge: that made knees of -7 degrees."""
+    """The hinge does not subtract the sideways turn, which once made knees of -7 degrees."""
     _, after = moved_pose(bend, np.array([0, 0, -0.05]), beside=(1, beside))
     assert (turned_side(after) > -1e-3).all()
 
@@ -88,7 +88,7 @@ def bends(pose: LegPose) -> np.ndarray:
 
 
 def test_a_straight_knee_does_not_jump_as_its_foot_is_lifted():
-    """As it steps, by 3 mm and by 9 more: a quite straight knee began to bend by 10 degrees."""
+    """The foot rises by 3 mm and 9 more; once a nearly straight knee then bent by 10 degrees."""
     heights = [0.0, 0.0, 0.0033, 0.0125]
     bent = [bends(moved_pose(0.0, np.array([0, 0, height]))[1]).max() for height in heights]
     assert bent[0] == pytest.approx(4, abs=0.1)

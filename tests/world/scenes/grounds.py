@@ -14,7 +14,7 @@ from wayfarer.world.world import World
 
 FIELD = Floor(rectangle(0.0, 0.0, 12.0, 12.0))
 BOX = Box((6.0, 6.0), (4.0, 1.0), 2.0)
-"""In the middle of the field, across the way from south to north."""
+"""A box in the middle of the field, across the way from south to north."""
 
 WALL = Box((6.0, 6.0), (12.2, 0.4), 2.0)
 """Divides the field."""

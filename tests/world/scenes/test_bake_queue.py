@@ -1,4 +1,4 @@
-"""Bakes in a process of their own, and what becomes of that process."""
+"""Bakes in a separate process, and the life of that process."""
 
 import os
 import pickle
@@ -54,7 +54,7 @@ def bake_queue():
 
 
 def whole(value):
-    """All that a scene is made of, to compare; floats as they are."""
+    """Everything in a scene, for exact comparison."""
     if isinstance(value, np.ndarray):
         if value.dtype == object:
             return [whole(one) for one in value]
@@ -71,7 +71,7 @@ def whole(value):
 
 
 def in_background(call):
-    """A thread, and a list that gets what it returns or raises."""
+    """A thread, and a list that receives its result or error."""
     found = []
 
     def run():
@@ -163,7 +163,7 @@ def test_a_process_that_hangs_is_given_up(make):
 
 @pytest.fixture
 def baking(make):
-    """A bake_queue in the middle of a bake, the thread that waits and what it gets."""
+    """A bake_queue in the middle of a bake, the waiting thread, and its result."""
     bake_queue = make(bake_s=600, bake_mb=8192)
     bake_queue.bake(cubes_field())
     thread, found = in_background(lambda: bake_queue.bake(HUGE))

@@ -25,7 +25,7 @@ def on_floor(*places, **spec):
 
 
 def nearest(tracks):
-    """Metres between the two agents when they were nearest."""
+    """Minimum distance between the two agents in metres."""
     a, b = (track[:, :2] for track in tracks.values())
     count = min(len(a), len(b))
     return float(np.linalg.norm(a[:count] - b[:count], axis=1).min())
@@ -112,7 +112,7 @@ def test_a_goal_amid_a_ring_of_people_is_reported():
 
 
 def before_a_door(*people):
-    """Of people (place, goal, number) the first: whether it waits before a door at the origin."""
+    """Whether the first of the people (place, goal, number) waits before a door at the origin."""
     crowd = People.empty(len(people))
     crowd.position[:] = [place for place, _, _ in people]
     crowd.number[:] = [number for _, _, number in people]

@@ -1,4 +1,4 @@
-"""Narrow ways: two who meet keep to the right, and turn their shoulders where they need to."""
+"""Narrow ways: people that meet keep to the right, and turn their shoulders if necessary."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_before_who_comes_the_other_way_one_keeps_to_the_right_in_a_narrow_way(
 
 
 def test_a_door_has_no_lanes():
-    """People that come through both ways would stop in them."""
+    """People that come through in both directions would stop in them."""
     people = People.empty(2)
     people.walks[:] = True
     people.position[1] = 0.1, 3.0

@@ -19,7 +19,7 @@ def square(**settings):
 
 
 def walk(world, start, end, every=0.1):
-    """Let time pass, also while nobody is there; agents after each moment."""
+    """Lets time pass, also while nobody is there; yields the agents after each moment."""
     counts = []
     for moment in np.arange(start, end, every):
         world.tick(float(moment))
@@ -37,7 +37,7 @@ def test_all_come_at_once_and_walk_about():
     agents = world.list_agents("s")
     starts = np.array([agent.spec.position for agent in agents])
     apart = np.linalg.norm(starts[:, None] - starts, axis=-1) + 9 * np.eye(20)
-    assert apart.min() > 0.5  # those who came later looked where the others were by then
+    assert apart.min() > 0.5  # later people considered where the others were by then
     assert field(BOX).distance(starts).min() >= 0.44
     assert len({agent.spec.gender for agent in agents}) == 2
     assert len({agent.spec.betas for agent in agents}) > 8
@@ -109,7 +109,7 @@ def test_of_other_agents_none_is_taken_away():
     [agent] = enter(world, (6.0, 2.0))
     world.crowds.set("s", Crowd(2), 0.0)
     walk(world, 0.0, 1.0)
-    world.delete_agent(world.list_agents("s")[1].agent_id)  # somebody else's doing
+    world.delete_agent(world.list_agents("s")[1].agent_id)  # another caller does this
     walk(world, 1.0, 3.0)
     assert len(world.registry.agents) == 3
     world.crowds.set("s", Crowd(0), 3.0)

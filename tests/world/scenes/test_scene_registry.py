@@ -24,7 +24,7 @@ SOURCE = SceneSource(SceneSpec((FIELD,)), "field", {"owner": "me"})
 
 
 class Counted:
-    """A bake that is counted, and waits for leave if it is told to."""
+    """Counts bakes; on request a bake waits for permission."""
 
     def __init__(self) -> None:
         self.bakes = 0

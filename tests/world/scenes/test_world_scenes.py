@@ -20,7 +20,7 @@ from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 SOUTH, NORTH = (6.0, 2.0), (6.0, 10.0)
 CLEAR = 0.2
-"""Metres that hips keep from walls at least: the radius, less what corners are cut by."""
+"""Minimum metres between hips and walls: the radius, less what is cut at corners."""
 
 
 def goal(x, y, z=0.0, **values):
@@ -32,7 +32,7 @@ def agent_at(place):
 
 
 def walked(world, until):
-    """Hips of every frame until then, by agent, and whether each arrived."""
+    """Hips of every frame until the time, by agent, and the agents that arrived."""
     tracks, arrived = {}, set()
     for chunk in world.advance(until):
         tracks.setdefault(chunk.agent_id, []).append(chunk.translation)
@@ -286,7 +286,7 @@ def test_on_a_floor_of_its_height_agents_are_shown_there():
 
 
 def test_who_is_in_no_scene_walks_as_if_there_were_none():
-    """Bit for bit, also in batches with others who are in one."""
+    """The motion is equal to the bit, also in batches with agents in a scene."""
     tracks = []
     for company in (0, 3):
         world, _, _ = world_in(field(BOX), phases=1)

@@ -17,7 +17,7 @@ from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.search.problem import BeamLevel, Ending, PlanningProblem
 
 ALIKE = Steering(searches={m: replace(s, own=0.0) for m, s in default_searches().items()})
-"""Nobody has noise of his own: the latents are those that are drawn."""
+"""Settings without agents' own noise, so that latents are drawn independently."""
 
 # Search
 
@@ -34,7 +34,7 @@ def test_it_walks_to_the_goal_and_ends_there():
 
 
 def test_frames_of_a_plan_join_each_other():
-    """Back-pointers: each primitive starts where its parent, and no other node, ended."""
+    """Each primitive starts where its parent, and no other node, ended."""
     [tree] = grow(Walker(), problem(1), BeamSettings(children=3, keep=5))
     for leaf in range(len(tree.leaves)):
         found = tree.plan(leaf)
@@ -68,7 +68,7 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
 
 @pytest.mark.parametrize("children", [4, 8])
 def test_keeping_one_is_the_online_search(children):
-    """Frame by frame what the world makes of the same agents."""
+    """Every frame equals the world's for the same agents."""
     specs = people(3)
     goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0) for s in specs]
     steering = Steering(reactions=1).with_search(candidates=children)
@@ -156,7 +156,7 @@ def test_latents_are_drawn_as_asked_or_as_steering_says():
 
 
 def test_all_nodes_of_an_agent_are_ranked_by_the_table_of_its_best():
-    """A stop must not lose against a walk for being measured by heavier weights."""
+    """A stop must not lose against a walk because it is measured with heavier weights."""
 
     class Uneven(FakeEngine):
         def step(self, gender, inputs):

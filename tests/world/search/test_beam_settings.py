@@ -1,4 +1,4 @@
-"""Settings and problems that a search is given."""
+"""Settings and problems of a search."""
 
 import math
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ def test_the_papers_rows_try_32_primitives_at_every_level():
 
 
 def test_without_search_the_papers_motions_go_side_by_side():
-    """None is thrown away for another, and each is drawn at random at every step."""
+    """No motion is discarded, and each is drawn at random at every step."""
     drawn: list[np.ndarray] = []
 
     class Listener(Walker):

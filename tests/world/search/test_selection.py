@@ -1,4 +1,4 @@
-"""Which nodes of a level go on: prices, tolerances, limits, ties."""
+"""Selection of a level's nodes: prices, tolerances, limits, ties."""
 
 from dataclasses import replace
 

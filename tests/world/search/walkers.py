@@ -1,4 +1,4 @@
-"""Engines to search with, and problems to put to them."""
+"""Engines for searches, and problems for them."""
 
 from dataclasses import fields, replace
 
@@ -15,7 +15,7 @@ TERM = {name: number for number, name in enumerate(TERMS)}
 
 
 class Walker(FakeEngine):
-    """As the fake engine, but chooses: a latent leads astray and has a price of its own."""
+    """Like the fake engine, but with a choice: each latent has its own direction and price."""
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         shape = inputs.noise.shape[:2]

@@ -1,4 +1,4 @@
-"""Who is let in, by what calls are said to take."""
+"""Admission of agents by the given durations of engine calls."""
 
 import re
 
@@ -30,7 +30,7 @@ def measure(target, sizes=range(1, 9), candidates=(1, 4)):
 
 
 def cost(agents, candidates=1):
-    """Busy share of the engine by hand: full batches of each gender."""
+    """Busy share of the engine, computed by hand: full batches of each gender."""
     seconds = 0.0
     for count in filter(None, in_turn(agents)):
         rows = min(count, FULL)
@@ -65,7 +65,7 @@ def test_agents_in_turn_are_of_all_genders():
 
 @pytest.fixture
 def free(monkeypatch):
-    """Until something is measured, nothing but engine calls takes time."""
+    """Makes only engine calls take time until something is measured."""
     monkeypatch.setattr(module, "FIRST_TURN", 0.0)
     monkeypatch.setattr(module, "FIRST_CHUNK", 0.0)
     monkeypatch.setattr(module, "FIRST_EXCESS", 1.0)
@@ -95,7 +95,7 @@ def test_the_refusal_says_how_many_fit_and_what_limits():
 def test_the_refusal_does_not_contradict_itself():
     found = admission(admission=AdmissionRules(most_load=0.5))
     capacity = found.capacity(0.0)
-    # of both genders so many would fit; of this one they do not
+    # this many agents of both genders would fit, but not of one
     with pytest.raises(ResourceExhausted) as error:
         found.check([0, 0], [0] * 100_000, 0.0, late=False)
     used, fit = map(int, re.search(r"(\d+) of about (\d+) are", str(error.value)).groups())
@@ -103,7 +103,7 @@ def test_the_refusal_does_not_contradict_itself():
     few = admission(admission=AdmissionRules(most_load=1e-9))
     with pytest.raises(ResourceExhausted, match=r"cannot add 1 agent: 1 of about [01] are in use"):
         few.check([1, 0], [0], 0.0, late=False)
-    # one that is for lateness says nothing of how many fit
+    # a refusal for lateness does not state how many fit
     with pytest.raises(ResourceExhausted) as error:
         found.check([1, 0], [0], 0.0, late=True)
     assert str(error.value) == (
@@ -114,7 +114,7 @@ def test_the_refusal_does_not_contradict_itself():
 
 
 def run(found, agents, rows, times=1.0, calls=module.ENOUGH):
-    """Calls with four candidates, each of so many rows, for so many agents in five seconds."""
+    """Measures calls with four candidates and `rows` rows, for `agents` agents in five seconds."""
     for number in range(calls):
         seconds = times * 4 * (CALL + ROW * rows)
         found.spent(5.0 * number / calls, Call(rows, 4), rows, seconds, in_turn(agents))
@@ -125,7 +125,7 @@ def test_steps_that_are_slower_than_warm_ones_leave_room_for_fewer():
     found = admission()
     before = found.capacity(0.0)
     run(found, 60, 8, times=2.0)
-    found.spent(5.0, Call(9, 4), 9, 99.0, in_turn(60))  # not measured when warm: tells nothing
+    found.spent(5.0, Call(9, 4), 9, 99.0, in_turn(60))  # not measured when warm
     assert found.capacity(5.0) == pytest.approx(before / 2, abs=1)
     assert found.capacity(60.0) == before, "what was slow a minute ago does not count"
 
@@ -167,7 +167,7 @@ def test_a_few_calls_at_a_bad_moment_say_little():
 
 @pytest.mark.usefixtures("free")
 def test_what_the_loop_needs_the_engine_lacks():
-    """As much again goes to those who send the chunks."""
+    """Sending the chunks needs the same time again."""
     found, wide = admission(), admission(cores=1000)
     for target in (found, wide):
         for number in range(module.ENOUGH):
@@ -181,7 +181,7 @@ def test_what_the_loop_needs_the_engine_lacks():
 
 @pytest.mark.usefixtures("free")
 def test_what_is_measured_beside_the_loop_holds_its_share_already():
-    """Calls take as long as the engine without the loop says, divided by what the loop leaves."""
+    """A call's duration is that without the loop, divided by the share that the loop leaves."""
     found, idle = admission(), admission()
     for target in (found, idle):
         for number in range(module.ENOUGH):
@@ -318,7 +318,7 @@ def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():
 
 
 def test_a_world_that_everybody_has_left_is_not_late():
-    """The ladder is looked at with each step, and there are none."""
+    """The ladder is checked at each step, and there are none."""
     world = make_world(budget=BudgetRules(), phases=1)
     world.create_session(SessionSpec("s"), 0.0)
     (agent,) = world.create_agents("s", people(1), 0.0)

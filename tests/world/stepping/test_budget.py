@@ -19,7 +19,7 @@ REFUSE = replace(HOLD, refuse=True)
 
 
 def level(count):
-    """One on which near agents come first, and the others may coast."""
+    """A level on which near agents come first, and the others may coast."""
     return DegradationLevel(count, by_sight=True)
 
 
@@ -37,7 +37,7 @@ def test_the_ladder_begins_with_what_is_wished_and_ends_with_a_refusal(most, cou
 
 
 def busy(budget, start, seconds, call, share):
-    """Engine calls that take up a share of the time."""
+    """Runs engine calls that take a share of the time."""
     for number in range(int(seconds / (call / share))):
         budget.spent(start + number * call / share, call)
 

@@ -1,4 +1,4 @@
-"""Agents that nobody sees but as a root go on without the model when time is short."""
+"""Agents that are seen only as a root continue without the model when time is short."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ FAR_GOAL = Goal((0.0, 30.0, 0.0))
 
 
 def walkers(headings, speeds):
-    """Gaits and seeds of people at the origin, who face and go so; markers are the hips."""
+    """Gaits and seeds of people at the origin, with headings and speeds; markers are the hips."""
     count = len(headings)
     gait, seed = Gait.empty(count), Seeds.empty(count)
     gait.mode[:], gait.speed[:] = Mode.WALKING, speeds
@@ -56,7 +56,7 @@ def test_it_goes_straight_on_at_the_speed_asked_for():
     np.testing.assert_allclose(translation[0, :, 1], 0.03 * np.arange(1, 9), atol=1e-5)
     assert translation[1, -1, 1] == pytest.approx(0.8 * STEP_SECONDS, abs=1e-5), "faster by degrees"
     np.testing.assert_allclose(translation[..., 2], 0.9)
-    # the seed goes with it, as fast as it was
+    # the seed moves with it, at the former speed
     np.testing.assert_allclose(end.translation[:, -1], translation[:, -1], atol=1e-6)
     np.testing.assert_allclose(
         np.diff(end.markers, axis=1), np.diff(seed.markers, axis=1), atol=1e-6
@@ -86,7 +86,7 @@ def test_nobody_goes_beyond_what_is_aimed_at_and_rows_do_not_matter_to_each_othe
 
 
 def distant(count=1, engine=None, sight=Sight.ROOT, **session):
-    """A world of people on their way who are seen so, a second after they have set off."""
+    """A world of people on their way, seen with `sight`, a second after they set off."""
     world, agents = populated(count, engine, steering=Steering(reactions=1), **session)
     for agent in agents:
         world.give(agent, FAR_GOAL, 0.0)

@@ -1,4 +1,4 @@
-"""A batch is filled with agents who are due soon."""
+"""A batch is filled with agents that are due soon."""
 
 import pytest
 
@@ -10,7 +10,7 @@ HALF = STEP_SECONDS / 2
 
 
 def eight(company, engine=None):
-    """A world of eight agents of one gender, in two phases; their ids."""
+    """A world of eight agents of one gender, in two phases, and their ids."""
     world = make_world(engine, phases=2, batch_lookahead_s=company, batch_multiple=8)
     world.create_session(SessionSpec("s"), 0.0)
     made = world.create_agents("s", people(8, gender="male"), 0.0)

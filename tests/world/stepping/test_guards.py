@@ -1,4 +1,4 @@
-"""What no body could do is mended before it is sent, and nothing else is touched."""
+"""Impossible poses are repaired before they are sent, and nothing else changes."""
 
 from itertools import pairwise
 
@@ -21,7 +21,7 @@ ELBOW, SHOULDER, SPINE = (
 
 
 def step(frames: int = NEW_FRAMES) -> tuple[Seeds, np.ndarray, np.ndarray]:
-    """A person who stands still: seed, translation and rotations of the step after it."""
+    """A standing person: seed, and the translation and rotations of the next step."""
     translation, rotations = standing(2 + frames)
     seed = Seeds.empty(1)
     seed.translation[:], seed.rotations[:] = translation[:, :2], rotations[:, :2]
@@ -29,7 +29,7 @@ def step(frames: int = NEW_FRAMES) -> tuple[Seeds, np.ndarray, np.ndarray]:
 
 
 def turn(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
-    """Degrees."""
+    """A rotation by angles in degrees."""
     return quaternion_from_rotvec(np.radians([x, y, z]))
 
 

@@ -26,7 +26,7 @@ def world_of(*specs: AgentSpec, engine: FakeEngine | None = None) -> tuple[World
 
 
 def tracks(chunks: list[MotionChunk]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """By agent: hips [1, F, 3] and rotations [1, F, 22, 4]."""
+    """Hips [1, F, 3] and rotations [1, F, 22, 4] by agent."""
     by_agent = defaultdict(list)
     for chunk in chunks:
         by_agent[chunk.agent_id].append(chunk)

@@ -1,4 +1,4 @@
-"""Agents that live in the mirror: what the engine sees is reflected, what is sent is not."""
+"""Mirrored agents: the engine's inputs are reflected, but not the motion that is sent."""
 
 from dataclasses import fields, replace
 
@@ -18,7 +18,7 @@ BOTH = np.array([True, False])
 
 
 def inputs():
-    """Two rows of chance."""
+    """Two random rows."""
     random = np.random.default_rng(3)
     drawn = dummy_inputs(2, 1)
     return replace(
@@ -80,7 +80,7 @@ def test_a_reflected_pose_has_reflected_markers(gender):
 
 
 class Lefty(FakeEngine):
-    """Drifts to the left, whatever it is asked."""
+    """Drifts to the left, whatever the request."""
 
     def step(self, gender, inputs):
         made = super().step(gender, inputs)

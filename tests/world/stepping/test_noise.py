@@ -16,7 +16,7 @@ def test_a_row_does_not_depend_on_its_batch():
 
 
 def numpys(seed, chunk, candidates):
-    """What numpy draws."""
+    """The numbers that numpy draws."""
     bits = np.random.Philox(key=np.array([seed, noise._STREAM], np.uint64))
     state = bits.state
     state["state"]["counter"][1] = chunk
@@ -25,7 +25,7 @@ def numpys(seed, chunk, candidates):
 
 
 def test_it_is_what_numpy_draws_to_the_last_bit():
-    """Also where a number comes from the tail, of which there are 3 in 10,000."""
+    """This includes numbers from the tail, 3 in 10,000."""
     seeds = np.random.default_rng(0).integers(0, 2**64, 300, np.uint64)
     chunks = np.arange(300) ** 5
     made = latents(seeds, chunks, 8)
@@ -35,7 +35,7 @@ def test_it_is_what_numpy_draws_to_the_last_bit():
 
 
 def test_too_few_words_are_told_and_not_made_up():
-    """A number takes as many as it takes: then all are drawn again, with more of them."""
+    """A number may take any count of words; if they run out, all are drawn again with more."""
     made = np.empty((1, LATENT), np.float32)
     for seed in range(20):
         row, chunk = np.array([seed], np.uint64), np.zeros(1, np.int64)

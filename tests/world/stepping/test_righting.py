@@ -1,4 +1,4 @@
-"""Who leans too far straightens up, in the pose and in the markers of the next step."""
+"""Agents that lean too far straighten up, in the pose and in the next step's markers."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def markers_of(body: BodyModel, spec: AgentSpec, hips: np.ndarray, turns: np.nda
 
 
 def leaning(spec: AgentSpec, degrees: tuple[float, float]) -> Step:
-    """Somebody who stands and leans ahead and to the right by these more than usual."""
+    """A standing person that leans ahead and to the right by these degrees more than usual."""
     seed = SPAWNER.stand(spec).seed
     turns = seed.rotations[0, -1].copy()
     more = quaternion_from_rotvec(np.radians([-degrees[0] / 3, degrees[1] / 3, 0]))
@@ -46,7 +46,7 @@ def leaning(spec: AgentSpec, degrees: tuple[float, float]) -> Step:
 
 
 def lean(step: Step, frame: int = -1) -> float:
-    """Radians of the spine off the vertical, in the mean over its joints."""
+    """Angle in radians between spine and vertical, mean over its joints."""
     turns = step.rotations[0, frame].astype(np.float64)
     turn, up = turns[0], np.zeros(3)
     for joint in SPINE:

@@ -1,6 +1,6 @@
-"""With the shipped model: a row's result is its own, bit for bit, however it is batched.
+"""With the shipped model, a row's result does not depend on its batch, to the bit.
 
-Replay rests on it: when a log is run again, agents meet other neighbours in other batches.
+Replay relies on this: when a log is run again, agents have other neighbours in their batches.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -23,7 +23,7 @@ SECONDS = 3.05
 
 @dataclass
 class Recorder:
-    """An engine that remembers what it was given."""
+    """An engine that remembers its inputs."""
 
     engine: object
     name: str = "recorder"
@@ -39,7 +39,7 @@ class Recorder:
 
 @pytest.fixture(scope="module")
 def stages():
-    """By number of threads."""
+    """Engine stages by number of threads."""
     return {threads: open_bundle(DEFAULT_MODEL, threads) for threads in (1, 2, 3)}
 
 
@@ -55,7 +55,7 @@ def person(number: int) -> AgentSpec:
 
 
 def walk(bundle, people: list[AgentSpec], settings: WorldSettings) -> dict[int, list[MotionChunk]]:
-    """Chunks by noise seed: each walks to a goal of its own."""
+    """Chunks by noise seed; each agent walks to its own goal."""
     world = World(bundle.engine, bundle.bodies, load_start_poses(START_POSES), settings)
     world.create_session(SessionSpec("s"), 0.0)
     seeds = {}
@@ -77,7 +77,7 @@ def settings(*batch_sizes: int, candidates: int = 2) -> WorldSettings:
 
 @pytest.fixture(scope="module")
 def recorded(stages):
-    """By gender: inputs of 8 and more people in the midst of a walk."""
+    """Inputs by gender, of 8 and more people in the middle of a walk."""
     recorder = Recorder(stages[1].engine)
     people = [person(number) for number in range(30)]
     walk(replace(stages[1], engine=recorder), people, settings(32, candidates=4))

@@ -1,4 +1,4 @@
-"""The laboratory's switch: rules that are off do nothing, and who watches is told in order."""
+"""The laboratory's switch: rules that are off do nothing; watchers are called in order."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ ALONE = frozenset(RULES)
 
 
 def walked(rules: ActingRules, seconds: float = 4.0) -> list[MotionChunk]:
-    """What is sent of an agent that stands for 2 s and then walks."""
+    """The chunks of an agent that stands for 2 s and then walks."""
     world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(phases=1, rules=rules))
     session = world.create_session(SessionSpec(), 0.0).session_id
     [agent] = world.create_agents(session, [AgentSpec()], 0.0)

@@ -1,4 +1,4 @@
-"""Agents who are held: those with nothing to do when time is short, and those of a slow reader."""
+"""Held agents: idle ones when time is short, and agents of a slow reader."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ HOLD = DegradationLevel(1, hold_idle=True)
 
 
 def run(world, until, level=None):
-    """As `World.advance`, on one level of the ladder."""
+    """Like `World.advance`, on one level of the ladder."""
     chunks = []
     while (event := world.next_event()) <= until:
         chunks += world.collect(event)
@@ -31,7 +31,7 @@ def own(chunks, alias):
 
 
 def is_seamless(chunks, most=0.05):
-    """No hips move farther from a frame to the next, and every number is there once."""
+    """Whether hips move at most this far per frame, and every number occurs once."""
     frames = np.concatenate([c.translation for c in chunks])
     seqs = [c.seq for c in chunks]
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
