@@ -1,4 +1,4 @@
-"""For all tests: which are slow, which are tried twice, how they log; speed is never judged."""
+"""Settings of all tests: slow ones, ones that are tried twice, logging. Speed is never judged."""
 
 import os
 from pathlib import Path
@@ -36,7 +36,7 @@ SLOW = (
     "world/scenes/test_populate.py",
     "world/scenes/test_world_scenes.py",
 )
-"""Folders and files of tests that have the mark `slow`, beside those that carry it themselves."""
+"""Folders and files of tests that get the mark `slow`, in addition to tests that carry it."""
 
 SLOW_FIXTURES = frozenset({"real_server"})
 
@@ -46,16 +46,16 @@ BROWSER = (
     "clients/test_web_local.py",
     "transport/test_reference.py",
 )
-"""Tests in a real browser, which are tried a second time; the summary says which were (`RERUN`).
+"""Tests in a real browser, which are tried a second time; the summary lists them (`RERUN`).
 
-Chromium without a graphics card shares two cores with another test, so what it shows in a given
+Chromium without a graphics card shares two cores with another test, so its picture in a given
 second depends on the machine. Playwright advises the same (`retries`). A test that is listed there
 in two runs has a bug.
 """
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what takes more than a second or two of a processor's time."""
+    """Marks tests that take more than a second or two of a processor's time."""
     slow = [HERE / name for name in SLOW]
     if gone := [str(path) for path in slow if not path.exists()]:
         raise pytest.UsageError(f"{__file__} names tests that are no more: {', '.join(gone)}")

@@ -1,4 +1,4 @@
-"""How many agents a GPU steps in time is found whatever its speed, and told with its reason."""
+"""The number of agents a GPU steps in time is found at any speed, and reported with its reason."""
 
 import time
 from math import inf
@@ -11,7 +11,7 @@ from wayfarer.spec import STEP_SECONDS
 
 
 def found(limit, memory=inf, until=inf):
-    """A curve of a GPU that steps `limit` agents in time, and has memory for some."""
+    """The curve of a GPU that steps `limit` agents in time, with limited memory."""
     return list(curve(lambda n: Point(n, inf if n > memory else n * STEP_SECONDS / limit), until))
 
 

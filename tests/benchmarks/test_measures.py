@@ -1,4 +1,4 @@
-"""What benchmarks make of what they measure, with small engines and hand-made runs."""
+"""Figures that benchmarks compute from measurements, with small engines and hand-made runs."""
 
 import argparse
 import asyncio
@@ -52,7 +52,7 @@ def test_a_step_is_held_against_its_products_at_the_ceiling(monkeypatch):
 
 
 class LinearEngine:
-    """Takes so long for each agent, and a while for each call."""
+    """Takes a fixed time for each agent and for each call."""
 
     def __init__(self, per_agent, per_call=0.0):
         self._per_agent, self._per_call = per_agent, per_call

@@ -1,4 +1,4 @@
-"""Trainings behind results/paper.md: what they are trained with, which rows they stand for."""
+"""Trainings behind results/paper.md: their settings, and the rows that they stand for."""
 
 import json
 from argparse import Namespace
@@ -57,7 +57,7 @@ def test_groups_differ_in_what_they_compare_alone(tmp_path) -> None:
 
 
 def test_rows_on_the_page_are_those_that_are_measured() -> None:
-    """Each row that the page wants from these files is made, once everything is trained."""
+    """Each row that the page needs from these files is made after all trainings."""
     wanted = {
         (line.source.files[0].rstrip("*"), line.source.name)
         for exhibit in EXHIBITS

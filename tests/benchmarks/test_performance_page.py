@@ -1,4 +1,4 @@
-"""The page that is made of records."""
+"""The page that is made from records."""
 
 import json
 from pathlib import Path

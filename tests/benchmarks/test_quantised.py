@@ -1,4 +1,4 @@
-"""What int8 costs in exactness: which products it takes, how errors are counted, whose rows."""
+"""The loss of accuracy with int8: the products that use it, and how errors are counted."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -113,7 +113,7 @@ def multiplies_in_int8():
 
 
 def outputs(rows, **columns):
-    """Everybody stands in the middle, but for these."""
+    """Outputs of agents that stand in the middle, except for these columns."""
     upright = np.zeros((rows, 8, 22, 4), np.float32)
     upright[..., 3] = 1
     return replace(

@@ -1,5 +1,5 @@
-"""Characters made by code: boxes on the bones of a person's skeleton, changed in ways that files of
-strangers are.
+"""Characters made by code: boxes on the bones of a person's skeleton, with the peculiarities of
+other people's files.
 """
 
 import json
@@ -38,9 +38,9 @@ class Made:
     bones: dict[str, int]
     shoe: Shoe = field(default_factory=Shoe)
     posed: Callable[[Rig], Rig] = lambda rig: rig
-    """What the nodes stand in; the skin is bound to `rig`."""
+    """The pose in which the nodes stand; the skin is bound to `rig`."""
     owners: dict[str, int] = field(default_factory=dict)
-    """Nodes that move the box of a bone, in the place of its own."""
+    """Nodes that move a bone's box instead of the bone's own node."""
     parts: tuple[tuple[int, Array], ...] = ()
     """Boxes without skin: the node that they hang from, and where [3]."""
 
@@ -94,7 +94,7 @@ class Made:
         return glb(document, binary + b"\0" * (-len(binary) % 4))
 
     def _boxes(self) -> tuple[Array, Array, Array]:
-        """Corners [V, 3], the node of each [V], and faces [F, 3]: feet as shoes, else cubes."""
+        """Corners [V, 3], the node of each [V], and faces [F, 3]: shoes for feet, or cubes."""
         places, joints, faces = [], [], []
         low = min(self.rig.places[self.bones[bone]][1] for bone in FEET if bone in self.bones)
         low -= self.shoe.sole
@@ -136,22 +136,22 @@ def person(scale: float = 1.0, gender: str = "female", **changes: Any) -> Made:
 
 
 def of(rig: Rig, **changes: Any) -> Made:
-    """A rig whose names tell its bones."""
+    """A rig with names that identify its bones."""
     return Made(rig, by_names(rig), **changes)
 
 
 def number(rig: Rig, name: str) -> int:
-    """Of a node."""
+    """Number of a node."""
     return next(k for k, node in enumerate(rig.nodes) if node.name == name)
 
 
 def moved(rig: Rig, changes: dict[str, dict[str, Any]]) -> Rig:
-    """With other transforms of some nodes, by name."""
+    """The rig with other transforms of some nodes, by name."""
     return Rig(tuple(replace(node, **changes.get(node.name, {})) for node in rig.nodes))
 
 
 def lifted(rig: Rig, height: float, but: tuple[str, ...] = ()) -> Rig:
-    """All of a rig higher by this, except for some nodes, by name: as heels lift ankles."""
+    """The rig raised by `height`, except for some nodes, by name: as heels lift ankles."""
     places = rig.places + np.array([0, height, 0])
     for name in but:
         places[number(rig, name)] -= [0, height, 0]

@@ -1,10 +1,10 @@
-"""What a player shows of a GLB with one animation, as figures: joints, skin and soles.
+"""Figures of a GLB with one animation, as a player shows it: joints, skin and soles.
 
     python -m tests.characters.measure [--seconds 8] [--live] [CHARACTER.glb ...]
 
 puts the motion of `wayfarer generate --goal 3,2` on each file (default: all of
-tests/characters/cases) and prints a row for each, or the refusal. With --live it is a person who
-walks straight ahead on characters of many sizes, not scaled: what a live session shows.
+tests/characters/cases) and prints a row for each, or the refusal. With --live, a person
+walks straight ahead on characters of many sizes, not scaled, as in a live session.
 """
 
 import argparse
@@ -127,8 +127,8 @@ class Played:
         return self.world[self.bones[bone]][:, :3, 3]
 
     def skins(self) -> Iterator[tuple[Array, Array, Array, Array, Array]]:
-        """Of each skinned primitive: posed vertices [F, V, 3], bound ones [V, 3], nodes [V, 4] and
-        weights [V, 4], and edges [E, 2].
+        """Yields for each skinned primitive: posed vertices [F, V, 3], bound ones [V, 3], nodes
+        [V, 4], weights [V, 4] and edges [E, 2].
         """
         for node in self.document["nodes"]:
             if "mesh" not in node or "skin" not in node:
@@ -165,13 +165,13 @@ class Figures:
     """Extremes over the frames of a file."""
 
     turn: float
-    """Degrees that a joint turns from a frame to the next, at most."""
+    """Maximum degrees that a joint turns from a frame to the next."""
     lowest: float
-    """Centimetres of the lowest point of the skin over the floor, at least; of a person's size."""
+    """Minimum height of the skin's lowest point in centimetres, at a person's size."""
     slide: float
-    """Centimetres that a foot slides while it stands, at most; of a person's size."""
+    """Maximum centimetres that a standing foot slides, at a person's size."""
     stretch: float
-    """Times its length at rest that an edge of the skin has, at most."""
+    """Maximum length of an edge of the skin, relative to its length at rest."""
     backward: float
     """Share of frames in which a knee is bent backwards by more than 5 degrees."""
     facing: float
@@ -181,11 +181,11 @@ class Figures:
     knee: float
     """Degrees of the knees' bend: median."""
     left_behind: float
-    """Metres that the centre of a mesh is farther from the hips than at rest, at most."""
+    """Maximum metres by which a mesh's centre is farther from the hips than at rest."""
 
 
 def figures(data: bytes, contacts: Array) -> Figures:
-    """Of a file with the motion in it, and of the person's feet that stand [F, 2]."""
+    """Measures a file that contains the motion; `contacts` [F, 2]: the person's standing feet."""
     played = Played(data)
     turns = [v for (_, path), v in played.channels.items() if path == "rotation" and len(v) > 1]
     turn = max(float(_angles(v).max()) for v in turns)
@@ -235,8 +235,8 @@ def _foot_nodes(played: Played, side: str) -> set[int]:
 
 
 def _slide(foot: Array, stands: Array, size: float) -> float:
-    """Centimetres of the longest slide of a standing foot, whose skin [F, V, 3] is given: from
-    frame to frame, what moves least of all that touches the ground.
+    """Centimetres of the longest slide of a standing foot with this skin [F, V, 3]: from frame to
+    frame, the least movement of a point on the ground.
     """
     if not foot.shape[1]:
         return 0.0
@@ -316,8 +316,8 @@ cached_bundle = cache(open_bundle)
 def walked(
     file: Path, seconds: float = 8.0, goals: tuple[str, ...] = ("3,2",)
 ) -> tuple[bytes, Array]:
-    """What `wayfarer generate out.glb --character FILE --goal 3,2` writes, and which feet of the
-    person stand [F, 2]. Raises WayfarerError.
+    """The output of `wayfarer generate out.glb --character FILE --goal 3,2`, and the person's
+    standing feet [F, 2]. Raises WayfarerError.
     """
     clips = []
 
@@ -338,7 +338,7 @@ def walked(
 
 @cache
 def straight(metres: float, seconds: float) -> Clip:
-    """The mean woman, who walks straight ahead to a goal."""
+    """The mean woman walks straight ahead to a goal."""
     bundle = cached_bundle(command.DEFAULT_MODEL, 1)
     world = bundle.world(1, Steering())
     spec = AgentSpec(gender="female", betas=(0.0,) * BETAS)
@@ -347,7 +347,7 @@ def straight(metres: float, seconds: float) -> Clip:
 
 
 def recorded() -> Clip:
-    """A stride on her way: the same for all characters."""
+    """A stride of that walk, the same for all characters."""
     return straight(9.0, 3.0)[60:]
 
 

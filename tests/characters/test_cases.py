@@ -1,4 +1,4 @@
-"""Strangers' characters as `wayfarer generate --character` animates them: cases and siblings."""
+"""Other people's characters, animated by `wayfarer generate --character`: cases and siblings."""
 
 import json
 from dataclasses import replace
@@ -40,8 +40,8 @@ from wayfarer_client.quaternions import multiply
 TURN = 15.0
 """Degrees that a joint may turn within a frame."""
 LONG_LEVER = 1.5
-"""A knee above a clown's shoe may turn by this multiple of the person's own most: its ankle is
-10 cm higher, and the stride is the same."""
+"""Multiple of the person's own maximum by which a knee above a clown's shoe may turn: its ankle is
+10 cm higher in the same stride."""
 UNDER = -1.0
 """Centimetres that a sole may be below the floor."""
 STRANGE = {
@@ -68,7 +68,7 @@ def crouching(rig):
 
 
 def centimetres(rig):
-    """Below an armature of 1 cm, turned by a quarter, as Blender writes FBX."""
+    """The rig below an armature of 1 cm, turned by 90 degrees, as Blender writes FBX."""
     half = np.sqrt(0.5)
     inner = Body(offsets_of("female", []), names=lambda bone: bone)
     top = replace(rig.nodes[0], rotation=(-half, 0, 0, half), scale=(0.01,) * 3)
@@ -102,7 +102,7 @@ SIBLINGS = {
     "child_1_m": lambda: person(0.62),
     "giant_8_m": lambda: person(5.0),
     "doll_30_cm": lambda: person(0.18),
-    # rest is what the skin was bound to
+    # rest is the pose to which the skin was bound
     "crouches": lambda: replace(person(), posed=crouching),
     "crouches_in_centimetres": lambda: replace(
         of(centimetres(person().rig)),
@@ -114,7 +114,7 @@ SIBLINGS = {
     "no_toes": lambda: of(
         Body(offsets_of("female", []), names=MIXAMO, without=("left_foot", "right_foot")).rig()
     ),
-    # what hangs from the root
+    # parts that hang from the root
     "lantern_on_the_armature": with_lantern,
     "skin_on_the_armature": cape_on_root,
     # skeletons and names
@@ -137,7 +137,7 @@ REFUSED = {
 
 @cache
 def own_turn() -> float:
-    """Degrees that a joint of the person turns from a frame of the stride to the next, at most."""
+    """Maximum degrees that a joint of the person turns between two frames of the stride."""
     turns = np.asarray(recorded().rotations, np.float64)
     alike = np.abs((turns[1:] * turns[:-1]).sum(-1)).clip(0, 1)
     return float(np.degrees(2 * np.arccos(alike)).max())
@@ -182,7 +182,7 @@ def test_a_strangers_file(name: str) -> None:
 
 @needs_validator
 def test_all_files_are_valid(tmp_path: Path) -> None:
-    """Khronos' validator has nothing to say."""
+    """Khronos' validator reports nothing."""
     files = [tmp_path / f"{name}.glb" for name in (*ACCEPTED, *SIBLINGS)]
     for file in files:
         file.write_bytes(made(file.stem)[0])
@@ -202,7 +202,7 @@ def test_a_heel_is_no_length_of_a_leg() -> None:
 
 
 def test_scale_1_wins_wherever_a_body_has_it() -> None:
-    """Of either gender: for the adult of the cases, and tall and small people."""
+    """This holds for both genders: the adult of the cases, and tall and small people."""
     given = json.loads((CASES / "adult_of_1_8_m.json").read_text())
     places = {j["bone"]: np.array([j["position"][axis] for axis in "xyz"]) for j in given["joints"]}
     for size in (0.92, 0.96, 1.0, 1.04):
@@ -213,8 +213,8 @@ def test_scale_1_wins_wherever_a_body_has_it() -> None:
 
 
 def test_a_giant_covers_the_way_in_a_giants_time(tmp_path: Path) -> None:
-    """By the command: its goal is where it was asked for; its steps take the root of its scale as
-    long, so its pace is that much above that of a person who walks half as far.
+    """With the command, the goal is at the requested place. A step's duration grows with the root
+    of the scale, so the pace exceeds by this factor that of a person that walks half as far.
     """
     file = tmp_path / "giant.glb"
     file.write_bytes(person(2.0).data())
@@ -271,7 +271,7 @@ def points_of(character: Character) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_file_that_stands_in_a_frame_keeps_its_own_nodes() -> None:
-    """Nothing of the file changes: it is the animation that has the rest."""
+    """The file does not change; the animation contains the rest pose."""
     offsets = offsets_of("female", [])
     given = Character.read(replace(person(), posed=crouching).data())
     still = np.tile([0, 0, 0, 1.0], (2, 22, 1))

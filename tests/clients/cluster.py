@@ -16,7 +16,7 @@ from tests.cluster.local import LocalCluster, listening
 
 
 class RunningCluster:
-    """A `LocalCluster` in a process of its own, since a process has one Ray; a context manager."""
+    """A `LocalCluster` in a separate process, since a process has one Ray; a context manager."""
 
     def __enter__(self):
         pytest.importorskip("ray")

@@ -32,7 +32,7 @@ MODULES = (
     snapshot_pb2,
 )
 ASKED = "asked"  # in a script: read one request of the client
-FOREVER = "forever"  # in a script: say nothing more
+FOREVER = "forever"  # in a script: send nothing more
 
 
 @dataclass

@@ -123,7 +123,7 @@ def work(page: Page, main: Path) -> str:
 
 
 def say(line: str) -> None:
-    """At once."""
+    """Prints a line at once."""
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
 

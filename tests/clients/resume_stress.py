@@ -55,7 +55,7 @@ class Relay:
         self.cut = 0
 
     async def open(self) -> int:
-        """Its port."""
+        """Starts listening; returns the port."""
         self._listener = await asyncio.start_server(self._serve, "127.0.0.1", 0)
         return int(self._listener.sockets[0].getsockname()[1])
 
@@ -126,7 +126,7 @@ async def over_websocket(relay: Relay, session_id: str) -> dict[str, object]:
 
 
 def vars_of(counted: Counted) -> dict[str, int]:
-    """Its figures."""
+    """The figures of a reader."""
     return {key: value for key, value in vars(counted).items() if not key.startswith("_")}
 
 

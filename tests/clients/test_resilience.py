@@ -82,7 +82,7 @@ async def test_a_session_that_is_no_more_is_told(server, client):
 
 
 async def test_a_reader_that_was_cut_off_comes_back(server, client):
-    """Also while the server still counts the stream that was lost."""
+    """This works also while the server still counts the lost stream."""
     session = await client.create_session()
     full = Refusal(grpc.StatusCode.RESOURCE_EXHAUSTED, "too slow, or too many streams")
     server.scripts["StreamMotion"] = [[HEADER, batch("t0"), full], [full], [resumed(), batch("t1")]]

@@ -55,7 +55,7 @@ def test_our_own_skeleton_moves_as_the_agent():
 
 @pytest.mark.parametrize("name", RIGS)
 def test_how_well_rigs_follow_the_agent(name):
-    """Feet and hips within 2 cm and 2 %; a standing foot stays; limbs point as the agent's."""
+    """Feet are within 2 cm, hips within 2 %; standing feet stay; limbs point like the agent's."""
     retarget = Retarget(RIGS[name], OFFSETS)
     found = errors(retarget, Walk.golden())
     assert found.foot_height < 0.02 and found.hips < 0.02
@@ -103,7 +103,7 @@ def bend(places, leg) -> float:
 
 @pytest.mark.parametrize("longer", [0.0, 0.06])
 def test_a_long_shoe_bends_at_the_ball(longer):
-    """Its ankle is hardly higher for it; what is not longer does not bend."""
+    """Its ankle is hardly higher for that, and a shoe that is not longer does not bend."""
     bones, walk = RIGS["own"], Walk.golden()
     plain = Retarget(bones, OFFSETS)
     feet = [(foot.fixed, foot.toes + longer * BASES["gltf"].forward) for foot in plain.foot]
@@ -127,7 +127,7 @@ def risen(pose, retarget, worlds, ankle) -> float:
 
 @each
 def test_local_rotations_give_the_same_places_through_the_files_own_nodes(case):
-    """What an engine computes from local rotations, twist bones and scales included."""
+    """The result equals an engine's from local rotations, including twist bones and scales."""
     bones = map_bones(case.rig, case.humanoid)
     pose = Retarget(bones, OFFSETS).pose(*FRAMES[20][:2])
     nodes = list(case.rig.nodes)

@@ -85,8 +85,8 @@ def test_a_model_that_fails_is_told(exported):
 
 
 def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, tmp_path):
-    """Two meet between boxes, one crosses and walks around a standing one, one shares the goal of
-    another: few people, since each decision may depend on a last digit.
+    """Two people meet between boxes, one crosses and walks around a standing one, one shares
+    another's goal. There are few people, since each decision may depend on a last digit.
     """
     places = [((-4, 0.2), 0.0), ((4, 0), 3.1), ((3, -4), 1.6), ((-3, 5), 0.0), ((2.1, -1.4), 1.0)]
     specs = [
@@ -193,8 +193,8 @@ PLACES = "[...session.agents.values()].map(({ frame }) => [...frame.subarray(0, 
 
 @needs_chromium
 def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
-    """Up to 50 wander, and a character that is dropped; a click sends the nearest one, which gets
-    there, with the host shut down.
+    """Up to 50 people and a dropped character wander; a click sends the nearest one, which arrives
+    even with the host shut down.
     """
     files = functools.partial(_Quiet, directory=str(demo))
     server = ThreadingHTTPServer(("127.0.0.1", 0), files)

@@ -51,7 +51,7 @@ STEP_OUTPUTS = {
 
 
 def step_model(inputs: dict[str, list] = STEP_INPUTS, outputs: dict[str, list] = STEP_OUTPUTS):
-    """translation = last seed frame + target speed · the weight (0.2 along Y), all else at rest."""
+    """translation = last seed frame + target speed · the weight (0.2 along Y); the rest stays."""
     nodes = [
         helper.make_node("Gather", ["seed_translation", "one"], ["last"], axis=1),
         helper.make_node("Unsqueeze", ["target_speed", "axes"], ["speed"]),

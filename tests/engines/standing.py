@@ -1,4 +1,4 @@
-"""A batch of bodies that stand, and shall walk: real inputs of the shipped model."""
+"""A batch of standing bodies that should walk: real inputs of the shipped model."""
 
 import numpy as np
 

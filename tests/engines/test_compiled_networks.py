@@ -1,4 +1,4 @@
-"""Compiled networks in a folder: found again as they were, or not at all."""
+"""Compiled networks in a folder are found unchanged, or not at all."""
 
 import os
 import tempfile

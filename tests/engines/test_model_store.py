@@ -36,7 +36,7 @@ def store(*folders) -> ModelStore:
 
 
 def opened(models: ModelStore, name: str) -> OnnxEngine:
-    """In a thread of its own, as its priority falls."""
+    """Opens it in a separate thread, since the thread's priority falls."""
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(models.open, name).result()
 

@@ -1,4 +1,4 @@
-"""Models side by side: which of them moves whom, and how one comes and goes while others serve."""
+"""Several models: the agents that each moves, and loading and unloading while others serve."""
 
 import asyncio
 import gc

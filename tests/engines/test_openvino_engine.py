@@ -1,4 +1,4 @@
-"""OpenVINO runs the shipped model: near onnxruntime, and every row its own."""
+"""OpenVINO runs the shipped model: close to onnxruntime, with independent rows."""
 
 from dataclasses import fields
 

@@ -30,7 +30,7 @@ SIZES = (1, 4, 8, 16, 32)
         (3, 31, 24),
         (16, 40, 32),
         (33, 40, 32),  # no batch is larger
-        (17, 17, 16),  # one is left, rather than that half of it is padding
+        (17, 17, 16),  # one row is left, since otherwise half of the batch would be padding
         (14, 14, 14),  # but two rows of padding are little
         (14, 15, 15),
     ],

@@ -22,7 +22,7 @@ def numbered(rows: int):
 
 
 class Watched:
-    """A fake engine's step, which notes how many rows each thread was given."""
+    """A fake engine's step that records each thread's number of rows."""
 
     def __init__(self):
         self.parts = []

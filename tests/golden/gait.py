@@ -57,7 +57,7 @@ def table() -> dict[str, Any]:
 
 
 def _forward(hips: Array) -> Array:
-    """Half of how far a thigh reaches backwards, glTF."""
+    """Half of a thigh's reach backwards, glTF."""
     return hips[:, 1] * hips[:, 2] + hips[:, 3] * hips[:, 0]
 
 
@@ -66,7 +66,7 @@ def _inverse(q: Array) -> Array:
 
 
 def _without_heading(turn: Array, all_turns: Array) -> Array:
-    """Against the mean heading about +Y of all."""
+    """Rotations relative to the mean heading of all about +Y."""
     x, y, z, w = all_turns.T
     yaw = np.arctan2((2 * (x * z + w * y)).mean(), (1 - 2 * (x * x + y * y)).mean())
     return multiply(np.array([0.0, -np.sin(yaw / 2), 0.0, np.cos(yaw / 2)]), turn)

@@ -1,6 +1,6 @@
-"""homes.json: what a client calls next, and what it remembers, for lists of answers.
+"""homes.json: a client's next calls, and its memory, for lists of answers.
 
-Written down by hand, since it is the rule itself ("Many nodes" of clients/README.md).
+It is written by hand, since it is the rule itself ("Many nodes" of clients/README.md).
 """
 
 import json
@@ -19,7 +19,7 @@ def misdirected(node: str) -> dict[str, Any]:
 
 
 def call(about: str, *steps: tuple[str, dict[str, Any]], fails: bool = False) -> dict[str, Any]:
-    """`steps`: what is called, and what it answers; `fails`: the caller gets the last of them."""
+    """`steps`: each call and its answer. `fails`: the caller gets the last answer."""
     return {
         "about": about,
         "called": [address for address, _ in steps],
@@ -34,7 +34,7 @@ HOME_A: Final = call(SESSION, (ENTRY, misdirected("a")), (A, DOES))
 
 
 def case(name: str, *calls: dict[str, Any], home: str, entry: str = ENTRY) -> dict[str, Any]:
-    """`home`: where the session is called then."""
+    """`home`: the address for calls on the session afterwards."""
     return {"name": name, "entry": entry, "calls": calls, "about": SESSION, "home": home}
 
 

@@ -18,7 +18,7 @@ def float_poses(frames: int) -> bytes:
 
 
 def small_poses(frames: int) -> bytes:
-    """The hips as above; smallest-three rotations: x, y, z, w all a half."""
+    """The hips as above, with smallest-three rotations whose x, y, z, w are all a half."""
     return b"".join(
         struct.pack("<3f3H", k, k + 0.5, k + 0.25, 27968, 27968, 27968) for k in range(frames)
     )
@@ -132,7 +132,7 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         waypoints=[2],
         candidates=[1],
     )
-    closer = motion_pb2.MotionChunks(  # of who was a root: nothing is said of the way between tiers
+    closer = motion_pb2.MotionChunks(  # a former root: changes of tier have no flag
         aliases=[300],
         seqs=[15],
         first_frames=[120],

@@ -1,5 +1,5 @@
-"""Characters made of our own body: other axes, poses, names, scales, missing bones; and those that
-others made (foreign_rigs.json).
+"""Characters made from our own body, with other axes, poses, names, scales and missing bones; and
+other people's characters (foreign_rigs.json).
 """
 
 import json
@@ -121,7 +121,7 @@ A_POSE = {
 
 @dataclass(frozen=True)
 class Case:
-    """A rig, and what is told of it besides."""
+    """A rig, and additional information about it."""
 
     name: str
     rig: Rig
@@ -136,7 +136,7 @@ class Case:
 
 
 def right_first(rig: Rig) -> Rig:
-    """The same, with each bone of the right side in the list where the left one's was."""
+    """The same rig, with each bone of the right side at the left one's place in the list."""
     swapped = [
         bone.replace("left", "right") if "left" in bone else bone.replace("right", "left")
         for bone in BONES
@@ -152,9 +152,7 @@ def right_first(rig: Rig) -> Rig:
 
 
 def rehung(rig: Rig, onto: dict[str, str]) -> Rig:
-    """The same places and rotations, with some nodes hanging from others, by name ("": from
-    none).
-    """
+    """The same places and rotations, with other parents of some nodes, by name ("": none)."""
     names = [node.name for node in rig.nodes]
     above = [node.parent for node in rig.nodes]
     for name, other in onto.items():
@@ -177,7 +175,7 @@ def rehung(rig: Rig, onto: dict[str, str]) -> Rig:
 
 
 def grown(rig: Rig, onto: str, name: str, *places: tuple[float, float, float]) -> Rig:
-    """With a chain of bones at these places of the character's space, as of hair or a skirt."""
+    """The rig with a chain of bones at these places of its space, as for hair or a skirt."""
     nodes = list(rig.nodes)
     parent = next(k for k, node in enumerate(nodes) if node.name == onto)
     at, turn, scale = rig.places[parent], rig.rotations[parent], rig.scales[parent]
@@ -190,7 +188,7 @@ def grown(rig: Rig, onto: str, name: str, *places: tuple[float, float, float]) -
 
 
 def skirted(rig: Rig, hips: str, head: str) -> Rig:
-    """With a skirt and hair that reach the ground, of a person's size, Y up."""
+    """The rig with a skirt and hair that reach the ground, at a person's size, Y up."""
     for side, x in (("L", 0.25), ("R", -0.25)):
         places = [(x, high, 0.05) for high in (0.9, 0.5, 0.03)]
         rig = grown(rig, hips, f"Skirt_{side}_", *places)
@@ -311,7 +309,7 @@ def named(table: dict[str, str], sided: str, left: str, right: str) -> Callable[
 
 
 def strange(tall: np.ndarray, own: np.ndarray) -> list[Case]:
-    """Skeletons whose bones hang from others than they follow, and names of other tools."""
+    """Skeletons whose bones hang from other bones than they follow, and names of other tools."""
     biped = Body(tall, axes=TILTED, names=named(BIPED, "Bip01 {side} {word}", "L", "R")).rig()
     arms = {f"Bip01 {side} Clavicle": "Bip01 Neck" for side in "LR"}
     thighs = {f"Bip01 {side} Thigh": "Bip01 Spine" for side in "LR"}
@@ -340,7 +338,7 @@ LEG = ("hip", "knee", "ankle", "foot")
 
 
 def animal(digitigrade: bool = False, named: bool = True) -> Rig:
-    """A rig without names that tell its bones: four legs, or two whose heels are off the ground."""
+    """A rig without telling names: four legs, or two whose heels are off the ground."""
     nodes = [Node("Body", -1, (0, 0.8, 0))]
 
     def leg(top: int, name: str, x: float, *places: tuple[float, float]) -> None:
@@ -362,7 +360,7 @@ def animal(digitigrade: bool = False, named: bool = True) -> Rig:
 
 
 def scaled(rig: Rig, top: str, scale: tuple[float, float, float]) -> Rig:
-    """With another scale of a node."""
+    """The rig with another scale of a node."""
     nodes = (replace(node, scale=scale) if node.name == top else node for node in rig.nodes)
     return Rig(tuple(nodes))
 
@@ -392,7 +390,7 @@ def refused() -> list[tuple[str, Rig, str]]:
 
 @cache
 def foreign_rigs() -> dict[str, Rig]:
-    """By name: as Blender exports them, its Z up turned to glTF's axes, each bone's y along it."""
+    """Rigs by name, as Blender exports them: Z up turned to glTF's axes, each bone's y along it."""
     data = json.loads(Path(__file__).with_name("foreign_rigs.json").read_text())
     return {name: _from_blender(bones) for name, bones in data["rigs"].items()}
 

@@ -1,7 +1,7 @@
-"""Traces of the rules of clients/README.md, drawn by the Python client from the server's data.
+"""Traces of the rules of clients/README.md, made by the Python client from the server's data.
 
-playout.json: when messages come → which moment is shown, and the pose then. retarget.json: a
-character at rest → its bones in the world, for frames of a walk (walk.json), which it holds, too.
+playout.json: arrival times of messages → the moment shown, and its pose. retarget.json: a character
+at rest → its bones in the world, for frames of a walk (walk.json), which are included.
 """
 
 import json
@@ -29,7 +29,7 @@ RETARGET = FOLDER / "retarget.json"
 WALK = json.loads((FOLDER / "walk.json").read_text())
 CHUNK = 0.2
 LASTS = {"settles": 36}
-"""Seconds of a trace, where they are not 12: longer than lateness is remembered."""
+"""Seconds of a trace if not 12: longer than lateness is remembered."""
 SHOWN = (0, 11, 17, 23, 42)
 """Frames of the walk that are put on characters: standing, steps, a turn."""
 

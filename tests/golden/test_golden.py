@@ -28,7 +28,7 @@ def test_files_are_up_to_date(made):
 
 
 def alike(a, b):
-    """Equal, numbers but for their last digit: processors with and without AVX-512 differ in it."""
+    """Whether they are equal, numbers except for the last digit, which differs with AVX-512."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(alike(a[key], b[key]) for key in a)
     if isinstance(a, list) and isinstance(b, list):
@@ -55,7 +55,7 @@ def test_nothing_is_left_over():
 
 @each
 def test_the_server_sends_these_bytes(entry):
-    """From the motion in the file, so that the file tells all."""
+    """They are made from the motion in the file, which is therefore complete."""
     vector = Vector(
         Basis(entry["basis"]),
         PoseEncoding(entry["encoding"]),
@@ -103,7 +103,7 @@ def test_the_python_client_reads_them(entry):
     "case", json.loads(tiers.FILE.read_text())["cases"], ids=lambda c: c["basis"]
 )
 def test_a_person_drawn_by_his_root_walks_as_he_does(case):
-    """In step, upright, and where he is: the legs against those of the walk that was packed."""
+    """It is in step, upright, and at the same place; the legs are compared with the packed walk."""
     axes = Basis(case["basis"]).axes
     _, root = case["tiers"]
     frames = 2 * tiers.CHUNKS

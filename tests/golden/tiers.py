@@ -1,4 +1,4 @@
-"""Frames of tiers with less than all bones, and the poses that clients make of them."""
+"""Frames of tiers with fewer bones, and the poses that clients make from them."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ ENCODINGS = {
 
 
 def doubled(rows: np.ndarray) -> np.ndarray:
-    """At 40 frames a second, of 20."""
+    """Frames at 40 per second from frames at 20."""
     between = (rows + np.concatenate([rows[1:], rows[-1:]])) / 2
     return np.stack([rows, between], axis=1).reshape(-1, *rows.shape[1:]).astype(np.float32)
 
@@ -71,7 +71,7 @@ def tiers() -> list[PoseFormat]:
 
 
 def extremes() -> bytes:
-    """Frames of ROOT with the least and the greatest numbers."""
+    """Frames of ROOT with the minimum and maximum numbers."""
     numbers = congruential(9)
     frames = np.zeros(6, ROOT_FRAME)
     frames["translation"] = [draw(numbers)[:3] for _ in range(6)]
@@ -82,7 +82,7 @@ def extremes() -> bytes:
 
 
 def case(basis: Basis) -> dict[str, Any]:
-    """Packed frames of the tiers, and what they are to be, in a basis."""
+    """Packed frames of the tiers, and the expected poses, in a basis."""
     header = motion_pb2.StreamHeader(
         fps=40,
         basis=common_pb2.BasisInfo(basis=f"BASIS_{basis.name}"),

@@ -1,1 +1,1 @@
-"""What a user installs, started as a user starts it, and streamed from. See matrix.py, image.py."""
+"""The installed product, started and streamed from like a user does. See matrix.py, image.py."""

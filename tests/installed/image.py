@@ -1,10 +1,10 @@
 """`make image-check`: build the image, run it, and let an agent walk in it.
 
-With docker, where a daemon answers: with a read-only root and no capabilities, as in compose. Else
-with buildah as root, which needs no daemon (`apt-get install buildah debootstrap`), in a chroot: it
-has this machine's network, and the server listens on loopback. Where the Dockerfile's base image
-cannot be pulled, debootstrap makes one from Debian's mirror under the same name: the same release,
-but not the same bytes.
+It uses docker if a daemon answers, with a read-only root and no capabilities, as in compose.
+Otherwise it uses buildah as root, which needs no daemon (`apt-get install buildah debootstrap`), in
+a chroot with this machine's network, where the server listens on loopback. If the Dockerfile's base
+image cannot be pulled, debootstrap makes one from Debian's mirror under the same name: the same
+release, but not the same bytes.
 """
 
 import argparse
@@ -95,7 +95,7 @@ def with_docker(until: float) -> None:
 
 
 def describe() -> list[str]:
-    """A command that says who runs what."""
+    """A command that prints its user and program."""
     ask = "import os, sys, numpy, onnxruntime as o; print('user', os.getuid(), 'Python',"
     return ["python", "-c", f"{ask} sys.version.split()[0], 'numpy', numpy.__version__,"
             " 'onnxruntime', o.__version__)"]  # fmt: skip
@@ -167,13 +167,13 @@ def provide_base(buildah: Sequence[str], until: float) -> None:
 def way_to_packages() -> Iterator[str]:
     """Options that let pip in the build reach what it reaches here: settings, certificates, files.
 
-    They hold while the image is built; a machine without a registry of its own has none of them.
+    They exist while the image is built; a machine without a private registry has none of them.
     """
     settings = ConfigParser(interpolation=None)
     settings.read(["/etc/pip.conf", Path.home() / ".config/pip/pip.conf"])
     text = " ".join(value for part in settings.sections() for value in settings[part].values())
     paths = re.findall(r"(?:file://)?(/[\w./-]+)", text)
-    # an index has its files beside its folder `simple`
+    # an index has its files next to its folder `simple`
     folders = {path.removesuffix("/").removesuffix("/simple") for path in paths}
     for path in sorted(path for path in folders if Path(path).is_dir()):
         yield f"--volume={path}:{path}:ro"

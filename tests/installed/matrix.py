@@ -5,8 +5,8 @@ For each of Python 3.11 to 3.14 twice, in a throw-away environment and a copy of
     pinned   as README says: `make serve`, `pip install ./clients/python`; versions of requirements/
     newest   `pip install . ./clients/python`: the newest versions that pyproject.toml allows
 
-walk.py then streams from it over gRPC and WebSocket. It must end in order when it is told to, and
-have written nothing into the user's home folder. Exit code 1 when anything failed, 2 when nothing
+walk.py then streams from it over gRPC and WebSocket. It must end cleanly on request, and must not
+have written into the user's home folder. Exit code 1 when anything failed, 2 when nothing
 could be tried.
 """
 
@@ -146,7 +146,7 @@ def attempt(cell: Cell, until: float) -> None:
 
 
 def copy_tree(target: Path) -> None:
-    """What git would commit of this tree, as it stands now."""
+    """Copies the files of this tree that git would commit now."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT,
@@ -162,7 +162,7 @@ def copy_tree(target: Path) -> None:
 
 
 def print_table(versions: Sequence[str], kinds: Sequence[str], cells: Sequence[Cell]) -> None:
-    """What was tried, what came of it, and what was not tried."""
+    """Prints the attempts with their results, and the ones that were not made."""
     print(f"\n{'Python':<10}" + "".join(f"{kind:<12}" for kind in kinds))
     by_place = {(cell.version, cell.kind): cell for cell in cells}
     for version in versions:

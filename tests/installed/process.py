@@ -17,11 +17,11 @@ END_S = 30.0
 
 
 class StepError(Exception):
-    """A step that did not end as it should; the text is for the one who reads the report."""
+    """A step that did not end as it should; the text is for the report's reader."""
 
 
 def run(command: Sequence[str], folder: Path, until: float) -> str:
-    """Its output. Raises StepError with the end of what it said."""
+    """Its output. Raises StepError with the end of the output."""
     quick = {"PIP_COMPILE": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}  # PIP_NO_COMPILE=1 compiles
     words = " ".join(command)
     process = subprocess.Popen(
@@ -59,7 +59,7 @@ def serving(
 ) -> Iterator[tuple[str, str]]:
     """The addresses of HTTP and gRPC of a server that is ended afterwards. Raises StepError.
 
-    `stop` is called with the process and what it has said, and shall make the server end in order.
+    `stop` is called with the process and its output, and should make the server end cleanly.
     """
     with TemporaryDirectory() as name:
         said = Path(name) / "said"
@@ -91,7 +91,7 @@ def serving(
 def wait_for(
     event: str, said: Path, process: subprocess.Popen[bytes], until: float
 ) -> dict[str, str]:
-    """The line of the log that tells this event. Raises StepError."""
+    """The line of the log with this event. Raises StepError."""
     while True:
         over = process.poll() is not None or time.monotonic() > until
         for line in said.read_text().splitlines():
@@ -103,7 +103,7 @@ def wait_for(
 
 
 def clean(environment: "os._Environ[str]") -> dict[str, str]:
-    """Without what belongs to the environment of the one who calls, or to make."""
+    """The environment without the caller's variables and make's."""
     of_ours = ("WAYFARER_", "PYTHON", "VIRTUAL_ENV", "MAKE", "MFLAGS", "ORT_", "CI")
     return {name: value for name, value in environment.items() if not name.startswith(of_ours)}
 

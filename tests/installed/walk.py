@@ -1,4 +1,4 @@
-"""Let one agent walk on a running server, and check what both of its streams deliver.
+"""Makes one agent walk on a running server, and checks the data of both of its streams.
 
     python walk.py http://127.0.0.1:8080 127.0.0.1:50051
 
@@ -61,7 +61,7 @@ def to_goal(hips: np.ndarray) -> float:
 
 
 def check(found: list[Frames]) -> str:
-    """Raises AssertionError unless these are whole frames of a body that walks; else says so."""
+    """Describes whole frames of a body that walks. Raises AssertionError for anything else."""
     hips = np.concatenate([frames.translation for frames in found])
     rotations = np.concatenate([frames.rotations for frames in found])
     assert rotations.shape[1:] == (22, 4), f"rotations are {rotations.shape}, not [F, 22, 4]"
@@ -95,7 +95,7 @@ def check_page(http: str) -> None:
 
 
 async def walk(http: str, grpc: str) -> str:
-    """What both streams delivered, in words. Raises AssertionError, TimeoutError, WayfarerError."""
+    """Describes the data of both streams. Raises AssertionError, TimeoutError, WayfarerError."""
     check_page(http)
     async with (
         asyncio.timeout(LIMIT_S),

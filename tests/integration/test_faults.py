@@ -1,4 +1,4 @@
-"""Failures that operators fear, in the real process with the shipped model: nothing may be lost."""
+"""Failures that operators fear, in the real process with the shipped model; nothing is lost."""
 
 import asyncio
 import math

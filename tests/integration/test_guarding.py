@@ -141,7 +141,7 @@ async def _the_same_over_a_socket(
 
 
 async def _take_back(service: Process, keys: Keys) -> None:
-    """Streams end when their key is taken back; others go on."""
+    """Streams end when their key is revoked; others continue."""
     async with grpc.aio.insecure_channel(service.grpc) as channel:
         stub = motion_pb2_grpc.MotionServiceStub(channel)
 
@@ -175,7 +175,7 @@ async def _take_back(service: Process, keys: Keys) -> None:
 
 
 def _read_again(service: Process, keys: Keys) -> None:
-    """A signal has the file read at once."""
+    """A signal makes the server read the file at once."""
     old = keys.http("root")
     Keys(keys.path, eve="read")
     service.process.send_signal(signal.SIGHUP)

@@ -20,7 +20,7 @@ async def client(server):
 
 
 async def test_a_path_is_walked_with_its_controls(client):
-    """Through a corner without stopping, and at the end the requested heading."""
+    """The agent passes a corner without stopping, and ends with the requested heading."""
     async with await client.create_session("unity") as session:
         (ada,) = await session.create_agents(wf.AgentSpec())
         path = [

@@ -20,7 +20,7 @@ TWO = ("--workers", "2", "--engine", "onnxruntime")
 
 
 class Watch:
-    """Follows a session whatever happens."""
+    """Follows a session through all disturbances."""
 
     def __init__(self, session: wf.Session):
         self.session, self.events, self.places = session, [], []
@@ -54,13 +54,13 @@ class Watch:
 
 
 def nodes(service: Service) -> list[psutil.Process]:
-    """Their processes."""
+    """The nodes' processes."""
     below = psutil.Process(service.process.pid).children(recursive=True)
     return [one for one in below if "NodeActor" in " ".join(one.cmdline())]
 
 
 async def endpoint(service: Service, session: wf.Session) -> dict[str, int]:
-    """Of its node, from the entry."""
+    """Endpoint of the session's node, from the entry."""
     async with httpx.AsyncClient() as http:
         answer = await http.get(f"{service.url}/v1/sessions/{session.session_id}")
     assert answer.status_code == 421
@@ -69,12 +69,12 @@ async def endpoint(service: Service, session: wf.Session) -> dict[str, int]:
 
 
 async def home(service: Service, session: wf.Session) -> int:
-    """Number of its node."""
+    """Number of the session's node."""
     return (await endpoint(service, session))["worker"]
 
 
 async def kill(service: Service, session: wf.Session) -> None:
-    """Its node."""
+    """Kills the session's node."""
     port = (await endpoint(service, session))["http_port"]
     for one in nodes(service):
         if port in [found.laddr.port for found in one.net_connections()]:

@@ -1,7 +1,7 @@
-"""A step can be captured as a CUDA graph, which is seen without a GPU by what it calls.
+"""A step can be captured as a CUDA graph; its calls show that even without a GPU.
 
-While a graph is captured, nothing may come from host memory (a new constant, a list as an index),
-and the host may not look at values that are on the device.
+During a capture, nothing may come from host memory (a new constant, a list as an index), and the
+host must not read values on the device.
 """
 
 import pytest

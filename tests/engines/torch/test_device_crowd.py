@@ -1,4 +1,4 @@
-"""A crowd on the device goes the way that step after step of an engine goes."""
+"""A crowd on the device takes the same way as single steps of an engine."""
 
 from dataclasses import replace
 

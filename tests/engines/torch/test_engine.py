@@ -87,7 +87,7 @@ def test_alone_it_is_the_same_engine(engine, inputs):
 
 
 def test_it_names_what_it_runs_apart_from_the_graphs_it_was_made_of(models, onnx, engine):
-    """Its last bits are its own: no other engine may replay its logs."""
+    """Its last bits differ from other engines', so no other engine may replay its logs."""
     assert engine.graphs == tuple(variant(engine.kind, graph) for graph in onnx.graphs)
     assert engine.name == models.name
 

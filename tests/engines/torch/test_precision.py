@@ -1,4 +1,4 @@
-"""Lower precision is for networks alone, and nothing of it is left behind."""
+"""Lower precision applies only to networks, and is reset afterwards."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Weights come out of a graph as they went in, or it is refused."""
+"""Weights are read from a graph unchanged, or the graph is refused."""
 
 from pathlib import Path
 

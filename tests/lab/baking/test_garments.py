@@ -149,7 +149,7 @@ def test_pieces_are_numbered_in_their_order():
 
 
 def test_layers_are_simplified_apart():
-    """Where two lie on each other, a face of the one is none of the other's."""
+    """Where two lie on each other, each face belongs to only one."""
     pytest.importorskip("pyfqmr")
     vertices, faces = sheet()
     both = np.concatenate([faces, faces + len(vertices)])

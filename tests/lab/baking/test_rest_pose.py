@@ -1,4 +1,4 @@
-"""The turn from the modelled A-pose to the T-pose."""
+"""The rotation from the modelled A-pose to the T-pose."""
 
 import numpy as np
 import pytest

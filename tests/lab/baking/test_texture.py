@@ -29,7 +29,7 @@ def test_no_face_is_torn_at_a_seam():
 
 
 def test_a_surface_inside_is_not_taken_for_the_one_outside():
-    """As of an eye: both lie at the low-poly mesh, and face opposite ways."""
+    """For example in an eye, both lie at the low-poly mesh, and face opposite ways."""
     full, _ = tube(48, 40)
     inside = 0.999 * full.vertices * [1, 1, 0] + full.vertices * [0, 0, 1]
     both = Mapped(

@@ -88,7 +88,7 @@ def test_files_are_those_that_the_sidecar_names(written, about):
 
 @pytest.mark.parametrize("gender", GENDERS)
 def test_graphs_stand_alone_and_are_as_documented(written, about, gender, tmp_path):
-    alone = tmp_path / "alone.onnx"  # in a folder without any weights beside it
+    alone = tmp_path / "alone.onnx"  # in a folder without weights
     alone.write_bytes((written / f"step_{gender}.onnx").read_bytes())
     model = onnx.load(alone)
     onnx.checker.check_model(model, full_check=True)
@@ -249,7 +249,7 @@ def test_an_operator_that_unity_lacks_is_named():
 
 
 def test_nobodys_files_are_lost(written, tmp_path, monkeypatch):
-    """Where a check fails the earlier export stays, and what Unity keeps beside its files."""
+    """If a check fails, the earlier export stays, with the files that Unity adds."""
     out = tmp_path / "made"
     out.mkdir()
     for name in ("wayfarer.json", "README.md"):

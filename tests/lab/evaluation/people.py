@@ -1,4 +1,4 @@
-"""Bodies with a trunk, and trajectories that are known because they were written down."""
+"""Bodies with a trunk, and defined trajectories."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,7 +37,7 @@ ANNY = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
 
 
 def gliding_bundle(bodies: dict[str, BodyModel], *files: str) -> ModelBundle:
-    """What stands for a folder of models that has `files`: its people glide."""
+    """Stands for a folder of models with `files`; its people glide."""
     return ModelBundle(SimpleNamespace(contracts=files), FakeEngine(), bodies)
 
 
@@ -45,7 +45,7 @@ ALIKE = Steering(
     reactions=1,
     searches={mode: replace(s, own=0.0) for mode, s in default_searches().items()},
 )
-"""Nobody hesitates, and nobody has noise of their own."""
+"""Settings without hesitation and without agents' own noise."""
 
 
 def make_world(engine: FakeEngine | None = None) -> World:
@@ -77,5 +77,5 @@ def trajectory(
 
 
 def line(metres: np.ndarray, angle: float = 0.0) -> np.ndarray:
-    """Places [T, 2] so many metres along +Y, or `angle` radians to the left of it."""
+    """Places [T, 2] at `metres` along +Y, or `angle` radians to the left of it."""
     return np.asarray(metres)[:, None] * np.array([-np.sin(angle), np.cos(angle)])

@@ -15,7 +15,7 @@ KINDS = (*((gender, "") for gender in GENDERS), ("female", "faster"))
 
 
 def hips_height(gender: str) -> float:
-    """Of the mean body in its T-pose with its soles on the floor."""
+    """Hips' height of the mean body in its T-pose with its soles on the floor."""
     body = load_body("anny52", gender)
     places = body.rest_joints(np.zeros(BETAS))
     turns = np.tile(np.eye(3), (len(places), 1, 1))
@@ -24,8 +24,8 @@ def hips_height(gender: str) -> float:
 
 
 def write_recordings(folder: Path, *splits: str) -> Path:
-    """One clip of each gender in `heldout` (or in each of `splits`), and an augmented one that
-    must not be used.
+    """Writes one clip of each gender in `heldout` (or in each of `splits`), and an augmented one
+    that must not be used.
     """
     clips, translation, use = [], [], []
     time = np.arange(FRAMES) / FPS

@@ -61,7 +61,7 @@ def test_clones_glide_to_the_goal() -> None:
 
 
 class ListeningEngine(FakeEngine):
-    """Keeps what each step was told."""
+    """Keeps the inputs of each step."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ def test_pairs_do_not_depend_on_those_beside_them(monkeypatch: pytest.MonkeyPatc
 
 
 class BrokenEngine(FakeEngine):
-    """Nothing it makes can be shown."""
+    """Makes only invalid frames."""
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         made = super().step(gender, inputs)

@@ -12,7 +12,7 @@ from wayfarer_lab.evaluation.definitions import as_markdown, definitions, groups
 from wayfarer_lab.evaluation.twosided import ranges
 
 ROOT = Path(__file__).parents[3]
-OTHERS = ("performance", "figures", "failures")  # what a server costs; the bodies of pictures
+OTHERS = ("performance", "figures", "failures")  # the cost of a server, the bodies of pictures
 TABLES = [p for p in (ROOT / "benchmarks/results").glob("*.json") if not p.name.startswith(OTHERS)]
 
 

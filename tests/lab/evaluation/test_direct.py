@@ -38,7 +38,7 @@ class Circle(nn.Module):
 
 
 class Twisted(Circle):
-    """As a circle, but the spine of one body is twisted."""
+    """Like Circle, but the spine of one body is twisted."""
 
     def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
         made = super().decode(seed, latent)
@@ -69,7 +69,7 @@ def test_bodies_go_on_as_their_own_parameters_say(kind: type[BodyParameters]) ->
 
 
 def usual(rotations: np.ndarray) -> np.ndarray:
-    """How a pose prior judges that knows only the spine's rest."""
+    """The score of a pose prior that knows only the spine's rest."""
     return np.abs(rotations[:, 3, 3])
 
 

@@ -55,7 +55,7 @@ def run_folder(
 
 
 class TorchSession:
-    """Runs what would be exported as a graph, by the names of its inputs."""
+    """Runs a step that could be exported as a graph, by the names of its inputs."""
 
     def __init__(self, graph: ExportGraph) -> None:
         self.graph = graph

@@ -25,7 +25,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def gliding(monkeypatch):
-    """Let runs be made by an engine that glides."""
+    """Makes runs use an engine that glides."""
     monkeypatch.setattr(module, "open_world", lambda *asked: (make_world(phases=1), {}))
 
 

@@ -1,4 +1,4 @@
-"""Reports: what a reader of the JSON file may rely on."""
+"""Reports: the guarantees for readers of the JSON file."""
 
 import json
 from pathlib import Path

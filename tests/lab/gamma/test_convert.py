@@ -108,7 +108,7 @@ def test_what_does_not_fit_is_named(tmp_path) -> None:
 
 
 class Stranger:
-    """To unpickle it would run its code."""
+    """Unpickling it would run its code."""
 
     made = 0
 

@@ -48,7 +48,7 @@ def _its_body(folder, monkeypatch):
 
 
 class ImportedEngine(FakeEngine):
-    """The imported step itself, without ONNX; it keeps what it was asked."""
+    """The imported step itself, without ONNX; it keeps its inputs."""
 
     def __init__(self, graphs) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""When goals show."""
+"""The time until goals show."""
 
 import pytest
 

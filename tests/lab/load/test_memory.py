@@ -7,7 +7,7 @@ from wayfarer_lab.load.run import MemoryWatch
 
 
 class Server:
-    """Has as many megabytes as it is told."""
+    """Has a given number of megabytes."""
 
     megabytes: float | None = 100.0
 

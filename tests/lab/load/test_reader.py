@@ -1,4 +1,4 @@
-"""What the generator counts of a stream, from hand-made messages."""
+"""The generator's counts of a stream, from hand-made messages."""
 
 import numpy as np
 import pytest
@@ -151,7 +151,7 @@ def ringed(until=1e12):
 
 
 def seen(tier, *chunks, added=(), hidden=(), flags=0):
-    """Chunks of a ring; who is `added` has FIRST, the others `flags`."""
+    """Chunks of a ring. Added agents have FIRST, the others `flags`."""
     wire = message(*chunks)
     wire.batch.tier = tier
     wire.batch.hidden.extend(hidden)

@@ -1,4 +1,4 @@
-"""Rings as the command has them, and the viewpoint that walks."""
+"""The rings of the command, and the walking viewpoint."""
 
 import asyncio
 import itertools

@@ -1,4 +1,4 @@
-"""Settings of `wayfarer train`: a config file, and what replaces its values."""
+"""Settings of `wayfarer train`: a config file, and options that replace its values."""
 
 import pytest
 

@@ -59,7 +59,7 @@ def test_near_goals_lie_in_a_ring_that_is_not_reached_yet():
 
 
 def test_seeds_are_canonical_again_after_every_step(world):
-    """The state of Eq. 3 is told in the frame of the seed's own first frame, worked out here."""
+    """The state of Eq. 3 is in the frame of the seed's first frame, which the test computes."""
     agents, latents = begun(world)
     for _ in range(3):
         right = matrix_from_quaternion(agents.rotations[:, 0, 0])[:, :2, 0]
@@ -90,7 +90,7 @@ def test_the_first_primitive_can_be_a_1_frame_model_s_as_in_the_paper():
 
 
 def test_state_and_reward_do_not_depend_on_place_and_heading(world):
-    """So no reward compares places of different frames of reference."""
+    """Therefore no reward compares places of different frames of reference."""
     agents, latents = begun(world)
     turn, shift = about_z(torch.tensor([2.0]))[0], torch.tensor([30.0, -7.0, 0.0])
 

@@ -1,4 +1,4 @@
-"""Episodes in a world of points: every figure can be told beforehand."""
+"""Episodes in a world of points, with known figures."""
 
 import pytest
 import torch
@@ -37,7 +37,7 @@ class Points:
         )
 
     def observe(self, agents: AgentBatch) -> State:
-        """The seed tells where the agent is, so that samples can be told apart."""
+        """The seed contains the agent's place, so that samples can be distinguished."""
         seed = torch.zeros(len(agents.goal), 1, 201)
         seed[:, 0, 1] = agents.translation[:, 0, 1]
         return State(
@@ -84,7 +84,7 @@ def test_trails_end_where_agents_end(episode):
 
 
 def test_the_goal_s_reward_counts_for_every_primitive_of_the_episode(episode):
-    """Eq. 9: 1 when reached, else (L - d) / L of the closest; nothing once the agent has ended."""
+    """Eq. 9: 1 if reached, otherwise (L - d) / L of the closest; 0 after the agent's end."""
     got = episode.rewards[..., REWARDS.index("goal")]
     assert got[:4, 0].tolist() == [1.0] * 4 and got[4, 0] == 0
     assert torch.allclose(got[:, 2], torch.full((5,), 0.8))
@@ -125,7 +125,7 @@ def test_samples_are_in_the_order_of_alive(episode):
 
 
 def test_clones_go_on_until_all_have_arrived_as_in_the_paper():
-    """Agents 0 and 1 arrive after 4 and 2 primitives; 2 never does, 3 breaks: both keep going."""
+    """Agents 0 and 1 arrive after 4 and 2 primitives, agent 2 never; 3 breaks. Both keep going."""
     torch.manual_seed(0)
     scene = Points()
     together = simulate(scene, GoalPolicy(), scene.agents(), primitives=5, together=2)
@@ -197,7 +197,7 @@ def test_credit_by_approach_equals_that_of_all_but_for_what_was_known_before():
     torch.manual_seed(0)
     scene = Points()
     episode = simulate(scene, GoalPolicy(), scene.agents(), primitives=5)
-    so_far = episode.to_goal[1:, 0]  # of an agent that arrives, and gets 1 for ever
+    so_far = episode.to_goal[1:, 0]  # of an agent that arrives, and always gets 1
     paid = 0.5 * float(so_far[:4] @ 0.5 ** torch.arange(4.0)) + 0.5**4 * 1.0
     assert paid - episode.to_goal[0, 0] == pytest.approx(float(approached(episode)[0, 0]), abs=1e-6)
 

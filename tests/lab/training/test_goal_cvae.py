@@ -1,4 +1,4 @@
-"""The g-CVAE: its network, and training and export on made-up motion."""
+"""The g-CVAE: its network, training and export on synthetic motion."""
 
 import pytest
 import torch
@@ -24,7 +24,7 @@ SMALL = GoalCvaeConfig(steps=30, batch=64, rate=2e-3, goal_seconds=1.0)
 
 
 def save_run(folder, model):
-    """A run folder as far as exporting needs it."""
+    """The part of a run folder that export needs."""
     folder.mkdir(parents=True)
     torch.save({"model": model.state_dict()}, folder / "last.pt")
     (folder / "config.json").write_text('{"floor_origin": true}')

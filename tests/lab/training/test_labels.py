@@ -1,4 +1,4 @@
-"""Frames are labelled by what is done in them."""
+"""Frames are labelled by their activity."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Both pose priors: poses in, latents out, and back; in any batch shape."""
+"""Both pose priors: from poses to latents and back, in any batch shape."""
 
 import pytest
 import torch

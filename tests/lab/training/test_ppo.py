@@ -55,7 +55,7 @@ def test_normalised_advantages_have_mean_0_and_deviation_1():
 
 
 def test_advantages_are_normalised_over_the_clones_of_a_simulation_as_in_the_paper():
-    """Per primitive; who has ended does not count, and who is alone has nothing to differ from."""
+    """Advantages are per primitive; ended agents do not count, and a lone agent's is 0."""
     advantage = torch.tensor([[1.0, 3.0, 10.0, 50.0], [5.0, 9.0, 8.0, 0.0]])
     alive = torch.tensor([[True, True, True, True], [True, True, True, False]])
     got = ppo.normalised(advantage, alive, "clones", clones=2)

@@ -1,4 +1,4 @@
-"""What frames of a primitive are given by: markers, body parameters, HuMoR's features."""
+"""Representations of a primitive's frames: markers, body parameters, HuMoR's features."""
 
 import pytest
 import torch
@@ -38,7 +38,7 @@ def test_recorded_features_stand_for_the_recorded_markers(name):
 
 @pytest.mark.parametrize("name", REPRESENTATIONS)
 def test_features_move_from_frame_to_frame(name):
-    """The same stretch told in the frame of another primitive, or moved there."""
+    """The same stretch, computed in the frame of another primitive or moved there."""
     kind = REPRESENTATIONS[name]()
     before, after = FRAMES.frame(STARTS, True), FRAMES.frame(STARTS + 25, False)
     told = kind.recorded(FRAMES, INDEX, before).features

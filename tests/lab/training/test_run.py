@@ -52,7 +52,7 @@ for folder, numbers in zip(arguments[::2], arguments[1::2]):
         assert before == [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
         print("interrupted", folder)
 """
-"""Trainings in a process of their own, for it receives signals: in the backward pass of step 3."""
+"""Trainings in a separate process, which receives signals in the backward pass of step 3."""
 
 SIGNALS = {
     "interrupt": [signal.SIGINT],

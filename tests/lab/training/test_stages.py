@@ -1,4 +1,4 @@
-"""A list of stages: order, resuming, stopping, and what is said of it."""
+"""A list of stages: order, resuming, stopping, and messages."""
 
 import json
 import re
@@ -60,7 +60,7 @@ elif kind == "train":
 
 
 class Config(BaseModel):
-    """As that of the program."""
+    """Like the program's config."""
 
     steps: int
 
@@ -212,7 +212,7 @@ def test_the_shipped_list_is_made_of_commands_that_exist(tmp_path, monkeypatch) 
     settings = trained["predictor 2f, rollouts"][1].model_dump()
     assert settings["start_from"] == "runs/two/predictor_2f"
     assert settings["regressors"]["male"] == "runs/two/regressor_male"
-    # what a stage begins from is what an earlier one writes
+    # a stage begins from the results of an earlier one
     written: set[str] = set()
     for step in stages.steps:
         for name, training in ((step.name, step.training),):

@@ -26,7 +26,7 @@ def walked(seq, speed=1.0, sway=0.0, agent="a"):
 
 
 def doubled(rows):
-    """At 40 frames a second, of 20."""
+    """Frames at 40 per second from frames at 20."""
     between = (rows + np.concatenate([rows[1:], rows[-1:]])) / 2
     return np.stack([rows, between], axis=1).reshape(-1, *rows.shape[1:])
 

@@ -13,7 +13,7 @@ from wayfarer_lab.evaluation.takes import JOINT, Take
 
 BODY = load_body("anny52", "female", "low")
 HEIGHT = float(BODY.rest_joints(np.zeros(BETAS))[0, 2])
-"""Of the hips in the T-pose."""
+"""Height of the hips in the T-pose."""
 
 
 def time(seconds: float) -> np.ndarray:

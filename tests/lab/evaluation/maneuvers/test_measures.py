@@ -1,4 +1,4 @@
-"""Each measure sees what was put into a take, and nothing else."""
+"""Each measure finds the property that was put into a take, and nothing else."""
 
 from dataclasses import replace
 
@@ -77,7 +77,7 @@ def test_a_stander_who_creeps_and_turns_without_a_step() -> None:
 
 
 def test_waypoints_are_passed_with_the_speed_of_the_way() -> None:
-    """Legs of 4 m: one along +Y, then one to the right; the agent stops for 1 s at the corner."""
+    """One leg of 4 m along +Y, then one to the right, with a stop of 1 s at the corner."""
     going = np.clip(1.2 * (time(10.0) - 1.0 * (time(10.0) > 4.0)), 0, None)
     still = (time(10.0) > 3.0) & (time(10.0) <= 4.0)
     way = np.where(still, 3.6, going)
@@ -221,7 +221,7 @@ def test_worst_moments_are_kept() -> None:
 
 
 def test_stairs_are_counted_by_where_feet_stand() -> None:
-    """Each foot stands on every second stair: a stair a step."""
+    """Each foot stands on every second stair, one stair per step."""
 
     def climb(risers: int) -> list[np.ndarray]:
         path = []

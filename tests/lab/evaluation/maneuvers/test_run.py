@@ -1,4 +1,4 @@
-"""All manoeuvres, played by people who do nothing but walk straight on."""
+"""All manoeuvres, played by people that only walk straight ahead."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from wayfarer_lab.evaluation.tasks import Watch
 
 
 class Walkers:
-    """Everybody walks straight on, whatever is played."""
+    """Everybody walks straight ahead in every test."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, str, int, bool]] = []

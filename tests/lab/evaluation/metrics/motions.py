@@ -1,4 +1,4 @@
-"""Feet and bodies whose movement is known because it was written down."""
+"""Feet and bodies with defined motion."""
 
 import numpy as np
 

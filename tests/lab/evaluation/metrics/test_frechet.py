@@ -1,4 +1,4 @@
-"""The Fréchet distance on distributions that are known, and what its feature sees."""
+"""The Fréchet distance on known distributions, and its features."""
 
 import numpy as np
 import pytest

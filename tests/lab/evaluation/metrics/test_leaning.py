@@ -1,4 +1,4 @@
-"""Who leans into a curve by formula."""
+"""Bodies that lean into a curve by formula."""
 
 import numpy as np
 import pytest

@@ -37,7 +37,7 @@ def test_what_differs_is_told_apart_and_what_does_not_is_not() -> None:
 
 
 def test_people_are_not_recognised_as_themselves() -> None:
-    """With windows of one person on both sides of a fold, who walks would be learnt by heart."""
+    """With windows of a person on both sides of a fold, the classifier would memorise people."""
     random = np.random.default_rng(0)
     scores = []
     for _ in range(20):

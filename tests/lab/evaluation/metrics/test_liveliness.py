@@ -1,4 +1,4 @@
-"""Statues and those who live: motion by formula."""
+"""Statues and living people: motion by formula."""
 
 import numpy as np
 import pytest

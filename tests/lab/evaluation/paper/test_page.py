@@ -1,4 +1,4 @@
-"""The page paper.md and its statements, from results written here and from those that ship."""
+"""The page paper.md and its statements, from results of these tests and from shipped ones."""
 
 import json
 from pathlib import Path
@@ -83,7 +83,7 @@ def test_rows_tell_what_made_them_and_trainings_their_range(tmp_path):
 
 
 def test_no_row_is_missing_without_a_reason(tmp_path):
-    """With a result that has no row of the paper's, each row tells why it is missing."""
+    """With a result that has no row of the paper's, each row states why it is missing."""
     write(tmp_path, "nothing", {"name": "nothing"})
     made = page(ResultsFolder(tmp_path), "here", None)
     for exhibit in EXHIBITS:
@@ -118,7 +118,7 @@ def test_the_page_that_ships_is_made_from_the_results_beside_it(tmp_path, monkey
 
 
 def test_the_orders_that_ship_are_those_that_docs_state():
-    """Also where ours disagree with the paper: who changes a result changes this list."""
+    """This includes disagreements with the paper: a change of a result changes this list."""
     results = ROOT / "benchmarks" / "results"
     if not results.exists():
         pytest.skip("an installed package has no results")

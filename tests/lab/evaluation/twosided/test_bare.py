@@ -1,4 +1,4 @@
-"""A driver that is known: who glides as wished, frozen in its pose, does not pass for a person."""
+"""A known driver: a frozen body that glides as wished does not pass for a person."""
 
 import numpy as np
 import pytest

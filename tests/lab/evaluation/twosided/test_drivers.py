@@ -23,7 +23,7 @@ def shipped() -> PrimitiveStep:
 
 
 def walked(step: BareStep, seed: int = 0) -> np.ndarray:
-    """Hips [A, T, 3] of two people who are to walk."""
+    """Hips [A, T, 3] of two people that should walk."""
     tracks = roll({"female": step}, people=2, seed=seed, orders=WALK)
     return np.stack([track.take.hips for track in tracks])
 

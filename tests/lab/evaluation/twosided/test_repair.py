@@ -15,7 +15,7 @@ SLOTS = np.array([0, 1])
 
 
 def frames(x: float = 0.0, up: float = 0.9, elbow: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Two T-poses at x, with the left elbow turned by degrees."""
+    """Two T-poses at `x`, with the left elbow turned by some degrees."""
     hips = np.zeros((2, FRAMES, 3), np.float32)
     hips[..., 0], hips[..., 2] = x, up
     turns = np.zeros((2, FRAMES, POSED_JOINTS, 4), np.float32)

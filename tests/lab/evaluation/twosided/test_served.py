@@ -1,4 +1,4 @@
-"""Orders of the service: whom the fake engine glides, as sent and raw."""
+"""Commands of the service: bodies glided by the fake engine, as sent and raw."""
 
 from dataclasses import dataclass
 

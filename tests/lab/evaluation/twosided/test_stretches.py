@@ -1,4 +1,4 @@
-"""What somebody does is told from how the body moves."""
+"""Activities are recognised by the body's motion."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What holds, and what does not."""
+"""Verdicts: figures that hold, and figures that do not."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is asked for, by formula."""
+"""Wishes by formula."""
 
 import numpy as np
 import pytest

@@ -24,7 +24,7 @@ FRAMES = 24
 
 @pytest.fixture(scope="module")
 def walk() -> SkeletonMotion:
-    """Somebody who strides ahead, in centimetres and Y up, 30 frames a second."""
+    """A person that strides ahead, in centimetres and Y up, 30 frames per second."""
     rows = standing_rows(FRAMES)
     rows[:, 2] = 4.0 * np.arange(FRAMES)
     rows[:, 5] = 10  # the hips lean ahead
@@ -40,7 +40,7 @@ def written(tmp_path, text: str):
 
 
 def check(motion: SkeletonMotion, truth: SkeletonMotion, turns: bool = True) -> None:
-    """Places, and rotations where the zero pose is the same."""
+    """Compares places, and rotations if the zero pose is the same."""
     found, right = (to_our_joints(m, None, "y") for m in (motion, truth))
     assert motion.fps == pytest.approx(30.0, abs=0.01)
     np.testing.assert_allclose(found[0], right[0], atol=1e-4)

@@ -1,4 +1,4 @@
-"""The fit, on motion made with our own body: what was put in must come out."""
+"""The fit, on motion made with our own body: the result must equal the input."""
 
 import numpy as np
 import pytest

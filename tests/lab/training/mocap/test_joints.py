@@ -1,4 +1,4 @@
-"""Which joint of a file stands for which of ours, by the conventions that are about."""
+"""The mapping of a file's joints to ours, by common conventions."""
 
 import numpy as np
 import pytest

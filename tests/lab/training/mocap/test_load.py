@@ -1,4 +1,4 @@
-"""What is told of files that are read, and what is refused."""
+"""Messages about files that are read, and refusals."""
 
 import numpy as np
 import pytest

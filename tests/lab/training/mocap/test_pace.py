@@ -1,4 +1,4 @@
-"""Walks at half or twice their rate are told; those of all heights at the right one are not."""
+"""Walks at half or twice their rate are reported; those at the right rate are not."""
 
 from dataclasses import replace
 

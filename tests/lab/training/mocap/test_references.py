@@ -82,7 +82,7 @@ def test_a_standing_frame_is_found_whatever_the_zero_pose_is(axes) -> None:
     [(("LeftForeArm", "RightForeArm"), 1, 80), (("Head", "Neck"), 2, 25), (("LeftArm",), 2, 60)],
 )
 def test_a_frame_with_straight_arms_and_a_level_head_is_preferred(joints, axis, angle) -> None:
-    """Rotations relative to a bowed head would make everybody look up."""
+    """Rotations relative to a bowed head would make all people look up."""
     rows = standing_rows(60)
     for joint in joints:
         rows[:40, column(joint, axis)] += angle

@@ -1,4 +1,4 @@
-"""Upper bodies of acted takes are replaced by what plain ones do on such legs."""
+"""Upper bodies of acted takes are replaced with those of plain takes with similar legs."""
 
 import numpy as np
 import pytest
