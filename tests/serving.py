@@ -1,4 +1,4 @@
-"""`wayfarer serve` as a process of its own, for tests that need the real one."""
+"""`wayfarer serve` as a separate process, for tests that need the real one."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The `wayfarer` command: what it says, what it loads, how it fails."""
+"""The `wayfarer` command: its output, its imports, its failures."""
 
 import subprocess
 import sys

@@ -169,7 +169,7 @@ KEPT = {
     "corners": 0,
     "count": 0,
 }
-"""What is compared, and how far it may be off."""
+"""Compared values, and their tolerances."""
 
 
 def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_path):
@@ -193,7 +193,7 @@ def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_pat
 
 @pytest.mark.parametrize("size", [1, 7, 64, 513])
 def test_what_a_compiled_rule_makes_of_a_row_does_not_depend_on_its_batch(size):
-    """To the last bit: replay needs it."""
+    """They are equal to the last bit, as replay needs."""
     names = {}
     exec(RULES, names)
     legs, turns, hips = names["legs"], names["turns"], names["hips"]

@@ -133,7 +133,7 @@ def cluster_compose() -> dict:
 
 
 def commands_of(service: dict) -> Iterator[list[str]]:
-    """What a container runs, as words; those of a shell script one by one."""
+    """The words of a container's command; for a shell script, of each of its lines."""
     command = service["command"]
     if command[:2] == ["/bin/bash", "-c"]:
         for line in command[2].splitlines():

@@ -1,4 +1,4 @@
-"""The body is the one that the model's manifest names, and every later model must be for it."""
+"""The model's manifest names the body, and every later model must be for that body."""
 
 import json
 

@@ -41,7 +41,7 @@ def pins(file: str, where: dict[str, str]) -> dict[str, str]:
 
 
 def unmet(needs: list[str], pinned: dict[str, str], where: dict[str, str]) -> list[str]:
-    """Those that the pins leave out, or pin outside of the range."""
+    """Requirements that the pins leave out, or pin outside of the range."""
     wanted = [Requirement(need) for need in needs]
     return [
         str(need)

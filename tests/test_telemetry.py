@@ -31,7 +31,7 @@ traced = pytest.mark.skipif(
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    """Of a user who has set nothing, with an empty home folder."""
+    """The environment of a user with no settings and an empty home folder."""
     (tmp_path / "home").mkdir()
     (tmp_path / "tmp").mkdir()
     named = {"PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}  # CI would quieten some

@@ -1,4 +1,4 @@
-"""What a command asks of the system: hosts that it looks up or calls, and files that it writes."""
+"""A command's requests to the system: hosts that it looks up or calls, and files that it writes."""
 
 import re
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ def strace(record: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Asked:
-    """What was asked of the system."""
+    """The requests to the system."""
 
     hosts: list[str]  # calls that leave this machine, or ask for the address of a name
     written: set[str]  # files and folders that were made, or opened for writing

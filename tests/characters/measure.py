@@ -185,7 +185,7 @@ class Figures:
 
 
 def figures(data: bytes, contacts: Array) -> Figures:
-    """Measures a file that contains the motion; `contacts` [F, 2]: the person's standing feet."""
+    """Measures a file with motion; `contacts` [F, 2] are the person's standing feet."""
     played = Played(data)
     turns = [v for (_, path), v in played.channels.items() if path == "rotation" and len(v) > 1]
     turn = max(float(_angles(v).max()) for v in turns)

@@ -55,7 +55,7 @@ def test_our_own_skeleton_moves_as_the_agent():
 
 @pytest.mark.parametrize("name", RIGS)
 def test_how_well_rigs_follow_the_agent(name):
-    """Feet are within 2 cm, hips within 2 %; standing feet stay; limbs point like the agent's."""
+    """Feet are within 2 cm, hips within 2 %. Standing feet stay. Limbs point like the agent's."""
     retarget = Retarget(RIGS[name], OFFSETS)
     found = errors(retarget, Walk.golden())
     assert found.foot_height < 0.02 and found.hips < 0.02

@@ -61,7 +61,7 @@ def to_goal(hips: np.ndarray) -> float:
 
 
 def check(found: list[Frames]) -> str:
-    """Describes whole frames of a body that walks. Raises AssertionError for anything else."""
+    """Describes whole frames of a body that walks; otherwise raises AssertionError."""
     hips = np.concatenate([frames.translation for frames in found])
     rotations = np.concatenate([frames.rotations for frames in found])
     assert rotations.shape[1:] == (22, 4), f"rotations are {rotations.shape}, not [F, 22, 4]"

@@ -127,7 +127,7 @@ def hilly(seed: int) -> bytes:
 
 
 def some_paths(scene: Scene, seed: int, count: int) -> int:
-    """Ways between random points, with heights; how many there are. All others are told."""
+    """Checks ways between random points, with heights; returns their number."""
     random = np.random.default_rng(seed)
     x0, y0, x1, y1 = scene.bounds
     found = 0

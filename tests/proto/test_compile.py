@@ -57,7 +57,7 @@ def test_the_oldest_is_of_3_21() -> None:
 
 @compilers
 def test_python(compiler: str, tmp_path: Path) -> None:
-    """What it makes can be imported beside the protobuf of today."""
+    """Its output can be imported with the present protobuf."""
     made = compiled(compiler, tmp_path, f"--python_out={tmp_path}")
     assert made == [f"wayfarer/v1/{stem}_pb2.py" for stem in STEMS]
     for package in ("wayfarer", "wayfarer/v1"):

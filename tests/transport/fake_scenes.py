@@ -1,4 +1,4 @@
-"""Scenes of the fake service: really baked, so best small; nobody walks in them."""
+"""Scenes of the fake service. They are really baked, so best small; nobody walks in them."""
 
 import asyncio
 from dataclasses import replace

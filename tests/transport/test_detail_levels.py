@@ -326,7 +326,7 @@ async def test_a_stream_keeps_nothing_of_who_has_left(service, api):
         assert list((await anext(messages)).motion.batch.chunks.aliases) == [1]
         assert levels._tiers.keys() == levels.sights._by_alias.keys() == {1}
         assert place.stream._known == place.stream._seen == {1} and not place.stream._gone
-        service.emit(session_id)  # a late chunk …
+        service.emit(session_id)  # a late chunk
         await api.agents.delete(agent.agent_id)
         batch = (await anext(messages)).motion.batch
         assert list(batch.removed) == [1] and not batch.chunks.aliases

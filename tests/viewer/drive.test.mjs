@@ -22,7 +22,7 @@ function gamepads(...pads) {
   Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => pads }, configurable: true });
 }
 
-/** Of the last goal: metres on along the camera, metres to its right, m/s. */
+/** The last goal: metres ahead along the camera, metres to its right, m/s. */
 function sent({ told, person }) {
   const { x, z, speed } = told.at(-1);
   return [x - person.x, z - person.z, speed].map((value) => Math.round(100 * value) / 100);

@@ -10,7 +10,7 @@ import { Timeline } from "../../service/wayfarer/transport/viewer/timeline.js";
 
 const WIDTH = 7; // hips and one bone
 
-/** Somebody who walks along z at 1 m/s from `begin` to `end`; the left foot stands in even half seconds, the right in odd ones. */
+/** A person walks along z at 1 m/s from `begin` to `end`. The left foot stands in even half seconds, the right in odd ones. */
 function walker(alias, begin, end) {
   const track = new PoseTrack(WIDTH);
   for (let time = begin; time < end; time += 0.2) {

@@ -50,8 +50,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def measured(page: Page) -> dict[str, float]:
-    """Extremes over the frames shown while it walked; of feet, over nine in ten: where a contact
-    begins or ends a foot already moves.
+    """Extremes over the frames shown while it walked; for feet, over nine in ten, since a foot
+    already moves where a contact begins or ends.
     """
     page.wait_for(f"globalThis.seen?.length >= {SAMPLES}", 90)
     seen = page.evaluate("seen")

@@ -46,8 +46,8 @@ LOOK_WHERE_IT_IS_FREE = """({ x, y, z }) => {
   const eye = { x: x - 4 * Math.sin(turn), y: y + 2, z: z - 4 * Math.cos(turn) };
   wayfarer.stage.glide(eye, { x, y, z }, 1);
 }"""
-# what is sent while somebody is driven, measured as the camera looks at that moment; and how far
-# they have come towards it, summed over what was sent
+# the goals sent while somebody is driven, relative to the camera at that moment; and the progress
+# towards them, summed over the goals
 KEEP_SENT = """(person) => {
   globalThis.sent = [];
   const { send } = wayfarer.drive;

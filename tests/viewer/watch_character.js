@@ -1,4 +1,4 @@
-// What is measured of the character on the page while it walks: frames into `seen`. The expression's value: vertices of
+// Measures the character on the page while it walks: frames into `seen`. The expression's value: vertices of
 // each foot.
 (() => {
   const person = wayfarer.crowd.people.find((found) => found.body?.character);

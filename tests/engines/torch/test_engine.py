@@ -54,7 +54,7 @@ def test_outputs_have_the_types_and_shapes_of_the_interface(onnx, engine, inputs
 
 def test_rows_of_one_padded_size_do_not_depend_on_their_batch(engine, inputs):
     whole = engine.step(GENDER, inputs)
-    engine.step(GENDER, standing_inputs(GENDER, 8, seed=2))  # what the padding holds
+    engine.step(GENDER, standing_inputs(GENDER, 8, seed=2))  # the content of the padding
     some = engine.step(GENDER, part(inputs, 2, 5))
     for name in NAMES:
         assert np.array_equal(getattr(whole, name)[2:5], getattr(some, name))

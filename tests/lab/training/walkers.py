@@ -23,7 +23,7 @@ def starts(frames: int, **shares: float) -> StartSampler:
 
 
 def environment(frames: int = 2, task: Task | None = None, lead: bool = False) -> GoalEnvironment:
-    """With `lead`, a 1-frame predictor makes the first primitive."""
+    """A 1-frame predictor makes the first primitive if `lead` is given."""
     torch.manual_seed(5)
     steps = untrained_steps(frames)
     kinds = starts(1 if lead else frames, standing=0.4, moving=0.4, pose_prior=0.2)

@@ -1,4 +1,4 @@
-"""Ground to stand on: flat scenes exactly, all others within a cell."""
+"""Walkable ground: flat scenes exactly, all others within a cell."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Behaviours: patrols, company, queues, routines; on the flat floor with the fake engine."""
+"""Behaviours on the flat floor with the fake engine: patrols, company, queues, routines."""
 
 import math
 from itertools import pairwise

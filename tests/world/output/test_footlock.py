@@ -276,7 +276,7 @@ def test_a_foot_rolls_over_its_ball():
     rise = np.linspace(0, 0.5, 12)
     turns = np.zeros((12, 3))
     turns[:, 0] = 0.3 - rise
-    rotations[0, :, 7] = quaternion_from_rotvec(turns)  # the left foot tips forwards …
+    rotations[0, :, 7] = quaternion_from_rotvec(turns)  # the left foot tips forwards
     rotations[0, :, 10] = quaternion_from_rotvec(np.stack([rise, 0 * rise, 0 * rise], -1))
     translation = moved(translation, (0, 0.06, 0))
     made = sent_soles(translation, locked(translation, rotations))[0, :, 0]

@@ -1,4 +1,4 @@
-"""The laboratory's switch: rules that are off do nothing; watchers are called in order."""
+"""The laboratory's switch: rules that are off do nothing, and watchers are called in order."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Each measure finds the property that was put into a take, and nothing else."""
+"""Each measure finds the property that was put into a take, and no other one."""
 
 from dataclasses import replace
 

@@ -168,7 +168,7 @@ def edited(text: str, line: int, change: Callable[[str], str]) -> str:
     return "\n".join(lines)
 
 
-# SMPL's rest pose: Y up, facing +Z, left is +X; origin near the chest, as in the model files.
+# SMPL's rest pose: Y up, facing +Z, left is +X, origin near the chest, as in the model files.
 AMASS_REST = np.array(
     [
         *([0, -35, 1], [6, -44, 0], [-6, -44, 0], [0, -24, 0], [10, -82, 0], [-10, -82, 0]),
