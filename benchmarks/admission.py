@@ -1,9 +1,9 @@
-"""Requests for three times as many agents as fit, to a server of its own with the real engine.
+"""Requests for three times as many agents as fit, to a separate server with the real engine.
 
     python -m benchmarks.admission --seconds 60
 
 First `clients` ask at once, together for `times` as many agents as the server says fit. Then,
-while the admitted agents are streamed, given goals and watched, clients keep asking for more.
+while the admitted agents are streamed, get goals and are watched, clients keep asking for more.
 Ends with 1 when an admitted agent missed a primitive, when a refusal took 50 ms or longer, or when
 nothing was refused.
 """
@@ -55,7 +55,7 @@ class Knocks:
 
 
 async def knock(target: Target, knocks: Knocks) -> None:
-    """Ask for agents again and again, and delete admitted ones at once."""
+    """Repeatedly asks for agents, and deletes admitted ones at once."""
     connection = Connection(target)
     made = await connection.sessions.CreateSession(session_pb2.CreateSessionRequest())
     specs = [agent_pb2.AgentSpec(gender=1 + number % 2) for number in range(GROUP)]
@@ -129,7 +129,7 @@ def faults(found: dict[str, Any]) -> list[str]:
 
 
 async def main() -> int:
-    """Run it; 0 when all is well."""
+    """Runs it; returns 0 if all is well."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--times", type=float, default=3.0, help="as many agents as fit")
     parser.add_argument("--clients", type=int, default=8, help="who ask at the same instant")

@@ -1,4 +1,4 @@
-"""What all benchmarks share: a command line, best-of-n timing, and the record of where it ran."""
+"""Shared parts of benchmarks: a command line, best-of-n timing, and a record of the machine."""
 
 import argparse
 import json
@@ -35,7 +35,7 @@ def ratio(value: float, better: str) -> dict[str, Any]:
 
 
 def parser(doc: str | None) -> argparse.ArgumentParser:
-    """With the options that every benchmark has; its help is the module's docstring."""
+    """A parser with the options that every benchmark has; its help is the module's docstring."""
     made = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -92,9 +92,9 @@ def best(call: Callable[[], object], seconds: float, clock: Callable[[], float])
 
 
 def clock_of(threads: int) -> Callable[[], float]:
-    """Time of the processor for one thread, which other work hardly lengthens; else real.
+    """CPU time for one thread, which other work hardly lengthens; otherwise real time.
 
-    That of the whole process: an engine may use one thread next to the caller's.
+    It is the whole process's CPU time, since an engine may use a thread next to the caller's.
     """
     return time.process_time if threads == 1 else time.perf_counter
 
@@ -107,7 +107,7 @@ def meta(**about: Any) -> dict[str, Any]:
         "cores": cores(),
         "flags": _flags(),
         "ram_gb": round(psutil.virtual_memory().total / 1e9, 1),
-        "load": round(os.getloadavg()[0], 2),  # of others, if it is high when a run begins
+        "load": round(os.getloadavg()[0], 2),  # of other processes, if it is high when a run begins
     }
     made["versions"] |= {name: number for name in PACKAGES if (number := _installed(name))}
     return made

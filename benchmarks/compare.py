@@ -23,7 +23,7 @@ WORSE, GONE = "worse", "gone"
 FAULTS = (WORSE, GONE)
 
 Ratios = dict[tuple[str, str], dict[str, Any]]
-"""By benchmark and name."""
+"""Ratios by benchmark and name."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Change:
 
 
 def ratios(document: dict[str, Any], stem: str = "") -> Ratios:
-    """Those of a record, or of a single benchmark whose file is named `stem`."""
+    """Ratios of a record, or of a single benchmark whose file is named `stem`."""
     parts = document.get("parts") or {stem: document}
     return {
         (part, name): found
@@ -48,7 +48,7 @@ def ratios(document: dict[str, Any], stem: str = "") -> Ratios:
 
 
 def changes(before: Ratios, after: Ratios, tolerance: float) -> list[Change]:
-    """One for each ratio, in the order in which they first come."""
+    """A change for each ratio, in the order of first occurrence."""
     measured = {part for part, _ in after}
     found = []
     for key in dict.fromkeys((*before, *after)):
@@ -81,7 +81,7 @@ def main() -> int:
     parser.add_argument("after", type=Path)
     parser.add_argument("--tolerance", type=float, default=0.1)
     asked = parser.parse_args()
-    # Two files of one benchmark may have any names: they are the same part.
+    # Two files of one benchmark may have any names; they are the same part.
     before, after = (
         ratios(json.loads(path.read_text()), "benchmark") for path in (asked.before, asked.after)
     )

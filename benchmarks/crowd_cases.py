@@ -1,4 +1,4 @@
-"""Cases of people among people: where they start, where they go, and what stands around them."""
+"""Cases of people among people: their starts, their goals, and the solids around them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from wayfarer.world.agents.goal import Goal
 Array = NDArray[np.float64]
 
 SPEED = 1.2
-"""m/s that everybody would walk."""
+"""Preferred speed of all people, m/s."""
 
 WALL = 0.2
 """Metres: thickness of the wall that has the door."""
@@ -57,7 +57,7 @@ def case(
     radius: float = 0.3,
     **more: object,
 ) -> Case:
-    """`people`: starts, each with a goal or None. Who has a goal faces it."""
+    """`people`: starts, each with a goal or None. People with a goal face it."""
     random = np.random.default_rng(seed)
     starts = np.array([start for start, _ in people], float)
     moves = np.array([goal is not None for _, goal in people])
@@ -108,7 +108,7 @@ def rows(count: int, first: float, apart: float = 0.9, width: int = 8) -> list[A
 
 
 def opposite(places: list[Array]) -> list[tuple[Array, Array]]:
-    """Each goes to a place behind the line y = 0; those in front go farthest."""
+    """Each person goes to a place behind the line y = 0; people in front go farthest."""
     depth = 2 * 3.0 + max(abs(y) for _, y in places) - 3.0
     return [
         (place, np.array([place[0], -np.sign(place[1]) * (depth - abs(place[1]))]))
@@ -142,7 +142,7 @@ def one_goal(count: int, radius: float, seed: int) -> Case:
     )
 
 
-# Somebody in the way
+# People in the way
 
 
 def through(name: str, spec: SceneSpec, stand: list[Array], seed: int) -> Case:
@@ -234,7 +234,7 @@ def corner(seed: int) -> Case:
 
 
 def square(count: int, seed: int) -> Case:
-    """People of a yard of 20 × 20 m each go to the place of another one."""
+    """Each person in a yard of 20 × 20 m goes to the place of another one."""
     random = np.random.default_rng(seed)
     cells = random.permutation(20 * 20)[:count]
     places = np.stack([cells % 20 - 9.5, cells // 20 - 9.5], -1) * 0.94

@@ -1,4 +1,4 @@
-"""What the rule of avoidance costs."""
+"""The cost of the avoidance rule."""
 
 import time
 
@@ -11,9 +11,9 @@ from wayfarer.world.avoidance.people import People
 
 
 def rule_cost(density: float, quick: bool) -> Row:
-    """Microseconds of an agent and step among 200 people, `density` of them per square metre.
+    """Microseconds per agent and step among 200 people, `density` per square metre.
 
-    All are asked at once, and walk in random directions on an open floor.
+    All are computed at once, and walk in random directions on an open floor.
     """
     count, random = 200, np.random.default_rng(0)
     side = (count / density) ** 0.5

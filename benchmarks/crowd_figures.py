@@ -1,4 +1,4 @@
-"""What became of a crowd: figures of its tracks."""
+"""Figures of a crowd's tracks."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -16,21 +16,21 @@ RATE = 10.0
 """Samples of a track per second."""
 
 WIDTH, DEPTH = 0.42, 0.22
-"""Metres: a body from above, as a capsule across its facing."""
+"""Size of a body from above in metres, as a capsule across its facing."""
 
 STILL = 0.3
-"""Metres: an agent that has got no farther stands still."""
+"""Metres of progress below which an agent stands still."""
 
 DOORWAY = 0.6
-"""Metres from the door's line within which somebody is in the door."""
+"""Metres from the door's line within which a person is in the door."""
 
 WAITS = 4.0
-"""Metres from the door's line within which somebody waits for it."""
+"""Metres from the door's line within which a person waits for it."""
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Where people were, ten times a second."""
+    """Places of people, ten times per second."""
 
     place: Array  # [T, N, 2] metres
     facing: Array | None  # [T, N, 2] unit vectors; None: not known, bodies are discs
@@ -60,8 +60,8 @@ def figures(case: Case, tracks: Tracks) -> Row:
 
 
 def door_figures(door: float, place: Array) -> Row:
-    """Flow through the door, people a second, also per metre; and how long it was empty though
-    somebody waited before it.
+    """Flow through the door in people per second, also per metre; and the time for which it was
+    empty although somebody waited before it.
     """
     side = np.sign(place[0, :, 1])
     through = (place[..., 1] * side) < 0  # [T, N]
@@ -81,7 +81,7 @@ def door_figures(door: float, place: Array) -> Row:
 
 
 def moved_within(place: Array, seconds: float) -> Array:
-    """Metres by which people have moved since so many seconds before. [T, N]"""
+    """Metres by which people have moved within the last `seconds`. [T, N]"""
     back = round(seconds * RATE)
     before = np.concatenate([np.repeat(place[:1], back, 0), place])[: len(place)]
     found: Array = np.linalg.norm(place - before, axis=-1)
@@ -99,7 +99,7 @@ def longest(holds: Array) -> float:
 
 
 def longest_still(place: Array, reached: Array) -> float:
-    """Longest time for which somebody who was not there yet has not got `STILL` on."""
+    """Longest time for which a person before its goal has not advanced by `STILL`."""
     anchor, since, most = place[0].copy(), np.zeros(place.shape[1]), 0.0
     for step, line in enumerate(place):
         on = (np.linalg.norm(line - anchor, axis=-1) > STILL) | (step / RATE >= reached)
@@ -110,7 +110,7 @@ def longest_still(place: Array, reached: Array) -> float:
 
 
 def least_distance(place: Array) -> float:
-    """Of two people's hips, at any time."""
+    """Minimum distance between two people's hips, at any time."""
     if place.shape[1] < 2:
         return float("inf")
     one, other = np.triu_indices(place.shape[1], 1)
@@ -119,7 +119,7 @@ def least_distance(place: Array) -> float:
 
 
 def overlap(tracks: Tracks) -> tuple[float | None, float | None]:
-    """How deep two bodies were in each other, cm, and the share of all bodies and times, %."""
+    """Maximum depth of two overlapping bodies, cm, and the share of bodies and times, %."""
     place, facing = tracks.place, tracks.facing
     if facing is None or place.shape[1] < 2:
         return None, None
@@ -139,7 +139,7 @@ def overlap(tracks: Tracks) -> tuple[float | None, float | None]:
 
 
 def walked_after(place: Array, reached: Array) -> float | None:
-    """Metres that somebody walked from 15 s after the first was at its goal on."""
+    """Maximum metres that a person walked later than 15 s after the first arrival."""
     if not np.isfinite(reached).any():
         return None
     start = round((reached.min() + 15) * RATE)

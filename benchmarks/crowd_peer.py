@@ -10,14 +10,14 @@ from benchmarks.crowd_cases import SPEED, Case
 from benchmarks.crowd_figures import RATE, Tracks
 
 STEP = 0.05
-"""Seconds."""
+"""Seconds of a step."""
 
 THERE = 0.5
-"""Metres from its goal at which a person is there, and is taken out, so that it is in no way."""
+"""Metres from its goal at which a person has arrived and is removed, so that it blocks nobody."""
 
 
 def run(case: Case) -> Tracks:
-    """Walk a case through."""
+    """Simulates a case."""
     begun = time.process_time()
     model = jupedsim.CollisionFreeSpeedModelV2()
     simulation = jupedsim.Simulation(model=model, geometry=case.ground, dt=STEP)

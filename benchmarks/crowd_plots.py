@@ -13,7 +13,7 @@ SIZE = (640, 640)
 
 
 def draw(case: Case, tracks: Tracks) -> Image.Image:
-    """The ground, everybody's path from a dot on, and their goals as rings."""
+    """Draws the ground, paths that begin with a dot, and goals as rings."""
     spots = tracks.place[np.isfinite(tracks.place).all(-1)]
     low, high = spots.min(0) - 1.0, spots.max(0) + 1.0
     if case.spec is not None:

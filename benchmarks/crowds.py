@@ -1,20 +1,19 @@
-"""People among people: doors, groups, shared goals, somebody in the way.
+"""People among people: doors, groups, shared goals, people in the way.
 
     python -m benchmarks.crowds [--cases one_way_1.2 …] [--seeds 1] [--no-peer] [--plots FOLDER]
         [--json FILE] [--quick]
 
 The world of a session in lock-step with the real engine and one candidate; time passes as fast as
-it is computed. Beside it JuPedSim's collision-free speed model V2 on the same ground
-(`pip install jupedsim`; it is left out where that is missing).
-*there*: people at their goals, or as near as others let them;
-*all_s*: seconds until all are; *through_s*: until all are through the door. JuPedSim's people
-are taken out at their goals, so they stand in nobody's way. *flow*, *per_m*: people a second
-through the door, also per metre;
-*door_idle_s*: longest time for which the door was empty though somebody stood before it.
-*still_s*: longest time for which somebody on its way has not got .3 m on. *hips_cm*: least distance
-of two people's hips; *overlap_cm*: depth of the deepest overlap of two bodies (capsules of .42 by
+it is computed. It is compared with JuPedSim's collision-free speed model V2 on the same
+ground (`pip install jupedsim`; it is skipped if that is missing).
+*there*: people at their goals, or as near as others let them. *all_s*: seconds until all are there.
+*through_s*: seconds until all are through the door. JuPedSim's people are removed at their goals,
+so they block nobody. *flow*, *per_m*: people per second through the door, also per metre.
+*door_idle_s*: longest time for which the door was empty although somebody stood before it.
+*still_s*: longest time for which a person on its way has not advanced by .3 m. *hips_cm*: minimum
+distance between two people's hips. *overlap_cm*: maximum overlap of two bodies (capsules of .42 by
 .22 m across their facing), and the share of bodies and times that overlap by more than 1 cm.
-*walked_on_m*: farthest that somebody walked later than 15 s after the first arrival. With several
+*walked_on_m*: maximum that a person walked later than 15 s after the first arrival. With several
 seeds the figures are the worst (of *there*, *all_s*, *still_s* …) or the mean (of flows).
 
 `--cost` instead measures the rule: microseconds of an agent and step at 1 and 3 people per m².
@@ -47,11 +46,11 @@ EVERY = round(FPS / RATE)
 """Frames from one sample of a track to the next."""
 
 OVER = 16.0
-"""Seconds after the last arrival for which a case goes on."""
+"""Seconds for which a case continues after the last arrival."""
 
 
 def run(case: Case, bundle: ModelBundle, seed: int) -> Tracks:
-    """Walk a case through."""
+    """Simulates a case."""
     begun = time.process_time()
     scenes = SceneRegistry()
     scene = "" if case.spec is None else scenes.add(bake(case.spec)).scene_id
@@ -164,7 +163,7 @@ def main() -> None:
 
 
 def peer(case: Case) -> Any:
-    """The same in JuPedSim."""
+    """Runs the case in JuPedSim."""
     from benchmarks import crowd_peer
 
     return crowd_peer.run(case)

@@ -11,7 +11,7 @@ from wayfarer.spec import STEP_SECONDS
 LEAST: Final = 64
 MOST: Final = 1 << 20
 FINE: Final = 1 / 16
-"""The bisection ends when less than this share is left between in time and too late."""
+"""The bisection ends when the gap between in time and too late is below this share."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Point:
 
 
 def curve(timed: Callable[[int], Point], until: float) -> Iterator[Point]:
-    """Batches doubled while they are in time, then those of the bisection.
+    """Yields doubled batches while they are in time, then those of the bisection.
 
-    None is begun after `until`, an instant of `time.monotonic`.
+    No batch is begun after `until`, an instant of `time.monotonic`.
     """
     known, late = 0, 0
     agents = LEAST

@@ -1,7 +1,7 @@
 """A crowd that stays on the device: each step begins where the last one ended.
 
-For simulations and measurements that do not need every frame: only what the
-caller asks for is copied from or to host memory.
+It is for simulations and measurements that do not need every frame. Only requested data is copied
+from or to host memory.
 """
 
 import torch
@@ -21,7 +21,7 @@ class DeviceCrowd:
     def __init__(
         self, networks: Networks, gender: str, start: StepInputs, noise_seed: int = 0
     ) -> None:
-        """Begin with the seeds of `start`, and keep its goals until `given` is changed.
+        """Begins with the seeds of `start`, and keeps its goals until `given` is changed.
 
         Only the shape of its noise counts: standard normal noise is drawn on the device in every
         step, the same for the same `noise_seed`, device and sizes.
@@ -34,7 +34,7 @@ class DeviceCrowd:
         self._given.fill(start)
         with torch.no_grad():
             self._advance = self.lane.record(self._once, self._random)
-        self._given.fill(start)  # recording has moved them on
+        self._given.fill(start)  # recording has advanced them
         self.lane.wait()
         self._random.manual_seed(noise_seed)
 

@@ -1,5 +1,4 @@
-"""How long the cluster's directory takes for a renewal, with its pickling: many nodes full of
-sessions.
+"""Duration of a renewal in the cluster's directory, with pickling: many nodes full of sessions.
 
 python -m benchmarks.directory --nodes 140 --sessions 700
 """
@@ -13,7 +12,7 @@ from wayfarer.cluster.directory import Directory, LeaseRules, share_of
 from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo
 
 RENEWALS_PER_S = 4
-"""Of each node."""
+"""Renewals per second of each node."""
 
 
 def asked(directory: Directory, verb: str, told: object) -> Answer:

@@ -1,22 +1,22 @@
-"""How a server comes through a disturbance: what is missed, and how soon it is on time again.
+"""A server's recovery from disturbances: missed primitives, and the time until it is on time again.
 
     python -m benchmarks.disturbance [--agents 768] [--engine openvino] [--candidates 1]
         [--kinds quiet stall burst light] [--repeat 1]
         [--rings full:8.5,part:17,root --area 50] [--json FILE] [--quick]
 
-A fresh server for each kind, agents that walk, eight clients over gRPC:
+Each kind has a fresh server with walking agents and eight clients over gRPC:
 
-    quiet   nothing: what the others are compared with
+    quiet   nothing; the baseline
     stall   the server's process is stopped (SIGSTOP) for one second
     burst   two processes that compute without a pause for ten seconds
     light   a process that computes for 50 ms of every 250, all the time
 
-*before*, *within* and *after* are the primitives missed that were due in that time. *inevitable*:
-those of a stall whose last frame was over before it ended. *back_s*: seconds from the end of the
-disturbance until the server is on time again, which it is when for a second nothing is missed or
-more than 50 ms late; *worst_ms* is the greatest lateness from two seconds after the end on. With
-`--rings` the clients read levels of detail, and the same is told of those seen in each ring. A
-JSON file has lateness over time, too; a plot goes beside it.
+*before*, *within* and *after* are the missed primitives that were due in that time. *inevitable*:
+primitives of a stall whose last frame was over before it ended. *back_s*: seconds from the end of
+the disturbance until the server is on time again, so that for a second nothing is missed or more
+than 50 ms late. *worst_ms* is the maximum lateness later than two seconds after the end. With
+`--rings` the clients read levels of detail, and each ring has the same figures. A JSON file has
+lateness over time, too; a plot is written to its folder.
 """
 
 import argparse
@@ -48,10 +48,10 @@ BUSY: Final = 2
 
 ON_TIME_MS: Final = 50.0
 CALM_S: Final = 1.0
-"""Seconds on time after which a server counts as back."""
+"""Seconds on time after which a server counts as recovered."""
 
 SETTLED_S: Final = 2.0
-"""Seconds after a disturbance from which on all should be as before."""
+"""Seconds after a disturbance after which everything should be as before."""
 
 WARM_UP: Final = 15.0
 
@@ -66,7 +66,7 @@ while True:
 
 
 async def quiet(_: Target) -> None:
-    """Nothing."""
+    """Does nothing."""
 
 
 async def stall(target: Target) -> None:
@@ -78,7 +78,7 @@ async def stall(target: Target) -> None:
 
 
 async def burst(_: Target) -> None:
-    """Let two processes compute beside it."""
+    """Runs two processes that compute."""
     await _beside(SPIN, BUSY, BURST_S)
 
 
@@ -96,13 +96,13 @@ KINDS: Final[dict[str, Callable[[Target], Awaitable[None]]]] = {
     "quiet": quiet,
     "stall": stall,
     "burst": burst,
-    "light": quiet,  # beside the whole run
+    "light": quiet,  # during the whole run
 }
 
 
 @dataclass
 class Span:
-    """Seconds of measuring from which, and up to which, the machine was disturbed."""
+    """Start and end of a disturbance, in seconds of measuring."""
 
     start: float
     end: float
@@ -112,7 +112,7 @@ async def disturbed(
     kind: str, plan: LoadPlan, at: float, environment: dict[str, str], command: tuple[str, ...]
 ) -> tuple[Summary, Span]:
     """A fresh server under load that is disturbed `at` seconds of measuring."""
-    began: list[float] = []  # when measuring did, Unix seconds
+    began: list[float] = []  # start of measuring, Unix seconds
     due = asyncio.Event()
 
     def progress(done: float, _: Tally) -> None:
@@ -140,7 +140,7 @@ async def disturbed(
 
 
 def missed(rows: list[dict[str, float]], since: float, until: float) -> int:
-    """Primitives missed that were due then; intervals belong where their middle is."""
+    """Missed primitives that were due in this time; an interval counts where its middle is."""
     return int(sum(r["missed"] for r in rows if since <= r["at"] + BIN_S / 2 < until))
 
 
@@ -178,7 +178,7 @@ def ring_rows(kind: str, summary: Summary, span: Span) -> list[Row]:
 
 
 def course(figures: dict[str, Any], span: Span) -> Row:
-    """How it went with all primitives, or those of a ring."""
+    """The figures of all primitives, or of a ring's."""
     rows, late = figures["over_time"], figures["lateness_ms"]
     settled = [r["max_ms"] for r in rows if r["at"] >= span.end + SETTLED_S]
     return {
@@ -194,7 +194,7 @@ def course(figures: dict[str, Any], span: Span) -> Row:
 
 
 def plot(path: Path, runs: list[dict[str, Any]]) -> None:
-    """Lateness over time, one below the other."""
+    """Plots lateness over time, one run below the other."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3 * len(runs)), layout="constrained")

@@ -1,4 +1,4 @@
-"""A service whose clock is driven by hand and whose engine computes nothing."""
+"""A service with a manual clock and an engine that computes nothing."""
 
 import argparse
 import asyncio
@@ -38,7 +38,7 @@ class InstantEngine:
     term_names = TERMS
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """See `Engine`."""
+        """Implements `Engine`."""
         agents = len(inputs.goal)
         move = np.linspace(0, self.stride, NEW_FRAMES + 1, dtype=np.float32)[None, 1:, None]
         return StepOutputs(
@@ -52,7 +52,7 @@ class InstantEngine:
 
     @property
     def single_threaded(self) -> "InstantEngine":
-        """See `Engine`."""
+        """Implements `Engine`."""
         return self
 
     scoring = single_threaded
@@ -94,39 +94,39 @@ class Driven:
         self.subscriptions: list[Subscription] = []
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        """See `MotionService`, as for all below."""
+        """Implements `MotionService`, as do the methods below."""
         return self._world.create_session(spec, self.now)
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """See `MotionService`. They walk away at once."""
+        """Implements `MotionService`. The agents walk away at once."""
         made = self._world.create_agents(session_id, specs, self.now)
         for agent in made:
             self._world.give(agent.agent_id, FAR, self.now)
         return made
 
     async def list_agents(self, session_id: str) -> list[AgentInfo]:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return self._world.list_agents(session_id)
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return self._world.get_agent(agent_id)
 
     async def list_sessions(self) -> list[SessionInfo]:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return self._world.list_sessions()
 
     @property
     def scenes(self) -> "Driven":
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return self
 
     async def list_scenes(self) -> list[SceneInfo]:
-        """See `SceneService`. There are none."""
+        """Implements `SceneService`; there are none."""
         return []
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         made = Subscription(
             session_id, options, self._world.settings.limits, self._meter, lambda: self.now
         )
@@ -135,11 +135,11 @@ class Driven:
         return made
 
     async def stats(self) -> LoopStats:
-        """See `MotionService`."""
+        """Implements `MotionService`."""
         return LoopStats(0, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
 
     async def advance(self, seconds: float) -> float:
-        """Advance time; return the CPU seconds that a motion thread would have taken."""
+        """Advances time; returns the CPU seconds that a motion thread would have used."""
         until, spent = self.now + seconds, 0.0
         while (event := self._world.next_event()) is not None and event <= until:
             self.now = event

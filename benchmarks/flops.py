@@ -10,7 +10,7 @@ from onnx import shape_inference
 PRODUCTS = ("MatMul", "Gemm")
 
 UNCOUNTED = ("Einsum", "GRU", "LSTM", "RNN", "Conv", "Attention", "If", "Loop", "Scan")
-"""Operators that multiply, or may contain some that do."""
+"""Operators that multiply, or may contain such operators."""
 
 
 @dataclass(frozen=True)

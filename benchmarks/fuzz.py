@@ -1,4 +1,4 @@
-"""Hostile inputs into a server of its own: what does it answer, and does it stay healthy?
+"""Hostile inputs for a separate server: what does it answer, and does it stay healthy?
 
     python -m benchmarks.fuzz --inputs 100000 --seed 1
 
@@ -21,14 +21,14 @@ from tests.fuzz.server import served
 
 SURFACES = ("gRPC", "WebSocket", "HTTP", "gRPC port", "HTTP port")
 SAY_EVERY = 10_000
-"""Inputs."""
+"""Number of inputs between two progress lines."""
 
 GROWTH = 0.05
 """Share of its memory by which the server may grow after the first fifth of the inputs."""
 
 
 def arguments() -> argparse.Namespace:
-    """Of the command line."""
+    """Arguments of the command line."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--inputs", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
@@ -79,7 +79,7 @@ def show(report: Report) -> None:
 
 
 async def main() -> int:
-    """Run it; 0 when all is well."""
+    """Runs it; returns 0 if all is well."""
     asked = arguments()
     with tempfile.TemporaryDirectory() as folder:
         async with served(Path(folder) / "log", settings=SETTINGS) as server:

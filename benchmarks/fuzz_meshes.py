@@ -3,7 +3,7 @@
     python -m benchmarks.fuzz_meshes --files 100000 --seed 1
 
 N files of each format, each made from a sound one by changing bytes, numbers, lines, and values of
-glTF's JSON. The process has the memory of the one that bakes scenes (`limits.bake_mb`). Ends with 1
+glTF's JSON. The process has the memory limit of the baking process (`limits.bake_mb`). Ends with 1
 when a reader raised anything but InvalidArgument for `mesh.data`, gave invalid triangles,
 or took long for one file; such files are written to --out.
 """
@@ -25,7 +25,7 @@ SLOW = 5.0
 
 
 def main() -> int:
-    """Run it; 0 when all is well."""
+    """Runs it; returns 0 if all is well."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--files", type=int, default=100_000, help="of each format")
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""The machine's ceiling: how fast libraries multiply large matrices, and those of a step.
+"""The machine's ceiling: the speed of libraries for large matrices, and for those of a step.
 
     python -m benchmarks.gemm [--threads 1 2] [--quick]
 

@@ -1,4 +1,5 @@
-"""How many agents one GPU steps: by batch, candidates and precision, with and without host copies.
+"""Number of agents that one GPU steps, by batch, candidates and precision, with and without host
+copies.
 
     python -m benchmarks.gpu [--precisions float32 tf32 bfloat16] [--candidates 1 8] [--minutes 9]
                              [--model FOLDER] [--json FILE] [--quick]
@@ -13,7 +14,7 @@ that it covers, or memory runs out; bisection finds the largest batch in time. T
   of_gemm    ms, as a multiple of what the step's matrix products would take at the speed of large
              ones in the same precision, measured in the same run; but coordinates are always
              multiplied in float32
-  memory_mb  of the GPU, at most
+  memory_mb  maximum of the GPU
   ended_by   what a larger batch would exceed
 
 Without a GPU, only the first part runs, on the CPU. When the time is up, the output lists what was
@@ -74,7 +75,7 @@ Seconds = Callable[[Networks, StepInputs, float], float]
 
 
 def people(agents: int, candidates: int) -> StepInputs:
-    """Bodies, of which 64 differ: zeros would be multiplied faster than numbers."""
+    """Bodies, 64 of them different, since zeros would be multiplied faster than numbers."""
     some = standing_inputs(GENDER, min(agents, LEAST), candidates)
     rows = np.arange(agents) % len(some.goal)
     return StepInputs(**{f.name: getattr(some, f.name)[rows] for f in fields(StepInputs)})
@@ -115,13 +116,13 @@ def difference(found: StepOutputs, expected: StepOutputs) -> np.ndarray:
 
 
 def host_seconds(networks: Networks, inputs: StepInputs, spend: float) -> float:
-    """Of a call, with copies."""
+    """Seconds of a call, with copies."""
     engine = TorchEngine(networks, batch_sizes=(len(inputs.goal),))
     return bench.best(lambda: engine.step(GENDER, inputs), spend, time.perf_counter)
 
 
 def device_seconds(networks: Networks, inputs: StepInputs, spend: float) -> float:
-    """Of a step of a crowd that stays on the device."""
+    """Seconds of a step of a crowd that stays on the device."""
     crowd = DeviceCrowd(networks, GENDER, inputs)
 
     def step() -> None:
@@ -152,7 +153,7 @@ class Case:
         }
 
     def timed(self, agents: int, spend: float) -> Point:
-        """A batch, on a GPU that holds nothing else."""
+        """Times a batch on an otherwise empty GPU."""
         gc.collect()
         torch.cuda.empty_cache()
         torch.cuda.reset_peak_memory_stats()
@@ -205,18 +206,18 @@ def rows_of(case: Case, points: list[Point], flops: float, ceiling: float) -> li
 
 
 def most_of(case: Case, points: list[Point]) -> Row:
-    """Where a curve ends."""
+    """The end of a curve."""
     held = max((point.agents for point in points if point.in_time), default=None)
     return case.about | {"agents_in_time": held, "ended_by": ended_by(points)}
 
 
 def flops_of(graph: Path, candidates: int) -> float:
-    """Of an agent's matrix products in a step."""
+    """Operations of an agent's matrix products in a step."""
     return sum(p.flops for p in products_of(graph, agents=LEAST, candidates=candidates)) / LEAST
 
 
 def ratios(rows: list[Row]) -> dict[str, Row]:
-    """What is compared between runs: a crowd's largest batch in time, against its products."""
+    """Figures to compare between runs: a crowd's largest batch in time, against its products."""
     found: dict[str, Row] = {}
     for row in rows:
         if row["kept_on"] == "device" and row["ms"] <= STEP_SECONDS * 1e3:
@@ -226,7 +227,7 @@ def ratios(rows: list[Row]) -> dict[str, Row]:
 
 
 def throughput(models: ModelFolder, asked: argparse.Namespace, until: float) -> Row:
-    """Rows of all curves, where each ends, and the ceilings."""
+    """Rows of all curves, their ends, and the ceilings."""
     spend = 0.1 if asked.quick else 0.4
     ceilings = {precision: ceiling(precision) for precision in asked.precisions}
     flops = {k: flops_of(step_graph(models.path), k) for k in asked.candidates}
@@ -242,7 +243,7 @@ def throughput(models: ModelFolder, asked: argparse.Namespace, until: float) -> 
 
 
 def device_name(device: torch.device) -> str:
-    """Of a GPU, its maker's."""
+    """The maker's name of a GPU."""
     return torch.cuda.get_device_name(device) if device.type == "cuda" else "CPU"
 
 

@@ -2,12 +2,12 @@
 
     python -m benchmarks.interest
 
-One session of `agents` people who stand on a square of such a size that 5 % of them are within the
-first ring, on a clock driven by hand and with an engine that computes nothing: bytes do not depend
-on the machine. One reader has rings, and its viewpoint goes across the square and back
-at 3 m/s; another has everybody in full. Ends with 1 when the reader with rings gets more than an
-eighth of the other's bytes, or when somebody pops in: comes without `added` and FIRST, misses a
-chunk while within the rings, or comes after being `hidden`.
+One session has `agents` people that stand on a square, 5 % of them within the first ring. The clock
+is manual and the engine computes nothing, so bytes do not depend on the machine. One reader has
+rings, and its viewpoint goes across the square and back at 3 m/s; another has everybody in full.
+Ends with 1 when the reader with rings gets more than an eighth of the other's bytes, or when
+somebody pops in: comes without `added` and FIRST, misses a chunk while within the rings, or comes
+after being `hidden`.
 """
 
 import argparse
@@ -33,13 +33,13 @@ from wayfarer.v1 import motion_pb2
 from wayfarer_lab.load.rings import PART_BONES
 
 NEAR, MIDDLE, FAR = 12.0, 25.0, 60.0
-"""Metres: radii of the rings."""
+"""Radii of the rings in metres."""
 
 NEAR_SHARE = 0.05
 MOST = 1 / 8
 SPEED = 3.0
 LOOKS = 10
-"""Times a second that the viewpoint is moved."""
+"""Moves of the viewpoint per second."""
 
 NAMES = ("full", "fewer bones", "root")
 FIRST, GAP = motion_pb2.CHUNK_FLAG_FIRST, motion_pb2.CHUNK_FLAG_GAP
@@ -74,17 +74,17 @@ class StandingEngine(InstantEngine):
 
 
 class Tally:
-    """What one reader gets."""
+    """The data of one reader."""
 
     def __init__(self) -> None:
         self.bytes: Counter[str] = Counter()
         self.chunks: Counter[str] = Counter()
         self.entered = self.left = 0
         self.faults: list[str] = []
-        self._last: dict[int, int] = {}  # sequence number of those within the rings
+        self._last: dict[int, int] = {}  # sequence numbers of agents within the rings
 
     def take(self, message: motion_pb2.StreamMotionResponse) -> None:
-        """Count a message, and look for somebody who pops in."""
+        """Counts a message, and looks for people that pop in."""
         batch = message.batch
         name = NAMES[batch.tier] if batch.chunks.aliases else "other"
         described = sum(agent.ByteSize() + 3 for agent in batch.added)
@@ -108,7 +108,7 @@ class Tally:
 
 
 async def read(messages: AsyncGenerator[bytes], tally: Tally) -> None:
-    """Count all."""
+    """Counts all messages."""
     async for message in messages:
         tally.take(motion_pb2.StreamMotionResponse.FromString(message))
 
@@ -154,7 +154,7 @@ async def measure(asked: argparse.Namespace) -> dict[str, object]:
 
 
 def report(asked: argparse.Namespace, full: Tally, ringed: Tally) -> dict[str, object]:
-    """In kB a second, and a second and person."""
+    """The figures in kB per second, and per second and person."""
     steps = full.chunks["full"] / asked.agents
     rings = {
         name: {
@@ -182,14 +182,14 @@ def report(asked: argparse.Namespace, full: Tally, ringed: Tally) -> dict[str, o
 
 
 def measure_now(agents: int, seconds: float, phases: int = 8) -> dict[str, object]:
-    """The figures; `phases`: moments of a step at which a part of the people is due."""
+    """The figures; `phases`: moments of a step at which parts of the people are due."""
     crowd = argparse.Namespace(agents=agents, seconds=seconds, phases=phases)
     crowd.sessions, crowd.candidates, crowd.batch = 1, 1, 256
     return asyncio.run(measure(crowd))
 
 
 def main() -> int:
-    """Run it; 0 when all is well."""
+    """Runs it; returns 0 if all is well."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--agents", type=int, default=1000, help="people (default %(default)s)")
     parser.add_argument("--seconds", type=float, default=60.0, help="default %(default)g")

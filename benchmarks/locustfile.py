@@ -47,7 +47,7 @@ class Walker(FastHttpUser):
 
     @task(10)
     def set_goal(self) -> None:
-        """Walk somewhere else."""
+        """Walks to another place."""
         self._call("PUT", "/goal", self._goal())
 
     @task(3)

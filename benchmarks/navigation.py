@@ -1,4 +1,4 @@
-"""Cost of scenes: bake, change, query, look-up; and length of paths.
+"""Cost of scenes (bake, change, query, look-up), and length of paths.
 
     python -m benchmarks.navigation [--seeds 3] [--pairs 100] [--json FILE] [--quick]
 

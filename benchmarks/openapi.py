@@ -1,4 +1,4 @@
-"""schemathesis with all its checks against a server of its own.
+"""schemathesis with all its checks against a separate server.
 
     python -m benchmarks.openapi --examples 20 --seed 1
 
@@ -17,7 +17,7 @@ from tests.fuzz.server import served
 
 
 async def main() -> int:
-    """Run it; 0 when all is well."""
+    """Runs it; returns 0 if all is well."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--examples", type=int, default=20, help="per operation and phase")
     parser.add_argument("--seed", type=int, default=0)

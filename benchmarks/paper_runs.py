@@ -1,11 +1,11 @@
-"""Train what rows of benchmarks/results/paper.md stand for, and measure it.
+"""Trains the models behind rows of benchmarks/results/paper.md, and measures them.
 
     python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED]
         [--runs runs/paper] [--steps 5000] [--rollout-steps 1000] [--batch 256] [--minutes 50]
         [--seed 0] [--train | --measure] [--poses 100] [--results FOLDER]
 
 predictors        the four predictors of Table S1, trained alike; also their rows of Fig. 3
-short             the same, 1,000 (rollouts: 200) steps × 256: what a spread of seeds costs least
+short             the same, 1,000 (rollouts: 200) steps × 256: the cheapest spread of seeds
 direct            Sec. A.4: predictors of body parameters, and one of markers, trained alike
 end_to_end        Eq. 12, from the 2-frame predictor of `predictors` and the shipped regressors
 regressors        Table S2: the paper's regressor, of male bodies
@@ -14,13 +14,13 @@ kl_0.05 kl_0.2 kl_1
                   docs/models.md: the 2-frame predictor of `short` by the weight of its KL term,
                   on people of the validation
 
-One process loads the data once and trains, on one thread, what is not finished; the same line
-resumes. Steps and batch are those of `--config paper/NAME` unless given or named above. Then
-`wayfarer eval` writes its tables into benchmarks/results, of what is finished. --train and
---measure do one of both. The page is measured on data whose held-out people are those of CMU
-alone, and into a folder outside of the checkout: a second table would find the commit changed by
-the first. Runs lie in RUNS/GROUP/NAME. With another seed than 0, runs and tables have names of
-their own (GROUP_seed_1), and the page tells the spread of all that there are.
+One process loads the data once and trains unfinished runs on one thread; the same command resumes.
+Steps and batch are those of `--config paper/NAME` unless given or named above. Then `wayfarer eval`
+writes the tables of finished runs into benchmarks/results. --train and --measure do only one of
+these. The page is measured on data whose held-out people are only CMU's, and into a folder outside
+of the checkout, since a second table would find the commit changed by the first. Runs lie in
+RUNS/GROUP/NAME. With a seed other than 0, runs and tables have different names (GROUP_seed_1), and
+the page shows the spread of all seeds.
 """
 
 import argparse
@@ -56,12 +56,12 @@ class Group(NamedTuple):
 
     runs: tuple[str, ...]
     tables: Mapping[str, str]  # `wayfarer eval NAME` → file
-    values: Mapping[str, Any] = {}  # what replaces values of the configs; the command line wins
-    split: str = "heldout"  # whom it is measured on
+    values: Mapping[str, Any] = {}  # replacements of config values; the command line wins
+    split: str = "heldout"  # the people for measuring
 
 
 SHORT: Final = {"steps": 1000, "rollout_steps": 200, "batch": 256}
-REGRESSORS: Final = ("regressor_male",)  # for what is compared one gender is enough
+REGRESSORS: Final = ("regressor_male",)  # one gender is enough for the comparison
 PREDICTORS: Final = ("predictor_2f", "predictor_2f_rollout", "predictor_1f", "predictor_1f_rollout")
 
 GROUPS: Final[dict[str, Group]] = {
@@ -100,14 +100,14 @@ Split = dict[str, Frames]
 
 
 class Data:
-    """Both splits of a prepared folder, loaded once; only what is drawn how often differs."""
+    """Both splits of a prepared folder, loaded once; only the shares of draws differ."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._known: Split = {}
 
     def drawn(self, mix: Mapping[str, float]) -> tuple[Frames, Frames]:
-        """Those of training and of validation."""
+        """The frames of training and of validation."""
         found = []
         for split in ("train", "validation"):
             if split in self._known:
@@ -120,12 +120,12 @@ class Data:
 
 
 def seeded(name: str, seed: int) -> str:
-    """A group or a table by its seed."""
+    """The name of a group or a table with its seed."""
     return f"{name}_seed_{seed}" if seed else name
 
 
 def settings(name: str, runs: Path, group: str, asked: argparse.Namespace) -> Any:
-    """What a run is trained with: its config, with the runs of this folder to start from."""
+    """A run's settings: its config, with the runs of this folder to start from."""
     kind: type[BaseModel] = PredictorConfig
     if name in ("end_to_end", *REGRESSORS):
         kind = EndToEndConfig if name == "end_to_end" else RegressorConfig

@@ -29,13 +29,13 @@ MOST = 1 << 16
 
 
 def call_seconds(engine: Engine, agents: int, spend: float, candidates: int = 1) -> float:
-    """Of one call, in real time: it may use several threads."""
+    """Seconds of one call, in real time, since it may use several threads."""
     inputs = dummy_inputs(agents, candidates)
     return bench.best(lambda: engine.step(GENDER, inputs), spend, time.perf_counter)
 
 
 def table(engine: Engine, spend: float) -> list[Row]:
-    """Rows for 64 bodies and on."""
+    """Rows for 64 bodies and more."""
     sizes = {size: call_seconds(engine, size, spend) for size in CALL_SIZES}
     size = min(sizes, key=lambda size: sizes[size] / size)
     rows: list[Row] = []

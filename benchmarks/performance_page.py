@@ -1,4 +1,4 @@
-"""Write benchmarks/results/performance.md, and its pictures, from performance_*.json beside it.
+"""Writes benchmarks/results/performance.md, and its pictures, from its folder's performance_*.json.
 
 python -m benchmarks.performance_page
 """
@@ -41,13 +41,13 @@ TITLES = {
     "service": "The whole service",
 }
 TRANSPOSED = ("service",)
-"""Few rows of many columns: names go down."""
+"""Parts with few rows and many columns, whose names go down."""
 
 Part = dict[str, Any]
 
 
 def title(part: str) -> str:
-    """Of a part's section."""
+    """Title of a part's section."""
     kind = next((kind for kind in TITLES if part.startswith(kind)), part)
     which = part.removeprefix(kind).strip("_").split("_k")
     engine = which[0] and f": {which[0]}"
@@ -64,7 +64,7 @@ def groups(rows: Iterable[Row]) -> list[list[Row]]:
 
 
 def table(rows: list[Row], transposed: bool = False) -> str:
-    """Of rows with the same columns, as markdown."""
+    """Table of rows with the same columns, as markdown."""
     lines = [list(rows[0]), *([cell(value) for value in row.values()] for row in rows)]
     if transposed:
         lines = [list(line) for line in zip(*lines, strict=True)]
@@ -73,7 +73,7 @@ def table(rows: list[Row], transposed: bool = False) -> str:
 
 
 def cell(value: object) -> str:
-    """Of a table."""
+    """Text of a table's cell."""
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else text(value)
 
 

@@ -7,17 +7,17 @@ those of one crowd the step graphs are made into int8 ones: the products of the 
 weights, the latter with a scale for each channel. With those of another crowd, variants are
 compared with float32. Nothing of it is served; the graphs lie in a temporary folder.
 
-The scales of what the weights are multiplied with are fixed beforehand ("static"). Dynamic ones,
-taken of the numbers at hand, would be more exact; but they would be of the whole batch, so a row
-would depend on the others, and a log could not be replayed.
+The scales of the weights' factors are fixed beforehand ("static"). Dynamic scales from the actual
+numbers would be more exact, but would depend on the whole batch: a row would depend on the others,
+and a log could not be replayed.
 
 One step from equal inputs, all agents, frames, markers and joints; the columns of a row:
 
-  us_per_agent   of one call on one thread, of as many agents as suit the engine: the shortest
-  of_float32     that, as a share of onnxruntime's in float32
-  markers_mm_…   how far the markers of the next seed lie from those of float32
-  rotation_deg_… how far joints are turned against those of float32
-  hips_mm_…      how far the hips are from those of float32
+  us_per_agent   shortest call on one thread, with the number of agents that suits the engine
+  of_float32     this as a share of onnxruntime's in float32
+  markers_mm_…   distance of the next seed's markers from those of float32
+  rotation_deg_… angle of joints from those of float32
+  hips_mm_…      distance of the hips from those of float32
   own_rows       whether a row is the same in any batch, bit for bit
 
 A minute or two, less than one with --quick. Time is that of the processor.
@@ -63,7 +63,7 @@ INT8: Final[Mapping[str, tuple[str, ...]]] = {
 
 FLOAT32: Final = "onnxruntime float32"
 
-ROWS: Final = 64  # agents of one gender, who are stepped together: what suits onnxruntime
+ROWS: Final = 64  # agents of one gender, stepped together: the size that suits onnxruntime
 REACH: Final = 6.0  # metres from the middle, in x and in y, of goals
 NEW_GOALS: Final = 0.05  # share of agents that get one at each step: each every four seconds
 OWN: Final = (1, 3, 8, 24)  # rows of batches in which a row must be the same as among all
@@ -81,7 +81,7 @@ class Recorder(OnnxEngine):
         self.kept: dict[str, list[StepInputs]] = {gender: [] for gender in GENDERS}
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """See `Engine`."""
+        """Implements `Engine`."""
         if len(inputs.goal) == ROWS:
             self.kept[gender].append(inputs)
         return super().step(gender, inputs)
@@ -124,7 +124,7 @@ def products_of(graph: onnx.GraphProto, networks: Collection[str]) -> set[str]:
 
 
 def fold(graph: Path, target: Path) -> None:
-    """Write a graph whose weights are ready for their products: the quantiser knows no others."""
+    """Writes a graph whose weights are ready for their products, as the quantiser requires."""
     options = onnxruntime.SessionOptions()
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
     options.optimized_model_filepath = str(target)
@@ -138,10 +138,10 @@ def fold(graph: Path, target: Path) -> None:
 
 
 def with_sums_apart(model: onnx.ModelProto) -> onnx.ModelProto:
-    """The same, changed in place: a `Gemm` adds constants only, all else is added after it.
+    """The same, changed in place: a `Gemm` adds only constants; other terms are added after it.
 
-    onnxruntime has no product in int8 that adds what is computed: it would make the weights float32
-    again in every call, which saves nothing, and gives a lone row other bits.
+    onnxruntime has no int8 product that adds computed values: it would make the weights float32
+    again in every call, which saves nothing and gives a lone row other bits.
     """
     constants = {tensor.name for tensor in model.graph.initializer}
     nodes: list[onnx.NodeProto] = []
@@ -164,7 +164,7 @@ class Calls(CalibrationDataReader):
         self._calls = iter(calls)
 
     def get_next(self) -> Feed | None:
-        """By name."""
+        """The next inputs by name."""
         return next(self._calls, None)
 
 
@@ -178,7 +178,7 @@ def quantise(graph: Path, target: Path, networks: Collection[str], calls: Iterab
         folded,
         target,
         Calls(calls),
-        op_types_to_quantize=PRODUCTS,  # else the ranges of all other values are taken, too
+        op_types_to_quantize=PRODUCTS,  # otherwise the ranges of all other values are taken, too
         per_channel=True,
         activation_type=QuantType.QUInt8,
         nodes_to_quantize=sorted(products),
@@ -186,7 +186,7 @@ def quantise(graph: Path, target: Path, networks: Collection[str], calls: Iterab
 
 
 def distances(expected: StepOutputs, found: StepOutputs) -> tuple[Numbers, Numbers, Numbers]:
-    """Of all markers in millimetres, rotations in degrees, and hips in millimetres."""
+    """Distances of all markers in millimetres, rotations in degrees, and hips in millimetres."""
     markers = _lengths(found.next_seed_markers, expected.next_seed_markers)
     one, other = found.rotations, expected.rotations
     # q and -q are the same rotation. Not by the cosine: in float32 it hides angles below 0.04°.
@@ -200,7 +200,7 @@ def _lengths(one: Float, other: Float) -> Numbers:
 
 
 def error_columns(pairs: Iterable[tuple[StepOutputs, StepOutputs]]) -> Row:
-    """Of outputs in float32, each with those of a variant on the same inputs."""
+    """Error columns for pairs of float32 outputs and a variant's, on the same inputs."""
     each = zip(*(distances(*pair) for pair in pairs), strict=True)
     markers, turned, hips = (np.concatenate(calls) for calls in each)
     return {
@@ -226,7 +226,7 @@ def has_own_rows(engine: Engine, gender: str, inputs: StepInputs) -> bool:
 
 
 def seconds_each(engines: Mapping[str, WarmEngine], inputs: StepInputs, rounds: int) -> Row:
-    """For one agent in the shortest call of each with as many as suit it; they take turns."""
+    """Seconds per agent in the shortest call of each engine, at its best size; they take turns."""
     clock, found = bench.clock_of(threads=1), dict.fromkeys(engines, float("inf"))
     for turn in range(rounds + 1):
         for name, engine in engines.items():
@@ -257,7 +257,7 @@ def rows_of(engines: Mapping[str, WarmEngine], compared: Inputs, rounds: int) ->
 
 
 def ratios(rows: Sequence[Row]) -> dict[str, Row]:
-    """What is compared between runs."""
+    """Figures to compare between runs."""
     return {
         f"{row['variant']}: time / float32": bench.ratio(row["of_float32"], "lower")
         for row in rows

@@ -4,10 +4,10 @@
 
 Writes benchmarks/results/performance_NAME.json (machine, date, commit, versions, and each
 benchmark's rows and ratios), then performance.md from all such files. Each benchmark runs in a
-process of its own; one that fails is listed with its last output, and the record ends with 1. Leave
-the machine alone meanwhile: about 30 minutes, 10 with `--quick`, which is a first look, no record
-to publish. `--only` runs some, and keeps what the file has of the others; with `--agents` the whole
-service is held at this number, instead of a search for the most, which takes half an hour each.
+separate process. A failed one is listed with its last output, and the record ends with 1. Leave
+the machine alone meanwhile: about 30 minutes, or 10 with `--quick`, which is a first look and no
+record to publish. `--only` runs some and keeps the file's results of the others. With `--agents`
+the service is held at this number; otherwise the search for the maximum takes half an hour each.
 
 Against an older record: python -m benchmarks.compare OLD NEW
 """
@@ -53,7 +53,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 LONG = ("--seconds", "60")
 LONGEST = ("--seconds", "300")
 SECONDS_LEFT = 1800.0
-"""A benchmark that takes longer hangs."""
+"""Seconds after which a benchmark counts as hanging."""
 
 
 def command(part: str, quick: bool, agents: int | None = None) -> list[str]:
@@ -69,7 +69,7 @@ def command(part: str, quick: bool, agents: int | None = None) -> list[str]:
 
 
 def measured(part: str, quick: bool, agents: int | None = None) -> dict[str, Any]:
-    """The document of one benchmark, or what it said last when it failed."""
+    """The document of one benchmark, or its last output if it failed."""
     words, began = command(part, quick, agents), time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "found.json"

@@ -1,4 +1,4 @@
-"""Write benchmarks/results/README.md from what `wayfarer eval … --json` has left beside it.
+"""Writes benchmarks/results/README.md from the results of `wayfarer eval … --json` in its folder.
 
 python benchmarks/results_page.py            # refuses tables that are not all of one commit
 python benchmarks/results_page.py --stale    # marks them instead
@@ -78,7 +78,7 @@ def markdown(rows: list[Row]) -> str:
 
 
 def made(meta: dict[str, Any], release: str) -> str:
-    """When, where and of what a result was made; **stale** when it is not of the release."""
+    """Date, machine and commit of a result; **stale** if it is not of the release."""
     where = f"{meta['machine']['cpu']}, {meta['machine']['cores']} cores"
     told = f"{meta['date'][:10]}, {where}, commit {meta['commit'][:7]}"
     return told if meta["commit"] == release else f"{told}, **stale**"
@@ -95,13 +95,13 @@ def commits() -> dict[str, str]:
 
 
 def release_of(found: dict[str, str]) -> str:
-    """The commit of most results, of those from which the sources can be had again."""
+    """The commit of most results, among commits whose sources are available."""
     named = [c for c in found.values() if c != "unknown" and not c.endswith("-dirty")]
     return max(named, key=named.count) if named else ""
 
 
 def bars(result: dict[str, Any]) -> str:
-    """The bars of manoeuvres, with what was recorded beside."""
+    """The bars of manoeuvres, with recorded figures."""
     rows = {(r["maneuver"], r["case"], r["source"]): r for r in result["rows"]}
     lines = ["| | case | figure | sent | raw | recorded | bar | |", "|---" * 8 + "|"]
     for bar in result["bars"]:

@@ -7,8 +7,8 @@ World, streams and servers are those of the service, with walking agents; the en
 that returns at once. Time advances by hand in steps of 0.2 s, so that the figures do not depend on
 whether this machine keeps up. It runs three times: without readers (*nobody*), with one reader per
 session over gRPC, and over WebSocket; the readers are another process and discard what they get.
-*world* is the work of the motion thread: stepping, sending and publishing. *transport* is all else:
-the event loop, and gRPC's own threads. Parts are measured around calls, inner ones included.
+*world* is the work of the motion thread: stepping, sending and publishing. *transport* is the
+rest: the event loop, and gRPC's own threads. Parts are measured around calls, inner ones included.
 """
 
 import argparse
@@ -63,7 +63,7 @@ PARTS: Final = (
     (BatchWriter, "batch", "transport: write"),
     (PoseEncoder, "encode", "  encode poses"),
 )
-"""Owner, function, and what it is called in the table; indented ones are within the one above."""
+"""Owner, function, and name in the table; indented parts are within the part above."""
 
 
 GRPC_READER: Final = """
@@ -145,7 +145,7 @@ async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> l
     try:
         while readers and len(service.subscriptions) < len(sessions):
             await asyncio.sleep(0.05)
-        await service.advance(5 * STEP_SECONDS)  # every agent is announced
+        await service.advance(5 * STEP_SECONDS)  # every agent has been introduced
         await drained(service)
         clocked.clear()
         began = time.process_time()
@@ -164,7 +164,7 @@ async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> l
 
 
 async def people(gateway: Gateway, asked: argparse.Namespace) -> str:
-    """A session of as many agents as each has; its id."""
+    """Makes a session with its share of the agents; returns its id."""
     session_id = (await gateway.sessions.create(schema.NewSession(lease_s=3600))).session_id
     each = asked.agents // asked.sessions
     for start in range(0, each, 64):

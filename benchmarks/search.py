@@ -6,8 +6,8 @@ Half of the agents get a goal 3 to 8 m away in any direction, half one 1.5 m to 
 all start from standing, and a run ends when they stand at their goal or after 60 primitives.
 *N x K*: N children of each of K kept nodes. *N x 1* is the service's online search with N
 candidates, which tries them within one row at less cost. *cost*: sum over the path of the
-weighted quality terms, which search minimises; *better*: by how much that is less than with 16 x 1
-and the same latents, mean over agents ± standard error.
+weighted quality terms, which search minimises. *better*: difference from the cost with 16 x 1 and
+the same latents, mean over agents ± standard error.
 """
 
 import argparse

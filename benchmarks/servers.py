@@ -35,12 +35,12 @@ def _rings(text: str) -> tuple[LoadRing, ...]:
 
 
 def ringed(asked: argparse.Namespace) -> dict[str, Any]:
-    """What `LoadPlan` gets of the options of `add_rings`."""
+    """Arguments of `LoadPlan` from the options of `add_rings`."""
     return {"rings": asked.rings, "area": asked.area}
 
 
 def ring_rows(summary: Summary, **of_run: object) -> list[Row]:
-    """The figures of each ring of a run; `of_run` tells the runs apart."""
+    """The figures of each ring of a run; `of_run` distinguishes the runs."""
     kept = ("ring", "people", "misses", "reduced", "held")
     return [
         {
@@ -54,7 +54,7 @@ def ring_rows(summary: Summary, **of_run: object) -> list[Row]:
 
 
 def settings(plan: LoadPlan, **more: object) -> dict[str, str]:
-    """Settings of a server without limits: it is measured by what it can do."""
+    """Settings of a server without limits, whose capacity is measured."""
     found = room(plan.sessions * plan.agents, plan) | {"WAYFARER_ADMISSION": "false"}
     return found | {f"WAYFARER_{name.upper()}": str(value) for name, value in more.items()}
 

@@ -1,4 +1,4 @@
-"""The whole service: how many agents it drives in real time, streamed to eight clients.
+"""The whole service: the number of agents in real time, streamed to eight clients.
 
     python -m benchmarks.service [--candidates 1 8] [--engine onnxruntime] [--seconds 300]
                                  [--transports grpc websocket] [--most 2048] [--agents N]
@@ -10,7 +10,7 @@ primitive is missed, and p99 of lateness at the client is within 50 ms. Bisectio
 gRPC finds the most agents for which that holds. A fresh server then holds them for `--seconds` over
 each transport, or 5 % fewer if that fails, at most three times. `--agents` replaces the search by a
 number, which is held once. With `--rings` the clients read levels of detail around viewpoints that
-walk, and the figures are told by ring, too. Server and generator share the machine; *server* and
+walk, and there are figures for each ring, too. Server and generator share the machine; *server* and
 *generator* are the cores that they use. *alone* is the number of agents that the engine could step
 in the same time if all cores did nothing else.
 """
@@ -52,7 +52,7 @@ def alone(engine: Engine, candidates: int, spend: float) -> int:
 async def search(
     plan: LoadPlan, most: int, command: tuple[str, ...], environment: dict[str, str]
 ) -> int:
-    """The most agents that are served in time in runs as `plan` says."""
+    """The maximum number of agents that are served in time in runs like `plan`."""
     async with own_server((), environment, command) as target:
 
         async def trial(each: int) -> Summary:
@@ -65,7 +65,7 @@ async def search(
 
 
 def held(plan: LoadPlan, candidates: int, command: tuple[str, ...], tries: int = TRIES) -> Summary:
-    """A long run with as many agents as `plan` says, or fewer until all are in time."""
+    """A long run with the agents of `plan`, or fewer until all are in time."""
     for _ in range(tries):
         summary = loaded(plan, settings(plan, candidates=candidates), command)
         tell(summary, plan)

@@ -1,4 +1,4 @@
-"""Lateness of primitives on a machine that is simulated, so that no noise touches it.
+"""Lateness of primitives on a simulated machine, which has no noise.
 
     python -m benchmarks.simulated [--agents 1120 1200 1440] [--seconds 30] [--slower 1.0]
         [--call 3.2 0.126] [--engine onnxruntime] [--stall 1.0] [--phases 2] [--depth 2] [--cores 2]
@@ -10,8 +10,8 @@ and further ones per agent, as measured on a 2-core Xeon VM with AVX-512, onnxru
 2026-11-27; in CALL are 31 microseconds an agent for event loop and clients). While a call is under
 way the thread's work takes that time from it, shared by the cores. Agents get new goals as in
 `wayfarer load`. *normal* and *replanned* are percentiles of the lateness of chunks as they leave,
-in milliseconds; *missed* are primitives left out; *rounds* and *calls* are publications and engine
-calls in 0.2 s; *level* is the ladder's, in the mean. The same arguments always give the same
+in milliseconds. *missed* are skipped primitives, *rounds* and *calls* are publications and engine
+calls in 0.2 s, and *level* is the mean of the ladder's. The same arguments always give the same
 figures, so one order of steps can be compared with another.
 """
 
@@ -52,13 +52,13 @@ SCHEDULE: Final = (0.8, 0.011)
 APPLY: Final = (0.3, 0.011)
 PUBLISH: Final = (0.5, 0.010)
 GOAL: Final = (0.15, 0.0)
-"""Milliseconds, and further ones per agent."""
+"""Milliseconds of a new goal: fixed, and per agent."""
 
 SESSIONS: Final = 8
 GOAL_RATE: Final = 0.1  # new goals a second for each agent, as `wayfarer load` gives them
 WARM_UP: Final = 10.0
 STALL_AT: Final = WARM_UP + 5.0
-FAR: Final = 1500.0  # metres: nobody arrives, since the stand-in for the engine heeds no goal
+FAR: Final = 1500.0  # metres: nobody arrives, since the stand-in engine ignores goals
 LEAST: Final = 1e-5  # seconds of a wait
 
 
@@ -81,16 +81,16 @@ class Machine:
         self._next_goal = np.inf
 
     def clock(self) -> float:
-        """Seconds."""
+        """Present time in seconds."""
         return self.now
 
     def begin_goals(self, agents: int) -> None:
-        """From now on goals come for so many."""
+        """Makes goals come for this many agents from now on."""
         self._rate = GOAL_RATE * agents
         self._next_goal = self.now + self.random.exponential(1 / self._rate)
 
     def work(self, cost: tuple[float, float], agents: int = 0) -> None:
-        """The motion thread works; calls under way lose their share of the processor."""
+        """Makes the motion thread work; running calls lose their share of the processor."""
         seconds = self._scale * (cost[0] + cost[1] * agents)
         self.now += seconds
         self.thread_busy += seconds
@@ -100,16 +100,16 @@ class Machine:
     # As `Inbox`
 
     def open(self) -> None:
-        """Nothing waits."""
+        """Does nothing, since nothing waits."""
 
     def close(self, reason: str = "") -> None:
-        """Nobody asks."""
+        """Does nothing, since there are no callers."""
 
     def wake(self) -> None:
-        """It wakes by itself."""
+        """Does nothing, since it wakes by itself."""
 
     def serve(self, timeout: float) -> None:
-        """Time passes until a call ends or a goal comes, `timeout` at most."""
+        """Lets time pass until a call ends or a goal comes, up to `timeout`."""
         until = [self.now + max(timeout, LEAST), self._next_goal]
         if self._under_way:
             until.append(self._under_way[0][2])
@@ -128,26 +128,26 @@ class Machine:
     # As `EnginePipeline`
 
     def age(self, now: float) -> float:
-        """Calls never hang."""
+        """Returns 0, since calls never hang."""
         return 0.0
 
     @property
     def is_idle(self) -> bool:
-        """See `EnginePipeline`."""
+        """Implements `EnginePipeline`."""
         return not self._under_way
 
     @property
     def has_room(self) -> bool:
-        """See `EnginePipeline`."""
+        """Implements `EnginePipeline`."""
         return len(self._under_way) < self._depth
 
     @property
     def has_completed(self) -> bool:
-        """See `EnginePipeline`."""
+        """Implements `EnginePipeline`."""
         return bool(self._under_way) and self._under_way[0][2] <= self.now
 
     def submit(self, schedule: Callable[..., PendingStep | None]) -> bool:
-        """See `EnginePipeline`."""
+        """Implements `EnginePipeline`."""
         step = schedule(at_once)
         if step is None:
             return False
@@ -161,7 +161,7 @@ class Machine:
         return True
 
     def completed(self) -> Iterator[tuple[PendingStep, float]]:
-        """See `EnginePipeline`."""
+        """Implements `EnginePipeline`."""
         while self.has_completed:
             step, seconds, _ = self._under_way.popleft()
             self.work(APPLY, len(step.batch.rows))
@@ -169,7 +169,7 @@ class Machine:
 
 
 def people(world: World, count: int, machine: Machine) -> list[str]:
-    """Their ids, in sessions of their own; all walk."""
+    """Makes walking people in several sessions; returns their ids."""
     ids = []
     for number in range(SESSIONS):
         session = world.create_session(SessionSpec(f"s{number}", avoid=False), 0.0).session_id
@@ -184,7 +184,7 @@ def people(world: World, count: int, machine: Machine) -> list[str]:
 
 
 def far(machine: Machine) -> Goal:
-    """A goal somewhere."""
+    """A random goal."""
     return Goal((*machine.random.uniform(-FAR, FAR, 2).tolist(), 0.0))
 
 
@@ -196,7 +196,7 @@ def batches(engine: str, cores: int) -> tuple[tuple[int, ...], int]:
 
 
 def simulated(agents: int, asked: argparse.Namespace) -> Row:
-    """A run with so many agents."""
+    """A run with `agents` agents."""
     machine, meter = Machine(asked), Metrics()
     limits = Limits(
         agents=agents, agents_per_session=agents, sessions=SESSIONS, goal_distance_m=1e5
@@ -274,7 +274,7 @@ def simulated(agents: int, asked: argparse.Namespace) -> Row:
 
 
 def percentiles(values: list[float], *shares: float) -> list[float]:
-    """NaN without any."""
+    """Percentiles of values; NaN without any."""
     return np.percentile(values, shares).tolist() if values else [float("nan")] * len(shares)
 
 

@@ -6,7 +6,7 @@
 From the start of the process to the line that says where it listens: models are checked, opened and
 warmed by then. The floor is a process that only imports the libraries. With `--state` the servers
 have one state folder, where OpenVINO's compiled networks are kept: the first start, which compiles
-them, is told apart.
+them, is shown separately.
 """
 
 import argparse

@@ -60,13 +60,13 @@ GROUPS = {
 
 
 def step_seconds(engine: Engine, agents: int, candidates: int, threads: int, spend: float) -> float:
-    """Of one call."""
+    """Seconds of one call."""
     inputs = dummy_inputs(agents, candidates)
     return bench.best(lambda: engine.step(GENDER, inputs), spend, bench.clock_of(threads))
 
 
 def row(engine: str, agents: int, candidates: int, threads: int, seconds: float) -> Row:
-    """What it is and how long it took; the ceiling's columns are added once it is known."""
+    """The case and its duration; the ceiling's columns are added once it is known."""
     return {
         "engine": engine,
         "candidates": candidates,
@@ -79,7 +79,7 @@ def row(engine: str, agents: int, candidates: int, threads: int, seconds: float)
 
 
 def beside_ceiling(rows: list[Row], ceilings: dict[tuple[str, int], float], graph: Path) -> None:
-    """Add what each row's products would take at the ceilings."""
+    """Adds the time of each row's products at the ceilings."""
     costs: dict[tuple[int, int], int] = {}
     for line in rows:
         size = (line["batch"], line["candidates"])
@@ -130,7 +130,7 @@ def _profiled(graph: Path, agents: int, candidates: int, calls: int) -> tuple[Ro
 
 
 def ratios(rows: list[Row], shares: list[Row]) -> dict[str, Row]:
-    """What is compared between runs."""
+    """Figures to compare between runs."""
     found = {
         f"{r['engine']} K={r['candidates']} threads={r['threads']}: step / GEMM": bench.ratio(
             r["of_gemm"], "lower"

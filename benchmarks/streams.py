@@ -1,4 +1,4 @@
-"""Readers that stall and readers that leave, on a server of their own, for long.
+"""Long runs of readers that stall and readers that leave, on a separate server.
 
     python -m benchmarks.streams --seconds 60 --cycles 1000
 
@@ -20,17 +20,17 @@ HEALTHY = 63
 SESSIONS = 8
 AGENTS = 1
 SHOWN_MS = 200.0
-"""Seconds of lateness after which all frames of a chunk are over."""
+"""Milliseconds of lateness after which all frames of a chunk are over."""
 
 WARM_UP_S = 60.0
-"""Until memory has settled: what is kept for those who resume, buffers for each size of batch."""
+"""Seconds until memory settles: motion kept for resuming readers, buffers for each batch size."""
 
 GROWTH = 0.05
 """Share of its memory by which the server may grow."""
 
 
 async def main() -> int:
-    """Run it; 0 when all is well."""
+    """Runs it; returns 0 if all is well."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--cycles", type=int, default=1000)

@@ -3,9 +3,9 @@
     python -m benchmarks.transport [--agents 1024] [--seconds 20] [--json FILE] [--quick]
 
 The server's step is a stand-in that costs nothing (benchmarks.instant); cores are CPU seconds of
-the whole server for each second. *nobody* is the server without readers; what a reader adds to
-that is serialisation and transport. *bare socket* is the floor: as many bytes in messages of the
-same size through asyncio and a socket of the loopback, with nothing done to them.
+the whole server for each second. *nobody* is the server without readers; a reader adds
+serialisation and transport. *bare socket* is the floor: the same bytes in messages of the same size
+through asyncio and a loopback socket, without any processing.
 """
 
 import argparse
@@ -83,7 +83,7 @@ async def _unread(target: Target, plan: LoadPlan) -> float:
 
 
 async def bare_socket(size: int, seconds: float) -> float:
-    """Cores of a writer of messages of `size` bytes; its reader is a process of its own."""
+    """Cores of a writer of messages of `size` bytes; its reader is a separate process."""
     reader = "import socket, sys\ns = socket.create_connection(('127.0.0.1', int(sys.argv[1])))\n"
     reader += "while s.recv(1 << 20): pass\n"
     cores: asyncio.Future[float] = asyncio.get_running_loop().create_future()
