@@ -99,11 +99,13 @@ class SceneGuide:
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
         self.avoidance.look(rows)
-        hips = seed.translation[:, -1, :2]
-        goals = self.company.place(rows, hips, gait.arrived, goals)
+        hips = np.ascontiguousarray(seed.translation[:, -1, :2])
+        self.company.place(rows, hips, gait.arrived, goals)
         in_scene = self._slots.scene[rows] != NOWHERE
         if not in_scene.any():
             return self._on_floor(rows, hips, gait, goals)
+        if in_scene.all():
+            return self._led(rows, hips, gait, goals)
         ahead = goals.take(np.arange(len(rows)))
         radius = goals.radius.copy()
         for which, lead in ((in_scene, self._led), (~in_scene, self._on_floor)):
@@ -156,10 +158,7 @@ class SceneGuide:
         self.company.bar(rows, hips, led, goals, ahead)
         self.company.take_turns(rows, hips, led, goals, ahead)
         half = self.company.keep_lanes(rows, hips, led, goals, ahead)
-        left = np.linalg.norm(goals.position[led, :2] - hips, axis=-1)
-        left = np.where(goals.through[led], np.inf, left)
-        goes = np.flatnonzero(ahead.given[led])
-        self.avoidance.bend(rows[goes], hips[goes], led[goes], ahead, left[goes], half[goes])
+        self.avoidance.bend(rows, hips, led, goals, ahead, half)
 
     def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
         """The same for rows that are all in scenes."""
