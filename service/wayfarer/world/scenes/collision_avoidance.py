@@ -96,7 +96,7 @@ class CollisionAvoidance:
     def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
         """Of some of the rows, those of each session, and everybody of it."""
         numbers = self._slots.session[rows[which]]
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             mine = which[numbers == number]
             if number not in self._seen:
                 self._seen[number] = self.crowd.session(int(rows[mine[0]]))
@@ -110,7 +110,7 @@ class CollisionAvoidance:
 
         def clear(points: Float) -> Float:
             found = np.full(points.shape[:2], np.inf, np.float32)
-            for number in np.unique(numbers[numbers != NOWHERE]).tolist():
+            for number in set(numbers[numbers != NOWHERE].tolist()):
                 mine = np.flatnonzero(numbers == number)
                 heights = np.broadcast_to(floors[mine, None, None], (len(mine), points.shape[1], 1))
                 places = np.concatenate([points[mine], heights], -1)

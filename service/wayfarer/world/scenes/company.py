@@ -68,7 +68,6 @@ class Company:
         self._routes = routes
         self._scenery = scenery
         self._avoidance = avoidance
-        self._sessions = avoidance.sessions
         self._tell = tell
         self._detours = Detours(slots, routes, scenery)
 
@@ -114,23 +113,23 @@ class Company:
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
         """Let rows `led` wait before narrow places that others come out of; see `bar`."""
-        slots = self._slots
-        in_scene = slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & ahead.given[led]
-        for which, everybody in self._sessions(rows, np.flatnonzero(in_scene)):
-            if len(everybody.slots) < 2:
-                continue
-            some = rows[which]
-            points = self._routes.ahead(some, hips[which], goals.position[led[which]], AHEAD)
-            clear = self._avoidance.clearance(some)
-            turn = turns(everybody.people, everybody.rows(some), points, clear)
-            way = turn.place - hips[which]
-            off = np.linalg.norm(way, axis=-1)
-            there = turn.waits & (off < BESIDE)
-            ahead.given[led[which[there]]] = False
-            slots.memory.waited[some[there]] += STEP_SECONDS
-            aside = np.flatnonzero(turn.waits & ~there)
-            ahead.position[led[which[aside]], :2] = turn.place[aside]
-            pass_through(ahead, led[which[aside]], way[aside])
+        slots, crowd = self._slots, self._avoidance.crowd
+        which = self._in_scenes(rows, ahead.given[led])
+        which = which[crowd.in_company(rows[which])]
+        if not len(which):
+            return
+        some = rows[which]
+        points = self._routes.ahead(some, hips[which], goals.position[led[which]], AHEAD)
+        clear = self._avoidance.clearance(some)
+        turn = turns(crowd.people, crowd.places[some], points, clear, crowd.own)
+        way = turn.place - hips[which]
+        off = np.linalg.norm(way, axis=-1)
+        there = turn.waits & (off < BESIDE)
+        ahead.given[led[which[there]]] = False
+        slots.memory.waited[some[there]] += STEP_SECONDS
+        aside = np.flatnonzero(turn.waits & ~there)
+        ahead.position[led[which[aside]], :2] = turn.place[aside]
+        pass_through(ahead, led[which[aside]], way[aside])
 
     def keep_lanes(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
@@ -139,29 +138,30 @@ class Company:
 
         Returns half the width of their ways [A]; inf where nothing is known. See `bar`.
         """
-        slots = self._slots
+        slots, crowd = self._slots, self._avoidance.crowd
         half = np.full(len(rows), np.inf, np.float32)
-        in_scene = slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & ahead.given[led]
-        for which, everybody in self._sessions(rows, np.flatnonzero(in_scene)):
-            some = rows[which]
-            points = self._routes.ahead(some, hips[which], goals.position[led[which]], BEFORE)
-            clear = self._avoidance.clearance(some)
-            lane = lanes(everybody.people, everybody.rows(some), points, clear)
-            half[which] = lane.half
-            keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
-            ahead.position[led[which[keeps]], :2] = lane.place[keeps]
-            facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
-            # an agent with turned shoulders turns them back before it walks on: a body goes where
-            # it faces, and that is the wall
-            turned = slots.planned.gait.mode[some] == Mode.STRAFING
-            turned &= angle_between(facing, lane.way) > TURNED
-            sideways = (turned | (lane.turn > TURNED)) & ~ahead.strafe[led[which]]
-            mine, turn = led[which[sideways]], lane.turn[sideways, None]
-            way = lane.way[sideways]
-            right = np.stack([way[:, 1], -way[:, 0]], -1)
-            ahead.strafe[mine] = True
-            ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
-            ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
+        which = self._in_scenes(rows, ahead.given[led])
+        if not len(which):
+            return half
+        some = rows[which]
+        points = self._routes.ahead(some, hips[which], goals.position[led[which]], BEFORE)
+        clear = self._avoidance.clearance(some)
+        lane = lanes(crowd.people, crowd.places[some], points, clear, crowd.own)
+        half[which] = lane.half
+        keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
+        ahead.position[led[which[keeps]], :2] = lane.place[keeps]
+        facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
+        # an agent with turned shoulders turns them back before it walks on: a body goes where
+        # it faces, and that is the wall
+        turned = slots.planned.gait.mode[some] == Mode.STRAFING
+        turned &= angle_between(facing, lane.way) > TURNED
+        sideways = (turned | (lane.turn > TURNED)) & ~ahead.strafe[led[which]]
+        mine, turn = led[which[sideways]], lane.turn[sideways, None]
+        way = lane.way[sideways]
+        right = np.stack([way[:, 1], -way[:, 0]], -1)
+        ahead.strafe[mine] = True
+        ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
+        ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
         return half
 
     def lead_on_floor(
@@ -188,6 +188,11 @@ class Company:
         pass_through(ahead, led[around[on]], target[on, 0] - hips[around[on]])
 
     # Within
+
+    def _in_scenes(self, rows: Index, given: Flags) -> Index:
+        """Which of some rows walk in scenes among others."""
+        slots = self._slots
+        return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
 
     def _settle(self, rows: Index, hips: Float, barred: Flags, through: Flags) -> None:
         """Rows [A] that get no nearer to their goals, and are near, stop where they are."""

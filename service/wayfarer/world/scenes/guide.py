@@ -127,7 +127,7 @@ class SceneGuide:
             hips = seed.translation[:, -1, :2]
             velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
             floors = self._slots.footing.hips[rows]
-        for number in np.unique(scenes[scenes != NOWHERE]).tolist():
+        for number in set(scenes[scenes != NOWHERE].tolist()):
             mine = np.flatnonzero(scenes == number)
             scene = self._scenery.scene(number)
             found[mine, :half] = nearest_walls(
@@ -207,7 +207,7 @@ class SceneGuide:
     def _slow_on_stairs(self, rows: Index, led: Index, ahead: GoalColumns) -> None:
         """Write into rows `led` of `ahead` how stairs and slopes on their ways are taken."""
         route, numbers = self._slots.route, self._slots.scene[rows]
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             scene = self._scenery.scene(number)
             if is_level(scene):
                 continue
@@ -235,7 +235,7 @@ class SceneGuide:
         lines[..., 2] = targets[:, :, None, 2]
         numbers, good = self._slots.scene[rows], np.empty(targets.shape[:2], np.bool_)
         room = np.empty(len(rows))
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             mine = np.flatnonzero(numbers == number)
             scene = self._scenery.scene(number)
             near = scene.distance(lines[mine])
@@ -252,7 +252,7 @@ class SceneGuide:
         """Metres [A, 2] to head aside, away from walls that are too near."""
         slots, found = self._slots, np.zeros(hips.shape)
         numbers, floors = slots.scene[rows], slots.footing.hips[rows]
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             mine = np.flatnonzero(numbers == number)
             scene = self._scenery.scene(number)
             distance, away = scene.clearance(np.column_stack([hips[mine], floors[mine]]))
