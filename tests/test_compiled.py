@@ -90,7 +90,9 @@ from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs
 from wayfarer.world.scenes.near import nearest_people
 from wayfarer.world.scenes.around import stand_before, way_around
-from wayfarer.world.scenes.spots import Claims, Everyone, next_taken
+from wayfarer.world.scenes.spots import Claims, Everyone, Walkers, next_taken
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.scenes.routes import Routes
 
 random = np.random.default_rng(0)
 people = People.empty(20)
@@ -141,8 +143,18 @@ standing = people.position, people.height, stand
 stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
 columns = people.number, people.position, people.height, people.walks, stand
 everyone = Everyone(*own, *columns, people.walks, people.position, people.position)
-claims, spot = Claims(np.zeros((20, 2), np.float32), np.zeros(20)), people.position + 0.3
-taken = next_taken(everyone, who, people.walks, people.position, spot, 1, claims)
+claims = Claims(np.zeros((20, 2), "f4"), np.zeros(20))
+asked, spot = people.position.copy(), people.position + 0.3
+yes, goal = np.ones(20, np.bool_), np.column_stack([asked, people.height])
+place, radius = people.position, people.radius
+mine = yes, who, asked, spot, people.height, place, ~yes, people.walks, goal, radius
+waits = np.zeros(20, np.bool_)
+taken = next_taken(everyone, Walkers(*mine, ~yes), who, 1, False, claims, waits)
+slots = Slots.empty(3)
+routes = Routes(slots)
+routes.lay(1, np.cumsum(random.uniform(0, 1, (9, 3)), 0), 0, 0)
+off = routes.follow(np.arange(3), people.position[:3])
+ahead = routes.ahead(np.arange(3), people.position[:3], goal[:3], np.arange(0.2, 9, 0.7))
 """
 
 
@@ -164,6 +176,9 @@ KEPT = {
     "near": 1e-6,
     "by": 0,
     "taken": 0,
+    "goal": 1e-6,
+    "off": 1e-6,
+    "ahead": 1e-6,
     "claims.places": 1e-6,
     "claims.apart": 1e-6,
     "corners": 0,

@@ -1,18 +1,22 @@
 """How agents give way to each other: their next stretch is bent around others."""
 
 from collections.abc import Iterator
+from functools import cache
+from math import acos, sqrt
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.engines.engine import Float
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.goals.gait_rules import GoalArrays
+from wayfarer.world.output.turns import bounded
+from wayfarer.world.rows import Flags, Float, Index, columns
 from wayfarer.world.scenes.people import SessionPeople, crowd_of
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
@@ -46,61 +50,57 @@ class CollisionAvoidance:
             self._seen.clear()
 
     def bend(
-        self, rows: Index, hips: Array, led: Index, ahead: GoalColumns, left: Array, half: Array
+        self,
+        rows: Index,
+        hips: Float,
+        led: Index,
+        goals: GoalColumns,
+        ahead: GoalColumns,
+        half: Float,
     ) -> None:
         """Let rows `led` of `ahead` walk around others, or wait for them.
 
-        `rows` are their slots, `hips` [A, 2] where they are, `left` [A] metres to where each stops,
-        `half` [A] half the width of their ways.
+        `rows` are their slots, `hips` [A, 2] where they are, `half` [A] half the width of their
+        ways. They will stop at their `goals`.
         """
-        mine = np.flatnonzero(self._slots.avoids[rows])
-        if not len(mine):
+        crowd, count = self.crowd, len(rows)
+        which, left = np.empty(count, np.int64), np.empty(count, np.float32)
+        preferred, arrays = np.empty((count, 2), np.float32), columns(GoalArrays, ahead)
+        count = prefer(
+            (self._slots.avoids, crowd.places, *crowd.own),
+            rows,
+            hips,
+            led,
+            (goals.position, goals.through),
+            arrays,
+            which,
+            preferred,
+            left,
+        )
+        if count == 0:
             return
-        crowd = self.crowd
-        mine = mine[crowd.in_company(rows[mine])]
-        some = rows[mine]
-        way = ahead.position[led[mine], :2] - hips[mine]
-        distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-        preferred = (way / distance * ahead.speed[led[mine], None]).astype(np.float32)
+        which, some = which[:count], rows[which[:count]]
         course = avoid(
             crowd.people,
             crowd.places[some],
-            preferred,
+            preferred[:count],
             self.clearance(some),
             STEP_SECONDS,
-            left[mine].astype(np.float32),
-            half[mine].astype(np.float32),
+            left[:count],
+            half[which],
             crowd.own,
         )
         self._slots.memory.put(some, course.memory)
-        self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
+        turn_aside(arrays, led[which], hips[which], preferred, course.velocity, course.waits)
 
     def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
         """Of some of the rows, those of each session, and everybody of it."""
         numbers = self._slots.session[rows[which]]
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             mine = which[numbers == number]
             if number not in self._seen:
                 self._seen[number] = self.crowd.session(int(rows[mine[0]]))
             yield mine, self._seen[number]
-
-    def _turn(
-        self,
-        ahead: GoalColumns,
-        led: Index,
-        hips: Array,
-        preferred: Array,
-        chosen: Array,
-        waits: Flags,
-    ) -> None:
-        speed = np.linalg.norm(chosen, axis=-1)
-        ahead.given[led[waits]] = False
-        other = ~waits & (chosen != preferred).any(-1)  # else not even by rounding
-        ahead.speed[led[other]] = speed[other]
-        turned = np.flatnonzero(~waits & (angle_between_ways(preferred, chosen) > TURNED))
-        way = chosen[turned] / np.maximum(speed[turned], 1e-6)[:, None]
-        ahead.position[led[turned], :2] = hips[turned] + REACH * way
-        pass_through(ahead, led[turned], way)
 
     def clearance(self, rows: Index) -> Any:
         """Metres to the nearest wall at points [A, N, 2] of these rows; None: without walls."""
@@ -110,7 +110,7 @@ class CollisionAvoidance:
 
         def clear(points: Float) -> Float:
             found = np.full(points.shape[:2], np.inf, np.float32)
-            for number in np.unique(numbers[numbers != NOWHERE]).tolist():
+            for number in set(numbers[numbers != NOWHERE].tolist()):
                 mine = np.flatnonzero(numbers == number)
                 heights = np.broadcast_to(floors[mine, None, None], (len(mine), points.shape[1], 1))
                 places = np.concatenate([points[mine], heights], -1)
@@ -118,6 +118,80 @@ class CollisionAvoidance:
             return found
 
         return clear
+
+
+@compiled
+def prefer(
+    crowd: tuple[Flags, Index, Index, Index],
+    rows: Index,
+    hips: Float,
+    led: Index,
+    goals: tuple[Float, Flags],
+    ahead: GoalArrays,
+    which: Index,
+    preferred: Float,
+    left: Float,
+) -> int:
+    """Which of `rows` walk on among others, at what velocities, and metres until they stop. How
+    many they are.
+
+    `crowd`: of all slots who avoids others, and their places among those; first and last of the
+    session of each. `goals`: their positions and who passes through.
+    """
+    count, (avoids, places, first, last), (goal, through) = 0, crowd, goals
+    for row in range(len(rows)):
+        me, at = places[rows[row]], led[row]
+        if not (ahead.given[at] and avoids[rows[row]]) or last[me] - first[me] < 2:
+            continue
+        x, y = ahead.position[at, 0] - hips[row, 0], ahead.position[at, 1] - hips[row, 1]
+        far = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+        preferred[count, 0] = x / far * ahead.speed[at]
+        preferred[count, 1] = y / far * ahead.speed[at]
+        x, y = goal[at, 0] - hips[row, 0], goal[at, 1] - hips[row, 1]
+        left[count] = np.float32(np.inf) if through[at] else np.float32(sqrt(x * x + y * y))
+        which[count] = row
+        count += 1
+    return count
+
+
+@compiled
+def turn_aside(
+    ahead: GoalArrays, led: Index, hips: Float, preferred: Float, chosen: Float, waits: Flags
+) -> None:
+    """Let rows `led` [A] of `ahead` walk at the velocities that were chosen for them, or wait."""
+    for row in range(len(led)):
+        at, x, y = led[row], chosen[row, 0], chosen[row, 1]
+        if waits[row]:
+            ahead.given[at] = False
+        elif x != preferred[row, 0] or y != preferred[row, 1]:  # else not even by rounding
+            ahead.speed[at] = speed = np.float32(sqrt(x * x + y * y))
+            wish_x, wish_y = preferred[row, 0], preferred[row, 1]
+            wish = max(np.float32(sqrt(wish_x * wish_x + wish_y * wish_y)), np.float32(1e-6))
+            x, y = x / max(speed, np.float32(1e-6)), y / max(speed, np.float32(1e-6))
+            if acos(bounded(x * (wish_x / wish) + y * (wish_y / wish), -1.0, 1.0)) > TURNED:
+                ahead.position[at, 0] = hips[row, 0] + np.float32(REACH) * x
+                ahead.position[at, 1] = hips[row, 1] + np.float32(REACH) * y
+                _pass(ahead, at, x, y)
+
+
+@inner
+def _pass(ahead: GoalArrays, row: int, x: float, y: float) -> None:
+    """Let a position be passed through, on a way in the direction of (x, y)."""
+    far = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+    ahead.through[row], ahead.radius[row], ahead.bend[row] = True, PASSED, 0.0
+    ahead.onward[row, 0], ahead.onward[row, 1] = x / far, y / far
+    if not ahead.strafe[row]:
+        ahead.heading[row, 0] = ahead.heading[row, 1] = 0.0
+
+
+@cache
+def prepare() -> None:
+    """Compile the rules, or load them, before anybody walks."""
+    row, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.ones((1, 2), np.float32)
+    goal, goals = np.ones((1, 3), np.float32), columns(GoalArrays, GoalColumns.empty(1))
+    crowd = flag, row, row, row
+    warm(prefer, crowd, row, place, row, (goal, flag), goals, row, place, place[0, :1])
+    warm(turn_aside, goals, row, place, place, place, flag)
 
 
 def pass_through(ahead: GoalColumns, rows: Index, way: Array) -> None:

@@ -12,7 +12,7 @@ from wayfarer.world.agents.heading import angle_between, facing_of
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.events import EventKind
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.detours import AHEAD, STOPS, Detours
 from wayfarer.world.scenes.lanes import SIDEWAYS, lanes
@@ -43,9 +43,6 @@ SHUFFLE: Final = 0.3
 PATIENCE: Final = 2.5
 """Seconds for which an agent near its goal gets no nearer until it stops where it is."""
 
-WAITS: Final = 0.4
-"""Metres from its spot within which an agent that is too far from its goal waits."""
-
 BEFORE: Final = np.array([0.1, 0.4, 0.7, 1.0])
 """Metres along its way at which an agent looks how wide it is."""
 
@@ -71,40 +68,24 @@ class Company:
         self._routes = routes
         self._scenery = scenery
         self._avoidance = avoidance
-        self._sessions = avoidance.sessions
         self._tell = tell
         self._detours = Detours(slots, routes, scenery)
 
-    def place(self, rows: Index, hips: Array, arrived: Flags, goals: GoalColumns) -> GoalColumns:
-        """The goals of rows [A] at `hips` [A, 2], each at its spot.
+    def place(self, rows: Index, hips: Float, arrived: Flags, goals: GoalColumns) -> None:
+        """Put the goals of rows [A] at `hips` [A, 2] at their spots.
 
         An agent that can get to no spot near enough waits there: its goal is not `given`.
         """
         slots = self._slots
-        mine = np.flatnonzero(slots.avoids[rows])
-        if not len(mine):
-            return goals
-        slots.aims.barred[rows] *= goals.given & ~arrived
-        crowd = self._avoidance.crowd
-        mine = mine[crowd.in_company(rows[mine])]
-        placed = goals.take(np.arange(len(rows)))
-        some, columns = rows[mine], placed.take(mine)
-        aims = slots.aims.take(some)
-        concerned = columns.given & ~columns.through & ~arrived[mine]
-        far = take_spots(
-            crowd, crowd.places[some], columns, aims, concerned, lambda k: self._walls(int(some[k]))
-        )
-        slots.aims.put(some, aims)
-        off = np.linalg.norm(aims.spot - hips[mine], axis=-1)
-        for row in np.flatnonzero(far & (off < WAITS)).tolist():
-            self._wait(int(some[row]), crowd.session(int(some[row])))
-            columns.given[row] = False
-        columns.radius[far] = -1.0
-        placed.put(mine, columns)
-        return placed
+        if slots.avoids[rows].any():
+            waits = take_spots(
+                self._avoidance.crowd, slots, rows, hips, arrived, goals, self._walls
+            )
+            for row in np.flatnonzero(waits).tolist():
+                self._wait(int(rows[row]), self._avoidance.crowd.session(int(rows[row])))
 
     def bar(
-        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
         """Lead rows `led` around people who stand in their ways, or let them wait before those.
 
@@ -115,6 +96,8 @@ class Company:
             return
         some, crowd = rows[which], self._avoidance.crowd
         barred = self._detours.update(some, hips[which], goals.position[led[which]], crowd)
+        if not (barred.is_barred.any() or (self._slots.memory.waited[some] > PATIENCE).any()):
+            return
         rests = self._slots.planned.gait.speed[some] < SLOW
         waits = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
         self._settle(some, hips[which], waits, goals.through[led[which]])
@@ -127,65 +110,66 @@ class Company:
             self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
 
     def take_turns(
-        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
         """Let rows `led` wait before narrow places that others come out of; see `bar`."""
-        slots = self._slots
-        in_scene = slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & ahead.given[led]
-        for which, everybody in self._sessions(rows, np.flatnonzero(in_scene)):
-            if len(everybody.slots) < 2:
-                continue
-            some = rows[which]
-            points = self._detours.ahead(some, hips[which], goals.position[led[which]], AHEAD)
-            clear = self._avoidance.clearance(some)
-            turn = turns(everybody.people, everybody.rows(some), points, clear)
-            way = turn.place - hips[which]
-            off = np.linalg.norm(way, axis=-1)
-            there = turn.waits & (off < BESIDE)
-            ahead.given[led[which[there]]] = False
-            slots.memory.waited[some[there]] += STEP_SECONDS
-            aside = np.flatnonzero(turn.waits & ~there)
-            ahead.position[led[which[aside]], :2] = turn.place[aside]
-            pass_through(ahead, led[which[aside]], way[aside])
+        slots, crowd = self._slots, self._avoidance.crowd
+        which = self._in_scenes(rows, ahead.given[led])
+        which = which[crowd.in_company(rows[which])]
+        if not len(which):
+            return
+        some = rows[which]
+        points = self._routes.ahead(some, hips[which], goals.position[led[which]], AHEAD)
+        clear = self._avoidance.clearance(some)
+        turn = turns(crowd.people, crowd.places[some], points, clear, crowd.own)
+        way = turn.place - hips[which]
+        off = np.linalg.norm(way, axis=-1)
+        there = turn.waits & (off < BESIDE)
+        ahead.given[led[which[there]]] = False
+        slots.memory.waited[some[there]] += STEP_SECONDS
+        aside = np.flatnonzero(turn.waits & ~there)
+        ahead.position[led[which[aside]], :2] = turn.place[aside]
+        pass_through(ahead, led[which[aside]], way[aside])
 
     def keep_lanes(
-        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
-    ) -> Array:
+        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
+    ) -> Float:
         """Let rows `led` keep to the right in narrow ways, and turn their shoulders there.
 
         Returns half the width of their ways [A]; inf where nothing is known. See `bar`.
         """
-        slots = self._slots
+        slots, crowd = self._slots, self._avoidance.crowd
         half = np.full(len(rows), np.inf, np.float32)
-        in_scene = slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & ahead.given[led]
-        for which, everybody in self._sessions(rows, np.flatnonzero(in_scene)):
-            some = rows[which]
-            points = self._detours.ahead(some, hips[which], goals.position[led[which]], BEFORE)
-            clear = self._avoidance.clearance(some)
-            lane = lanes(everybody.people, everybody.rows(some), points, clear)
-            half[which] = lane.half
-            keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
-            ahead.position[led[which[keeps]], :2] = lane.place[keeps]
-            facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
-            # an agent with turned shoulders turns them back before it walks on: a body goes where
-            # it faces, and that is the wall
-            turned = slots.planned.gait.mode[some] == Mode.STRAFING
-            turned &= angle_between(facing, lane.way) > TURNED
-            sideways = (turned | (lane.turn > TURNED)) & ~ahead.strafe[led[which]]
-            mine, turn = led[which[sideways]], lane.turn[sideways, None]
-            way = lane.way[sideways]
-            right = np.stack([way[:, 1], -way[:, 0]], -1)
-            ahead.strafe[mine] = True
-            ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
-            ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
+        which = self._in_scenes(rows, ahead.given[led])
+        if not len(which):
+            return half
+        some = rows[which]
+        points = self._routes.ahead(some, hips[which], goals.position[led[which]], BEFORE)
+        clear = self._avoidance.clearance(some)
+        lane = lanes(crowd.people, crowd.places[some], points, clear, crowd.own)
+        half[which] = lane.half
+        keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
+        ahead.position[led[which[keeps]], :2] = lane.place[keeps]
+        facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
+        # an agent with turned shoulders turns them back before it walks on: a body goes where
+        # it faces, and that is the wall
+        turned = slots.planned.gait.mode[some] == Mode.STRAFING
+        turned &= angle_between(facing, lane.way) > TURNED
+        sideways = (turned | (lane.turn > TURNED)) & ~ahead.strafe[led[which]]
+        mine, turn = led[which[sideways]], lane.turn[sideways, None]
+        way = lane.way[sideways]
+        right = np.stack([way[:, 1], -way[:, 0]], -1)
+        ahead.strafe[mine] = True
+        ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
+        ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
         return half
 
     def lead_on_floor(
-        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
         """Write into rows `led` of `ahead`, on the flat floor, where ways around others lead."""
         route = self._slots.route
-        around = np.flatnonzero(self._detours.is_led(rows))
+        around = np.flatnonzero(self._routes.is_led(rows))
         if not len(around):
             return
         some = rows[around]
@@ -196,7 +180,7 @@ class Company:
         if not len(around):
             return
         self._routes.follow(some, hips[around])
-        target = self._detours.ahead(
+        target = self._routes.ahead(
             some, hips[around], goals.position[led[around]], np.array([REACH])
         )
         on = np.flatnonzero(route.length[some] - route.progress[some] > REACH)
@@ -205,7 +189,12 @@ class Company:
 
     # Within
 
-    def _settle(self, rows: Index, hips: Array, barred: Flags, through: Flags) -> None:
+    def _in_scenes(self, rows: Index, given: Flags) -> Index:
+        """Which of some rows walk in scenes among others."""
+        slots = self._slots
+        return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
+
+    def _settle(self, rows: Index, hips: Float, barred: Flags, through: Flags) -> None:
         """Rows [A] that get no nearer to their goals, and are near, stop where they are."""
         aims, waited = self._slots.aims, self._slots.memory.waited[rows]
         off = np.linalg.norm(aims.asked[rows] - hips, axis=-1)

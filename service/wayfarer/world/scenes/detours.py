@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.around import stand_before, way_around
@@ -90,28 +89,6 @@ class Detours:
                 barred.is_barred[row] = False
         return barred
 
-    def ahead(self, rows: Index, hips: Array, goals: Array, metres: Array) -> Array:
-        """Points [A, S, 2] at `metres` [S] ahead on the ways of rows to `goals` [A, 3]."""
-        way = goals[:, :2] - hips
-        length = np.linalg.norm(way, axis=-1)
-        along = np.minimum(metres, length[:, None]) / np.maximum(length, 1e-6)[:, None]
-        points: Array = hips[:, None] + along[..., None] * way[:, None]
-        led = np.flatnonzero(self.is_led(rows))
-        if len(led):
-            route = self._slots.route
-            here, ends = route.progress[rows[led]], route.length[rows[led]]
-            at = np.minimum(here[:, None] + metres, ends[:, None])
-            points[led] = self._routes.at(rows[led], at)[..., :2]
-        return points
-
-    def is_led(self, rows: Index) -> Flags:
-        """Rows that have a route to their present goal."""
-        route = self._slots.route
-        known = route.revision[rows] == self._slots.goal_revision[rows]
-        known &= route.waypoint[rows] == self._slots.planned.gait.waypoint[rows]
-        led: Flags = known & (route.passage[rows] == Passage.OPEN)
-        return led
-
     # Within
 
     def _barred(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
@@ -119,9 +96,9 @@ class Detours:
         near = np.full(len(rows), np.inf)
         by = np.zeros((len(rows), int((last - first).max())), np.bool_)
         if crowd.stand.any():
-            points, people = self.ahead(rows, hips, goals, AHEAD), crowd.people
+            points, people = self._routes.ahead(rows, hips, goals, AHEAD), crowd.people
             own, standing = (first[me], last[me]), (people.position, people.height, crowd.stand)
-            stand_before(me, np.float64(hips), np.float64(points), own, standing, IN_WAY, near, by)
+            stand_before(me, np.float64(hips), points, own, standing, IN_WAY, near, by)
         return Barred(np.isfinite(near), near, by)
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
@@ -129,7 +106,7 @@ class Detours:
         people, me = everybody.people, int(everybody.rows(np.array([slot]))[0])
         row, level = np.array([slot]), np.abs(people.height - people.height[me]) < 1.0
         level[me] = False
-        [back] = self.ahead(row, place[None], goal[None], np.array([AROUND]))[0]
+        [back] = self._routes.ahead(row, place[None], goal[None], np.array([AROUND]))[0]
         low = np.minimum(place, back) - ASIDE
         columns, rows = np.ceil((np.maximum(place, back) + ASIDE - low) / CELL).astype(int)
         x, y = low[0] + CELL * np.arange(columns), low[1] + CELL * np.arange(rows)
@@ -169,7 +146,7 @@ class Detours:
         whole = np.column_stack([points, np.full(len(points), floor)])
         if number != NOWHERE:
             whole[:, 2] = self._scenery.scene(number).floor(whole)
-        led = self.is_led(np.array([slot]))[0]
+        led = self._routes.is_led(np.array([slot]))[0]
         rest = self._routes.rest(slot, AROUND) if led else goal[None]
         if np.linalg.norm(rest[-1, :2] - points[-1]) > CELL:
             whole = np.concatenate([whole, rest])
@@ -180,4 +157,6 @@ class Detours:
         """Metres of the ways of rows that lie ahead [A]."""
         route = self._slots.route
         straight = np.linalg.norm(goals[:, :2] - hips, axis=-1)
-        return np.where(self.is_led(rows), route.length[rows] - route.progress[rows], straight)
+        return np.where(
+            self._routes.is_led(rows), route.length[rows] - route.progress[rows], straight
+        )

@@ -99,11 +99,13 @@ class SceneGuide:
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
         self.avoidance.look(rows)
-        hips = seed.translation[:, -1, :2]
-        goals = self.company.place(rows, hips, gait.arrived, goals)
+        hips = np.ascontiguousarray(seed.translation[:, -1, :2])
+        self.company.place(rows, hips, gait.arrived, goals)
         in_scene = self._slots.scene[rows] != NOWHERE
         if not in_scene.any():
             return self._on_floor(rows, hips, gait, goals)
+        if in_scene.all():
+            return self._led(rows, hips, gait, goals)
         ahead = goals.take(np.arange(len(rows)))
         radius = goals.radius.copy()
         for which, lead in ((in_scene, self._led), (~in_scene, self._on_floor)):
@@ -125,7 +127,7 @@ class SceneGuide:
             hips = seed.translation[:, -1, :2]
             velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
             floors = self._slots.footing.hips[rows]
-        for number in np.unique(scenes[scenes != NOWHERE]).tolist():
+        for number in set(scenes[scenes != NOWHERE].tolist()):
             mine = np.flatnonzero(scenes == number)
             scene = self._scenery.scene(number)
             found[mine, :half] = nearest_walls(
@@ -156,10 +158,7 @@ class SceneGuide:
         self.company.bar(rows, hips, led, goals, ahead)
         self.company.take_turns(rows, hips, led, goals, ahead)
         half = self.company.keep_lanes(rows, hips, led, goals, ahead)
-        left = np.linalg.norm(goals.position[led, :2] - hips, axis=-1)
-        left = np.where(goals.through[led], np.inf, left)
-        goes = np.flatnonzero(ahead.given[led])
-        self.avoidance.bend(rows[goes], hips[goes], led[goes], ahead, left[goes], half[goes])
+        self.avoidance.bend(rows, hips, led, goals, ahead, half)
 
     def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
         """The same for rows that are all in scenes."""
@@ -208,7 +207,7 @@ class SceneGuide:
     def _slow_on_stairs(self, rows: Index, led: Index, ahead: GoalColumns) -> None:
         """Write into rows `led` of `ahead` how stairs and slopes on their ways are taken."""
         route, numbers = self._slots.route, self._slots.scene[rows]
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             scene = self._scenery.scene(number)
             if is_level(scene):
                 continue
@@ -236,7 +235,7 @@ class SceneGuide:
         lines[..., 2] = targets[:, :, None, 2]
         numbers, good = self._slots.scene[rows], np.empty(targets.shape[:2], np.bool_)
         room = np.empty(len(rows))
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             mine = np.flatnonzero(numbers == number)
             scene = self._scenery.scene(number)
             near = scene.distance(lines[mine])
@@ -253,7 +252,7 @@ class SceneGuide:
         """Metres [A, 2] to head aside, away from walls that are too near."""
         slots, found = self._slots, np.zeros(hips.shape)
         numbers, floors = slots.scene[rows], slots.footing.hips[rows]
-        for number in np.unique(numbers).tolist():
+        for number in set(numbers.tolist()):
             mine = np.flatnonzero(numbers == number)
             scene = self._scenery.scene(number)
             distance, away = scene.clearance(np.column_stack([hips[mine], floors[mine]]))

@@ -6,13 +6,16 @@ shoulder forward, and so its back to the other: a body drifts to where it faces,
 """
 
 from collections.abc import Callable
+from functools import cache
+from math import sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.compiled import compiled, warm
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Double, Flags, Float, Index
 
 Array = NDArray[np.floating[Any]]
 
@@ -67,39 +70,56 @@ class Lane(NamedTuple):
     way: Array  # [A, 2] unit vector
 
 
+class Everybody(NamedTuple):
+    """Columns of `People` [N], and where the session of each begins and ends."""
+
+    first: Index
+    last: Index
+    position: Float
+    height: Float
+    velocity: Float
+    walks: Flags
+    preferred: Float
+
+
 def lanes(
     people: People,
     rows: Index,
     points: Array,
     distance: Callable[[Array], Array],
+    own: tuple[Index, Index] | None = None,
 ) -> Lane:
     """Lanes of the people at `rows`.
 
     `points` [A, S, 2]: their ways in the next metres; the last one is headed for. `distance`:
-    metres to the nearest wall at points [A, P, 2] of these rows, [A, P].
+    metres to the nearest wall at points [A, P, 2] of these rows, [A, P]. `own` [N]: where the
+    session of each begins and ends in `people`; None: all are of one.
     """
-    place = people.position[rows]
+    place, count = people.position[rows], len(people.number)
     way = points[:, -1] - points[:, 0]
     way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
     right = np.stack([way[:, 1], -way[:, 0]], -1)
     low, high = _walls(points, right, distance)
     halves = (high - low) / 2
     half = halves.max(1)
-    apart = people.position - place[:, None]
-    ahead, aside = (apart * way[:, None]).sum(-1), (apart * right[:, None]).sum(-1)
-    wish = people.memory.preferred
-    speed = np.maximum(np.linalg.norm(wish, axis=-1), 1e-6)
-    comes = people.walks & ((way @ wish.T) / speed < -AGAINST)
-    comes &= (ahead > PAST) & (ahead < SEES) & (np.abs(aside) < 2 * LANES)
-    comes &= np.abs(people.height - people.height[rows, None]) < 1.0
-    keeps = (half < LANES) & comes.any(1)
+    first, last = own or (np.zeros(count, np.int64), np.full(count, count))
+    everybody = Everybody(
+        first,
+        last,
+        people.position,
+        people.height,
+        people.velocity,
+        people.walks,
+        people.memory.preferred,
+    )
+    comes, passes = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.bool_)
+    meet(everybody, rows, np.float64(way), comes, passes)
+    keeps = (half < LANES) & comes
     middle = (high[:, -1] + low[:, -1]) / 2
     wanted = middle + LANE * (high - low)[:, -1] / 2
     soon = place + REACTION * people.velocity[rows]
     off = wanted - ((soon - points[:, -1]) * right).sum(-1)
-    closing = ((people.velocity[rows, None] - people.velocity) * way[:, None]).sum(-1)
-    passes = comes & (ahead < np.maximum(closing, 0.5) * TURN_SECONDS)
-    turn = np.where(passes.any(1), np.interp(half, TURNS, (TURN, 0.0)), 0.0)
+    turn = np.where(passes, np.interp(half, TURNS, (TURN, 0.0)), 0.0)
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right
@@ -116,3 +136,34 @@ def _walls(points: Array, right: Array, distance: Callable[[Array], Array]) -> t
     high = np.where(after, ACROSS[middle:] + room[..., middle:], 0).max(-1)
     low = np.where(before, ACROSS[middle::-1] - room[..., middle::-1], 0).min(-1)
     return low, high
+
+
+@compiled
+def meet(them: Everybody, rows: Index, way: Double, comes: Flags, passes: Flags) -> None:
+    """Before whom of `rows` [A] on ways [A, 2] others come the other way, and pass soon."""
+    for row in range(len(rows)):
+        me, x, y = rows[row], way[row, 0], way[row, 1]
+        for other in range(them.first[me], them.last[me]):
+            wish_x, wish_y = them.preferred[other, 0], them.preferred[other, 1]
+            speed = max(np.float32(sqrt(wish_x * wish_x + wish_y * wish_y)), np.float32(1e-6))
+            if not them.walks[other] or (x * wish_x + y * wish_y) / speed >= -AGAINST:
+                continue
+            to_x = them.position[other, 0] - them.position[me, 0]
+            to_y = them.position[other, 1] - them.position[me, 1]
+            ahead, aside = to_x * x + to_y * y, to_x * y - to_y * x
+            if not (PAST < ahead < SEES and abs(aside) < 2 * LANES):
+                continue
+            if abs(them.height[other] - them.height[me]) < 1.0:
+                comes[row] = True
+                closing_x = them.velocity[me, 0] - them.velocity[other, 0]
+                closing_y = them.velocity[me, 1] - them.velocity[other, 1]
+                closing = max(closing_x * x + closing_y * y, 0.5)
+                passes[row] = passes[row] or ahead < closing * TURN_SECONDS
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
+    everybody = Everybody(row, row, place, place[0, :1], place, flag, place)
+    warm(meet, everybody, row, np.float64(place), flag, flag)

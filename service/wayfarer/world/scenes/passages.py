@@ -52,11 +52,13 @@ def turns(
     rows: Index,
     points: Array,
     distance: Callable[[Array], Array],
+    own: tuple[Index, Index] | None = None,
 ) -> Turns:
     """Who of the people at `rows` waits before a narrow place.
 
     `points` [A, S, 2]: their ways ahead, the nearest first. `distance`: metres to the nearest wall
-    at points [A, P, 2] of these rows, [A, P].
+    at points [A, P, 2] of these rows, [A, P]. `own` [N]: where everybody's session begins and ends
+    in `people`; None: all are of one.
     """
     place = people.position[rows]
     room = distance(np.concatenate([place[:, None], points], 1))
@@ -64,22 +66,24 @@ def turns(
     waits = np.zeros(len(rows), np.bool_)
     spots = np.zeros((len(rows), 2))
     before = np.flatnonzero(narrow.any(1) & (room[:, 0] >= OPEN))
-    ways = people.aims.spot - people.position
-    ways = ways / np.maximum(np.sqrt((ways * ways).sum(-1)), 1e-6)[:, None]
-    goes = people.walks & people.aims.wants
+    every_way = people.aims.spot - people.position
+    every_way = every_way / np.maximum(np.sqrt((every_way * every_way).sum(-1)), 1e-6)[:, None]
+    every_goes = people.walks & people.aims.wants
     for row in before.tolist():
-        me = int(rows[row])
-        first = int(narrow[row].argmax())
+        first, me = 0 if own is None else int(own[0][rows[row]]), int(rows[row])
+        session = slice(first, None if own is None else int(own[1][me]))
+        ways, goes, position = every_way[session], every_goes[session], people.position[session]
+        height, number, me = people.height[session], people.number[session], me - first
         stretch = points[row][narrow[row]]
-        mouth = points[row, first]
+        mouth = points[row, int(narrow[row].argmax())]
         ahead = mouth - place[row]
         mine = float(np.sqrt((ahead * ahead).sum()))
         way = stretch[-1] - stretch[0]
         long = float(np.sqrt((way * way).sum()))
         way = way / long if long > 0.1 else ahead / max(mine, 1e-6)
-        gaps = people.position[:, None] - stretch
+        gaps = position[:, None] - stretch
         gap = np.sqrt((gaps * gaps).sum(-1).min(1))
-        others = goes & (np.abs(people.height - people.height[me]) < 1.0)
+        others = goes & (np.abs(height - height[me]) < 1.0)
         others[me] = False
         along = ways @ way
         oncoming, same = others & (along < -AGAINST), others & (along > AGAINST)
@@ -87,10 +91,10 @@ def turns(
         if (oncoming & inside).any():
             waits[row] = True
         elif not (same & inside).any():
-            nearer = (gap < gap[me]) | (gap == gap[me]) & (people.number < people.number[me])
-            beyond = (people.position - mouth) @ way > 0  # who has come out does not enter
+            nearer = (gap < gap[me]) | (gap == gap[me]) & (number < number[me])
+            beyond = (position - mouth) @ way > 0  # who has come out does not enter
             first_of_mine = not (same & nearer & ~beyond).any()
-            if not (first_of_mine and people.memory.waited[me] > HESITATES):
+            if not (first_of_mine and people.memory.waited[rows[row]] > HESITATES):
                 waits[row] = bool((oncoming & beyond & nearer & (gap < CONTEST)).any())
         right = np.array([way[1], -way[0]])
         spots[row] = mouth - MOUTH * way + ASIDE * right

@@ -1,14 +1,17 @@
 """Ways of agents through their scenes, as columns: how far each one is, and what lies ahead."""
 
 from collections.abc import Sequence
-from typing import Any, Final
+from functools import cache
+from math import sqrt
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8
 
 Array = NDArray[np.floating[Any]]
 
@@ -17,6 +20,24 @@ BACK: Final = 0.5
 
 WINDOW: Final = 2.0
 """Metres: and is looked for so far ahead. So it does not jump to a stretch that passes close by."""
+
+
+OPEN = int(Passage.OPEN)
+
+
+class Ways(NamedTuple):
+    """The ways of all slots, and what they were made for; see `Route`."""
+
+    points: Double  # [S, P, 3]
+    along: Double  # [S, P] metres from the start
+    corners: Int
+    passage: Int8
+    revision: Int
+    goal_revision: Int
+    waypoint: Int
+    goal: Int  # the waypoint that the slot is on the way to
+    progress: Float
+    length: Float
 
 
 class Routes:
@@ -43,25 +64,11 @@ class Routes:
         route.progress[slot] = 0.0
         route.doubt[slot] = False
 
-    def follow(self, rows: Index, places: Array) -> Array:
+    def follow(self, rows: Index, places: Float) -> Array:
         """Go on to the points of the ways nearest to places [A, 2]; metres they are off [A]."""
-        self._reserve()
-        route, points, along = self._slots.route, self._points[rows, :, :2], self._along[rows]
-        since = route.progress[rows].astype(np.float64)[:, None]
-        low = np.maximum(along[:, :-1], since - BACK)
-        high = np.minimum(along[:, 1:], since + WINDOW)
-        steps = points[:, 1:] - points[:, :-1]
-        lengths = along[:, 1:] - along[:, :-1]
-        ways = steps / np.maximum(lengths, 1e-9)[..., None]
-        offset = places[:, None] - points[:, :-1]
-        share = np.minimum(np.maximum((offset * ways).sum(-1), low - along[:, :-1]), high)
-        share = np.minimum(share, high - along[:, :-1])
-        apart = offset - share[..., None] * ways
-        gaps = np.where(low <= high, (apart * apart).sum(-1), np.inf)
-        best = gaps.argmin(1)
-        pick = np.arange(len(rows)), best
-        route.progress[rows] = along[pick] + share[pick]
-        return np.sqrt(gaps[pick])
+        off = np.empty(len(rows))
+        follow_ways(self.ways, rows, places, off)
+        return off
 
     def ends(self, rows: Index) -> Array:
         """The last points [A, 3] of the ways."""
@@ -69,16 +76,31 @@ class Routes:
 
     def at(self, rows: Index, metres: Array) -> Array:
         """Points [A, S, 3] of the ways at `metres` [A, S] from their starts."""
+        found = np.empty((*metres.shape, 3))
+        points_at(self.ways, rows, metres, found)
+        return found
+
+    def ahead(self, rows: Index, hips: Float, goals: Float, metres: Array) -> Array:
+        """Points [A, S, 2] at `metres` [S] ahead on the ways of rows to `goals` [A, 3]: straight on
+        from `hips` [A, 2] where there is no route.
+        """
+        found = np.empty((len(rows), len(metres), 2))
+        points_ahead(self.ways, rows, hips, goals, metres, found)
+        return found
+
+    @property
+    def ways(self) -> Ways:
+        """All ways as they are now."""
         self._reserve()
-        along = self._along[rows]
-        last = np.maximum(self._slots.route.points[rows] - 2, 0)[:, None]
-        which = np.minimum((along[:, None, 1:] <= metres[..., None]).sum(-1), last)
-        row = rows[:, None]
-        start, end = self._points[row, which], self._points[row, which + 1]
-        before = self._along[row, which]
-        length = np.maximum(self._along[row, which + 1] - before, 1e-9)
-        share = np.minimum(np.maximum((metres - before) / length, 0), 1)
-        found: Array = start + share[..., None] * (end - start)
+        slots, route = self._slots, self._slots.route
+        gait = slots.planned.gait.waypoint
+        known = route.passage, route.revision, slots.goal_revision, route.waypoint, gait
+        return Ways(self._points, self._along, route.points, *known, route.progress, route.length)
+
+    def is_led(self, rows: Index) -> Flags:
+        """Rows that have a route to their present goal."""
+        ways, found = self.ways, np.empty(len(rows), np.bool_)
+        find_led(ways, rows, found)
         return found
 
     def rest(self, slot: int, beyond: float = 0.0) -> Array:
@@ -104,3 +126,101 @@ class Routes:
         more = slots - len(self._along)
         self._points = np.pad(self._points, ((0, more), (0, 0), (0, 0)))
         self._along = np.pad(self._along, ((0, more), (0, 0)))
+
+
+@inner
+def _is_led(ways: Ways, slot: int) -> bool:
+    known = ways.revision[slot] == ways.goal_revision[slot]
+    known = known and ways.waypoint[slot] == ways.goal[slot]
+    return known and ways.passage[slot] == OPEN
+
+
+@inner
+def _point(ways: Ways, slot: int, metres: float) -> tuple[float, float, float]:
+    k, last = 0, max(ways.corners[slot] - 2, 0)
+    while k < last and ways.along[slot, k + 1] <= metres:
+        k += 1
+    before = ways.along[slot, k]
+    share = min(max((metres - before) / max(ways.along[slot, k + 1] - before, 1e-9), 0.0), 1.0)
+    x, y, z = ways.points[slot, k, 0], ways.points[slot, k, 1], ways.points[slot, k, 2]
+    return (
+        x + share * (ways.points[slot, k + 1, 0] - x),
+        y + share * (ways.points[slot, k + 1, 1] - y),
+        z + share * (ways.points[slot, k + 1, 2] - z),
+    )
+
+
+@compiled
+def find_led(ways: Ways, rows: Index, found: Flags) -> None:
+    """See `Routes.is_led`."""
+    for row in range(len(rows)):
+        found[row] = _is_led(ways, rows[row])
+
+
+@compiled
+def points_at(ways: Ways, rows: Index, metres: Double, found: Double) -> None:
+    """See `Routes.at`."""
+    for row in range(len(rows)):
+        for k in range(metres.shape[1]):
+            x, y, z = _point(ways, rows[row], metres[row, k])
+            found[row, k, 0], found[row, k, 1], found[row, k, 2] = x, y, z
+
+
+@compiled
+def points_ahead(
+    ways: Ways, rows: Index, hips: Float, goals: Float, metres: Double, found: Double
+) -> None:
+    """See `Routes.ahead`."""
+    for row in range(len(rows)):
+        slot, led = rows[row], _is_led(ways, rows[row])
+        way_x, way_y = goals[row, 0] - hips[row, 0], goals[row, 1] - hips[row, 1]
+        length = np.float32(sqrt(way_x * way_x + way_y * way_y))
+        for k in range(len(metres)):
+            if led:
+                at = min(ways.progress[slot] + metres[k], float(ways.length[slot]))
+                found[row, k, 0], found[row, k, 1], _ = _point(ways, slot, at)
+            else:
+                on = min(metres[k], float(length)) / max(length, np.float32(1e-6))
+                found[row, k, 0] = hips[row, 0] + on * way_x
+                found[row, k, 1] = hips[row, 1] + on * way_y
+
+
+@compiled
+def follow_ways(ways: Ways, rows: Index, places: Float, off: Double) -> None:
+    """See `Routes.follow`."""
+    for row in range(len(rows)):
+        slot, least, here = rows[row], np.inf, 0.0
+        since = float(ways.progress[slot])
+        for k in range(
+            min(max(ways.corners[slot], 1), ways.along.shape[1] - 1)
+        ):  # the end is one, too
+            start, end = ways.along[slot, k], ways.along[slot, k + 1]
+            low, high = max(start, since - BACK), min(end, since + WINDOW)
+            x, y = ways.points[slot, k, 0], ways.points[slot, k, 1]
+            size = max(end - start, 1e-9)
+            way_x = (ways.points[slot, k + 1, 0] - x) / size
+            way_y = (ways.points[slot, k + 1, 1] - y) / size
+            x, y = places[row, 0] - x, places[row, 1] - y
+            share = min(max(x * way_x + y * way_y, low - start), high - start)
+            if k == 0:
+                here = start + share
+            x, y = x - share * way_x, y - share * way_y
+            if low <= high and x * x + y * y < least:
+                least, here = x * x + y * y, start + share
+        ways.progress[slot] = here
+        off[row] = sqrt(least)
+
+
+@cache
+def prepare() -> None:
+    """Compile the rules, or load them, before anybody walks."""
+    routes, row = Routes(Slots.empty(1)), np.zeros(1, np.int64)
+    place, goal, found = (
+        np.zeros((1, 2), np.float32),
+        np.zeros((1, 3), np.float32),
+        np.zeros((1, 1, 3)),
+    )
+    warm(find_led, routes.ways, row, np.zeros(1, np.bool_))
+    warm(points_at, routes.ways, row, found[0, :, :1], found)
+    warm(points_ahead, routes.ways, row, place, goal, np.zeros(1), found)
+    warm(follow_ways, routes.ways, row, place, np.zeros(1))

@@ -12,11 +12,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.avoidance.people import Aims
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import apart
-from wayfarer.world.rows import Double, Flags, Float, Index, Int
+from wayfarer.world.rows import Double, Flags, Float, Index, Int, columns
 from wayfarer.world.scenes.people import Gathering
 
 Array = NDArray[np.floating[Any]]
@@ -41,6 +42,9 @@ RADIUS: Final = 0.2
 
 FARTHEST: Final = 2.0
 """Metres from its goal at which an agent that cannot get nearer still counts as arrived."""
+
+WAITS: Final = 0.4
+"""Metres from its spot within which an agent that is too far from its goal waits."""
 
 KEEPS: Final = 0.1
 """Metres by which another one must be nearer to a spot to take it from whoever goes there."""
@@ -95,46 +99,63 @@ class Everyone(NamedTuple):
     spot: Float
 
 
+class Walkers(NamedTuple):
+    """Columns of all slots, and those of the rows [A] that are about to be stepped."""
+
+    avoids: Flags
+    places: Index  # among everybody
+    asked: Float
+    spot: Float
+    barred: Float
+    hips: Float  # [A, 2]
+    arrived: Flags
+    given: Flags
+    position: Float  # [A, 3]
+    radius: Float
+    through: Flags
+
+
 def take_spots(
     crowd: Gathering,
-    people: Index,
+    slots: Slots,
+    rows: Index,
+    hips: Float,
+    arrived: Flags,
     goals: GoalColumns,
-    aims: Aims,
-    concerned: Flags,
     walls: Callable[[int], tuple[Clear, float]],
 ) -> Flags:
-    """Choose where the agents stop that are the rows `people` [A] of a crowd.
+    """Choose where those of `rows` [A] stop that avoid others, and put their `goals` there.
 
-    `goals` and `aims` are theirs: spots are chosen for those `concerned` [A], which walk to a
-    goal, and written into both; those at their spots keep them. `walls`: of the scene of one of
-    them, and the metres that it keeps from them there.
-    Returns rows whose spot is farther from the goal than counts as arrived.
+    Spots are chosen for agents that walk to a goal; those at their spots keep them. `walls`: of the
+    scene of a slot, and the metres that it keeps from them there.
+    Returns who waits: at a spot that is farther from the goal than counts as arrived.
     """
-    kept = (aims.asked == goals.position[:, :2]).all(-1)
-    aims.asked[:] = goals.position[:, :2]
-    aims.spot[~kept] = aims.asked[~kept]
-    others, count = _everyone(crowd), len(crowd.stand)
-    claims = Claims(np.empty((count, 2), np.float32), np.empty(count))
-    row, known = next_taken(others, people, concerned, aims.asked, aims.spot, 0, claims)
-    while row < len(people):
-        place, goal, spot = others.position[people[row]], aims.asked[row], aims.spot[row]
-        clear, room = walls(row)
+    others, aims, count = _everyone(crowd), slots.aims, len(crowd.stand)
+    claims, waits = (
+        Claims(np.empty((count, 2), np.float32), np.empty(count)),
+        np.zeros(len(rows), bool),
+    )
+    of_slots = slots.avoids, crowd.places, aims.asked, aims.spot, aims.barred
+    walkers = Walkers(*of_slots, hips, arrived, *columns(GoalArrays, goals)[:3], goals.through)
+    row, known = next_taken(others, walkers, rows, 0, False, claims, waits)
+    while row < len(rows):
+        slot = int(rows[row])
+        place, goal, spot = others.position[crowd.places[slot]], aims.asked[slot], aims.spot[slot]
+        clear, room = walls(slot)
         some = claims.places[:known], claims.apart[:known]
-        aims.spot[row] = _free_spot(place, goal, *some, clear, room, spot)
-        row, known = next_taken(others, people, concerned, aims.asked, aims.spot, row + 1, claims)
-    moved = (aims.spot != aims.asked).any(-1) & goals.given & ~goals.through
-    goals.position[moved, :2] = aims.spot[moved]
-    goals.radius[moved] = np.minimum(goals.radius[moved], RADIUS)
-    far: Flags = moved & (np.linalg.norm(aims.spot - aims.asked, axis=-1) > FARTHEST)
-    return far
+        aims.spot[slot] = _free_spot(place, goal, *some, clear, room, spot)
+        row, known = next_taken(others, walkers, rows, row, True, claims, waits)
+    return waits
 
 
 @cache
 def prepare() -> None:
     """Compile what is compiled of it, or load it, before anybody walks."""
-    one, flags, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.zeros((1, 2), np.float32)
-    others = Everyone(one, one, one, place, place[0, :1], flags, flags, flags, place, place)
-    warm(next_taken, others, one, flags, place, place, 0, Claims(place, np.zeros(1)))
+    one, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.zeros((1, 2), np.float32)
+    others = Everyone(one, one, one, place, place[0, :1], flag, flag, flag, place, place)
+    one_each = flag, one, place, place, place[0, :1], place, flag
+    walkers = Walkers(*one_each, flag, np.zeros((1, 3), np.float32), place[0, :1], flag)
+    warm(next_taken, others, walkers, one, 0, False, Claims(place, np.zeros(1)), flag)
 
 
 def _everyone(crowd: Gathering) -> Everyone:
@@ -155,49 +176,77 @@ def _everyone(crowd: Gathering) -> Everyone:
 @compiled
 def next_taken(
     them: Everyone,
-    people: Index,
-    concerned: Flags,
-    asked: Float,
-    spot: Float,
+    those: Walkers,
+    rows: Index,
     begin: int,
+    found: bool,
     claims: Claims,
+    waits: Flags,
 ) -> tuple[int, int]:
     """The first of rows `begin` to A whose spot is taken, or A; and how many claims it has met,
-    which are then in `claims`. Who is far from its goal gets that as its spot.
+    which are then in `claims`. The goals of those before are put at their spots. Who is far from
+    its goal gets that as its spot. `found`: another spot has been found for row `begin`.
     """
-    for row in range(begin, len(people)):
-        me, taken, free, count = people[row], False, True, 0
-        if not concerned[row]:
+    for row in range(begin, len(rows)):
+        slot = rows[row]
+        me, goes = those.places[slot], those.given[row] and not those.arrived[row]
+        if not those.avoids[slot]:
             continue
-        if apart(them.position, me, asked, row) > NEAR:
-            spot[row] = asked[row]
+        if not (found and row == begin):
+            if not goes:
+                those.barred[slot] = 0.0
+            if them.last[me] - them.first[me] < 2:
+                continue
+            x, y = those.position[row, 0], those.position[row, 1]
+            if those.asked[slot, 0] != x or those.asked[slot, 1] != y:
+                those.asked[slot, 0], those.asked[slot, 1] = x, y
+                those.spot[slot, 0], those.spot[slot, 1] = x, y
+            if goes and not those.through[row]:
+                count = _claimed(them, those, me, slot, claims)
+                if count >= 0:
+                    return row, count
+        x, y = those.spot[slot, 0], those.spot[slot, 1]
+        moved = those.asked[slot, 0] != x or those.asked[slot, 1] != y
+        if moved and those.given[row] and not those.through[row]:
+            those.position[row, 0], those.position[row, 1] = x, y
+            those.radius[row] = min(those.radius[row], np.float32(RADIUS))
+            if apart(those.spot, slot, those.asked, slot) > FARTHEST:
+                waits[row] = apart(those.spot, slot, those.hips, row) < WAITS
+                those.given[row] = not waits[row]
+                those.radius[row] = -1.0
+    return len(rows), 0
+
+
+@inner
+def _claimed(them: Everyone, those: Walkers, me: int, slot: int, claims: Claims) -> int:
+    """How many claims the spot of a person meets, if it is taken; -1: it is not."""
+    taken, free, count, spot, asked = False, True, 0, those.spot, those.asked
+    mine = apart(them.position, me, spot, slot)
+    near = apart(them.position, me, asked, slot) <= NEAR
+    for other in range(them.first[me], them.last[me] if near else them.first[me]):
+        stands = them.stand[other]
+        if other == me or not (stands or (them.walks[other] and them.wants[other])):
             continue
-        mine = apart(them.position, me, spot, row)
-        for other in range(them.first[me], them.last[me]):
-            stands = them.stand[other]
-            if other == me or not (stands or (them.walks[other] and them.wants[other])):
-                continue
-            if abs(them.height[other] - them.height[me]) >= 1.0:
-                continue
-            claim = them.position if stands else them.spot
-            if apart(claim, other, asked, row) >= AROUND:
-                continue
-            share = apart(them.asked, other, asked, row) < SHARED
-            claims.places[count] = claim[other]
-            claims.apart[count] = APART if share else STRANGERS
-            theirs = apart(claim, other, them.position, other)
-            before = theirs < mine - KEEPS or (
-                theirs <= mine + KEEPS and them.number[other] < them.number[me]
-            )
-            free = free and apart(claim, other, asked, row) >= claims.apart[count]
-            gap = apart(claim, other, spot, row) - claims.apart[count]
-            taken = taken or ((stands or before) and gap < -SLACK)
-            count += 1
-        if free and mine > RADIUS:  # who stays where it is has settled
-            spot[row] = asked[row]
-        elif taken:
-            return row, count
-    return len(people), 0
+        if abs(them.height[other] - them.height[me]) >= 1.0:
+            continue
+        claim = them.position if stands else them.spot
+        if apart(claim, other, asked, slot) >= AROUND:
+            continue
+        share = apart(them.asked, other, asked, slot) < SHARED
+        claims.places[count, 0], claims.places[count, 1] = claim[other, 0], claim[other, 1]
+        claims.apart[count] = APART if share else STRANGERS
+        theirs = apart(claim, other, them.position, other)
+        before = theirs < mine - KEEPS or (
+            theirs <= mine + KEEPS and them.number[other] < them.number[me]
+        )
+        free = free and apart(claim, other, asked, slot) >= claims.apart[count]
+        gap = apart(claim, other, spot, slot) - claims.apart[count]
+        taken = taken or ((stands or before) and gap < -SLACK)
+        count += 1
+    if not near or (free and mine > RADIUS):  # who stays where it is has settled
+        spot[slot, 0], spot[slot, 1] = asked[slot, 0], asked[slot, 1]
+        return -1
+    return count if taken else -1
 
 
 def _free_spot(

@@ -58,6 +58,7 @@ class Admission:
         self._steps = Window(WINDOW)
         self._lock = Lock()  # of the windows and the count
         self._capacity, self._counted_at = self._limit, -inf
+        self._line, self._fitted_at = self._rest.line(-inf), -inf
         self.refused = 0  # agents so far
 
     def measured(self, rows: int, candidates: int, seconds: float) -> None:
@@ -68,7 +69,9 @@ class Admission:
         """A call for `stepped` of the agents took `seconds`."""
         with self._lock:
             self._steps.add(now, seconds)
-            thread = self._thread(agents, *self._rest.line(now))
+            if now - self._fitted_at >= REFRESH:
+                self._line, self._fitted_at = self._rest.line(now), now
+            thread = self._thread(agents, *self._line)
             usual = self._warm.call(call.rows, call.candidates)
             of_all = self._engine(self._warm.share(agents, call.candidates), thread) * STEP_SECONDS
             if isfinite(usual + of_all) and any(agents):

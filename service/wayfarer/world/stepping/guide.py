@@ -24,7 +24,7 @@ class Guide(Protocol):
     """Asked by the scheduler before every step, for the rows about to be stepped together."""
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
-        """Where the way of these rows leads for now. The arguments are not changed."""
+        """Where the way of these rows leads for now. Their goals are changed: they are judged."""
         ...
 
     def obstacles(self, rows: Index, seed: Seeds) -> Float:

@@ -11,6 +11,7 @@ The mirror is the plane x = 0 of the world.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -18,8 +19,10 @@ from numpy.typing import NDArray
 
 from wayfarer.body import landmarks, skeleton
 from wayfarer.body.model import BodyModel
+from wayfarer.compiled import compiled, warm
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import POSED_JOINTS
+from wayfarer.world.output.legs import packed
 from wayfarer.world.rows import Flags, Float
 
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)
@@ -41,12 +44,12 @@ def mirror_inputs(inputs: StepInputs, rows: Flags) -> StepInputs:
     """The inputs with `rows` [A] reflected; the others stay as they are."""
     return replace(
         inputs,
-        seed_markers=_put(inputs.seed_markers, rows, _of_markers),
-        seed_translation=_put(inputs.seed_translation, rows, _flipped),
-        seed_rotations=_put(inputs.seed_rotations, rows, _of_rotations),
-        goal=_put(inputs.goal, rows, _flipped),
-        facing=_put(inputs.facing, rows, _flipped),
-        obstacles=_put(inputs.obstacles, rows, _of_obstacles),
+        seed_markers=_reflected(inputs.seed_markers, rows, _MARKERS, _PLACE),
+        seed_translation=_reflected(inputs.seed_translation, rows, _ONE, _PLACE),
+        seed_rotations=_reflected(inputs.seed_rotations, rows, _JOINTS, _TURN),
+        goal=_reflected(inputs.goal, rows, _ONE, _PLACE),
+        facing=_reflected(inputs.facing, rows, _ONE, _PLACE[:2]),
+        obstacles=_reflected(inputs.obstacles, rows, _ONE, _OBSTACLE),
     )
 
 
@@ -54,10 +57,10 @@ def mirror_outputs(outputs: StepOutputs, rows: Flags) -> StepOutputs:
     """The outputs of reflected inputs, with `rows` [A] back on this side of the mirror."""
     return replace(
         outputs,
-        translation=_put(outputs.translation, rows, _flipped),
-        rotations=_put(outputs.rotations, rows, _of_rotations),
-        contacts=_put(outputs.contacts, rows, lambda feet: feet[..., ::-1]),
-        next_seed_markers=_put(outputs.next_seed_markers, rows, _of_markers),
+        translation=_reflected(outputs.translation, rows, _ONE, _PLACE),
+        rotations=_reflected(outputs.rotations, rows, _JOINTS, _TURN),
+        contacts=_reflected(outputs.contacts, rows, _FEET, -_PLACE[:1]),
+        next_seed_markers=_reflected(outputs.next_seed_markers, rows, _MARKERS, _PLACE),
     )
 
 
@@ -67,40 +70,42 @@ def _pairs(names: Sequence[str], other: Callable[[str], str]) -> NDArray[np.int6
 
 _MARKERS: Final = _pairs(landmarks.marker_names(), landmarks.mirrored)
 _JOINTS: Final = _pairs(skeleton.joint_names()[:POSED_JOINTS], skeleton.mirrored)
+_FEET, _ONE = np.array([1, 0]), np.array([0])
+"""The counterparts of things that stand side by side."""
+
+_PLACE: Final = np.array([-1, 1, 1], np.float32)
+_TURN: Final = np.array([1, -1, -1, 1], np.float32)
+_OBSTACLE: Final = np.array([-1, 1, -1, 1, -1, 1, 1], np.float32)
+"""Signs of the components of a point or direction; of a rotation, of which the part about x and the
+cosine stay; and of `StepInputs.obstacles`: ends and velocity."""
 
 
-def _of_markers(markers: Float) -> Float:
-    """[..., 67, 3]"""
-    return _flipped(markers.take(_MARKERS, -2))
-
-
-def _of_rotations(rotations: Float) -> Float:
-    """[..., 22, 4]: the part about x and the cosine stay, those about y and z change sign."""
-    return _negated(rotations.take(_JOINTS, -2), (1, 2))
-
-
-def _flipped(points: Float) -> Float:
-    """Points or directions [..., D] with their x negated."""
-    return _negated(points, (0,))
-
-
-def _of_obstacles(obstacles: Float) -> Float:
-    """[..., 7] as in `StepInputs.obstacles`: ends and velocity."""
-    return _negated(obstacles, (0, 2, 4))
-
-
-def _negated(values: Float, components: Sequence[int]) -> Float:
-    """The same array with some components negated, one after the other: each is an even stride."""
-    for component in components:
-        values[..., component] *= -1
-    return values
-
-
-def _put(values: Float, rows: Flags, change: Callable[[Float], Float]) -> Float:
-    """`values` with `rows` changed; `change` may write into what it gets."""
+def _reflected(values: Float, rows: Flags, other: NDArray[np.int64], signs: Float) -> Float:
+    """`values` [A, ..., P, D] with `rows` changed: each of the P becomes its counterpart."""
     if not rows.any():
         return values
-    which = np.flatnonzero(rows)
-    changed = values.copy()
-    changed[which] = change(values.take(which, 0))
-    return changed
+    found = np.empty(values.shape, np.float32)
+    shape = len(rows), -1, len(other), len(signs)
+    reflect(packed(values).reshape(shape), rows, other, signs, found.reshape(shape))
+    return found
+
+
+@compiled
+def reflect(
+    values: Float, rows: Flags, other: NDArray[np.int64], signs: Float, found: Float
+) -> None:
+    """See `_reflected`; values [A, M, P, D]."""
+    for row in range(len(rows)):
+        for group in range(values.shape[1]):
+            for k in range(len(other)):
+                at = other[k] if rows[row] else k
+                for part in range(len(signs)):
+                    value = values[row, group, at, part]
+                    found[row, group, k, part] = signs[part] * value if rows[row] else value
+
+
+@cache
+def prepare() -> None:
+    """Compile the rule, or load it, before anybody walks."""
+    values = np.zeros((1, 1, 1, 1), np.float32)
+    warm(reflect, values, np.ones(1, np.bool_), _ONE, _PLACE[:1], values)

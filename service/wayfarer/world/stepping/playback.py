@@ -6,17 +6,21 @@ chunk carries the motion at its end, so that a replan can go back to any chunk b
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Final
+from functools import cache
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 
+from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import Sight
 from wayfarer.world.agents.slots import Motion, Slots
-from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int16, Rows, Shape, UInt8
+from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8, Int16, Rows, Shape, UInt8
 
 ROUNDING: Final = 1e-3
 """Share of a primitive: what is due this shortly before a moment is due at that moment."""
+
+FOREVER: Final = int(np.iinfo(np.int64).max)
 
 REPLAN_FRAMES: Final = 5
 """A replanned chunk is planned this many frames ahead of its time: it may have to wait for two
@@ -51,6 +55,21 @@ class Sent:
         return Sent(self.slots[which], self.seq[which], self.frame[which], self.chunks.take(which))
 
 
+class Times(NamedTuple):
+    """When the chunks of all slots are planned and sent."""
+
+    active: Flags
+    frozen: Flags
+    engine_call: Int
+    start: Int
+    planned: Int
+    sent: Int
+    replanned: Flags
+    depth: int  # of a ring
+    ahead: int  # frames that a chunk is planned ahead of its time, …
+    replan: int  # … and one that replaces another
+
+
 class Playback:
     """The rings of all slots of a table."""
 
@@ -66,12 +85,8 @@ class Playback:
         """Slots whose next chunk is to be planned by world frame `frame`, those first for which it
         is to be shown first.
         """
-        slots = self._slots
-        rows = np.flatnonzero(
-            self._plannable & (slots.planned_chunks - slots.sent_chunks < self._depth)
-        )
-        rows = rows[self._plan_frame(rows) <= frame]
-        return rows[np.argsort(self._next_shown(rows), kind="stable")]
+        rows, shown = find_due(self._times, float(frame))
+        return rows[np.argsort(shown, kind="stable")]
 
     def is_due(self, rows: Index, frame: float) -> Flags:
         """Which slots [A], all of which may be planned, need their next chunk by `frame`."""
@@ -90,22 +105,15 @@ class Playback:
 
         Chunks are sent `early` frames early.
         """
-        slots = self._slots
-        waits = slots.active & (slots.planned_chunks > slots.sent_chunks)
-        events = self._send_frame(np.flatnonzero(waits)) - early
-        if planning:
-            plans = self._plan_frame(np.flatnonzero(self._plannable))
-            events = np.concatenate([events, plans])
-        return float(events.min()) if len(events) else None
+        frame = find_next(self._times, planning, float(early))
+        return frame if frame < np.inf else None
 
     def slack(self, frame: float) -> float:
         """Frames from world frame `frame` until the next chunk to be planned is to be shown.
 
         Agents that are new or were just replanned are ignored: they are always due at once.
         """
-        slots = self._slots
-        rows = np.flatnonzero(self._plannable & ~slots.replanned & (slots.planned_chunks > 0))
-        return float(self._next_shown(rows).min(initial=np.iinfo(np.int64).max) - frame)
+        return float(find_first(self._times) - frame)
 
     def append(self, rows: Index, chunks: Chunks) -> None:
         """Add the next planned chunk of each row."""
@@ -123,16 +131,15 @@ class Playback:
         slots = self._slots
         sent: list[Sent] = []
         while True:
-            rows = np.flatnonzero(slots.active & (slots.planned_chunks > slots.sent_chunks))
+            rows, show = find_leaving(self._times, float(frame))
             if only is not None:
-                rows = rows[np.isin(rows, only)]
-            seq = slots.sent_chunks[rows]
-            show = self._show_frame(rows, seq)
-            order = np.argsort(show, kind="stable")
-            order = order[show[order] <= frame]
-            if not len(order):
+                mine = np.isin(rows, only)
+                rows, show = rows[mine], show[mine]
+            if not len(rows):
                 return sent
-            rows, seq, show = rows[order], seq[order], show[order]
+            order = np.argsort(show, kind="stable")
+            rows, show = rows[order], show[order]
+            seq = slots.sent_chunks[rows]
             chunks = self._ring.take(self._place(rows, seq))
             slots.committed.put(rows, chunks.end)
             slots.sent_chunks[rows] += 1
@@ -178,19 +185,25 @@ class Playback:
         moments that is not over: later by whole primitives, so that it stays in its phase, and
         without a jump.
         """
-        slots = self._slots
-        rows = np.flatnonzero(slots.active & ~slots.frozen)
-        late = frame - self._send_frame(rows)
-        over = np.maximum(late // NEW_FRAMES, 0).astype(np.int64)
-        slots.start_frame[rows] += NEW_FRAMES * over
-        return np.bincount(np.repeat(slots.sight[rows], over), minlength=len(Sight))
+        over = np.zeros(len(Sight), np.int64)
+        leave_out(self._times, self._slots.sight, float(frame), over)
+        return over
 
     @property
-    def _plannable(self) -> Flags:
-        """Slots whose next chunk is not being made, and may be."""
-        slots = self._slots
-        plannable: Flags = slots.active & (slots.engine_call == 0) & ~slots.frozen
-        return plannable
+    def _times(self) -> Times:
+        slots, ahead = self._slots, NEW_FRAMES * self.lead
+        return Times(
+            slots.active,
+            slots.frozen,
+            slots.engine_call,
+            slots.start_frame,
+            slots.planned_chunks,
+            slots.sent_chunks,
+            slots.replanned,
+            self._depth,
+            ahead,
+            min(REPLAN_FRAMES, ahead),
+        )
 
     def _plan_frame(self, rows: Index) -> Index:
         slots, ahead = self._slots, NEW_FRAMES * self.lead
@@ -214,3 +227,88 @@ class Playback:
         rows = len(self._slots.active) * self._depth
         if rows > len(self._ring.flags):
             self._ring.grow(rows)
+
+
+@inner
+def _plans(times: Times, slot: int) -> bool:
+    """Whether a slot's next chunk is not being made, and may be."""
+    return times.active[slot] and times.engine_call[slot] == 0 and not times.frozen[slot]
+
+
+@inner
+def _plan_frame(times: Times, slot: int) -> int:
+    early = times.replan if times.replanned[slot] else times.ahead
+    return times.start[slot] + NEW_FRAMES * times.planned[slot] - early
+
+
+@compiled
+def find_due(times: Times, frame: float) -> tuple[Index, Index]:
+    """Slots to be planned by `frame`, and the frames at which what is planned is shown."""
+    found, shown = np.empty(len(times.active), np.int64), np.empty(len(times.active), np.int64)
+    count = 0
+    for slot in range(len(times.active)):
+        has_room = times.planned[slot] - times.sent[slot] < times.depth
+        if has_room and _plans(times, slot) and _plan_frame(times, slot) <= frame:
+            found[count] = slot
+            shown[count] = times.start[slot] + NEW_FRAMES * times.planned[slot]
+            count += 1
+    return found[:count], shown[:count]
+
+
+@compiled
+def find_leaving(times: Times, frame: float) -> tuple[Index, Index]:
+    """Slots whose next chunk is to be shown by `frame`, and when it is."""
+    found, shown = np.empty(len(times.active), np.int64), np.empty(len(times.active), np.int64)
+    count = 0
+    for slot in range(len(times.active)):
+        at = times.start[slot] + NEW_FRAMES * times.sent[slot]
+        if times.active[slot] and times.planned[slot] > times.sent[slot] and at <= frame:
+            found[count], shown[count] = slot, at
+            count += 1
+    return found[:count], shown[:count]
+
+
+@compiled
+def find_next(times: Times, planning: bool, early: float) -> float:
+    """See `Playback.next_event`; inf without any."""
+    first = np.inf
+    for slot in range(len(times.active)):
+        if times.active[slot] and times.planned[slot] > times.sent[slot]:
+            first = min(first, times.start[slot] + NEW_FRAMES * times.sent[slot] - early)
+        if planning and _plans(times, slot):
+            first = min(first, float(_plan_frame(times, slot)))
+    return first
+
+
+@compiled
+def find_first(times: Times) -> int:
+    """See `Playback.slack`: the frame."""
+    first = FOREVER
+    for slot in range(len(times.active)):
+        if _plans(times, slot) and not times.replanned[slot] and times.planned[slot] > 0:
+            first = min(first, times.start[slot] + NEW_FRAMES * times.planned[slot])
+    return first
+
+
+@compiled
+def leave_out(times: Times, sight: Int8, frame: float, over: Index) -> None:
+    """See `Playback.skip`; how many by `sight` is added to `over`."""
+    for slot in range(len(times.active)):
+        if times.active[slot] and not times.frozen[slot]:
+            late = frame - (times.start[slot] + NEW_FRAMES * times.sent[slot])
+            if late >= NEW_FRAMES:
+                count = int(late // NEW_FRAMES)
+                times.start[slot] += NEW_FRAMES * count
+                over[sight[slot]] += count
+
+
+@cache
+def prepare() -> None:
+    """Compile the rules, or load them, before anybody walks."""
+    slots = Slots.empty(1)
+    times, over = Playback(slots, 1)._times, np.zeros(len(Sight), np.int64)
+    warm(find_due, times, 0.0)
+    warm(find_leaving, times, 0.0)
+    warm(find_next, times, True, 0.0)
+    warm(find_first, times)
+    warm(leave_out, times, slots.sight, 0.0, over)
