@@ -24,21 +24,24 @@ LIBRARIES = {
     "libboost-dev": "/usr/include/boost/beast.hpp",
     "libssl-dev": "/usr/include/openssl/ssl.h",
 }
-BUILDS = {  # clang compiles Boost.Beast, which costs most, in half of gcc's time
-    "g++": (
-        "gcc",
-        "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g1",
-        "-DWAYFARER_SANITIZE=ON",
-        "-DWAYFARER_SESSION=OFF",
-        "-DWAYFARER_LOCAL=OFF",  # which test_cpp_offline.py compiles by gcc, and runs
-    ),
-    "clang++": (
-        "clang",
-        "-DCMAKE_CXX_FLAGS_DEBUG=",
-        "-DCMAKE_UNITY_BUILD=ON",
-        "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0",
-    ),
-}
+QUICK = (
+    ("CMAKE_BUILD_TYPE", "Debug"),
+    ("CMAKE_CXX_FLAGS_DEBUG", ""),
+    ("CMAKE_UNITY_BUILD", "ON"),  # test_cpp_offline.py compiles each file on its own
+    ("CMAKE_UNITY_BUILD_BATCH_SIZE", "0"),
+    ("WAYFARER_TESTS", "ON"),
+)
+SANITIZED = (
+    *QUICK,
+    ("CMAKE_CXX_COMPILER", "g++"),
+    ("CMAKE_C_COMPILER", "gcc"),
+    ("WAYFARER_SANITIZE", "ON"),
+    ("WAYFARER_SESSION", "OFF"),  # clang compiles Boost.Beast, which costs most, in half the time
+    ("WAYFARER_LOCAL", "OFF"),  # which test_cpp_offline.py compiles by gcc, and runs
+)
+README = (FOLDER / "README.md").read_text(encoding="utf-8")
+PAGE = README.partition("## Five minutes")[2].partition("\n## ")[0]
+INSTALL, USE = re.findall(r"```sh\n(.*?)```", PAGE, re.S)
 
 missing = [tool for tool in ("cmake", "ninja", "g++", "clang++") if not shutil.which(tool)]
 missing += [name for name, header in LIBRARIES.items() if not Path(header).exists()]
@@ -62,21 +65,47 @@ def run(*command: object, cwd: Path = FOLDER, **environment: str) -> str:
     return done.stdout
 
 
-def build(compiler: str, *options: str) -> Path:
-    """The tests, in a folder that is kept: nothing is compiled twice."""
-    c, *settings = BUILDS[compiler]
-    folder = ROOT / "build" / f"cpp-{c}"
-    settings += [f"-DCMAKE_CXX_COMPILER={compiler}", f"-DCMAKE_C_COMPILER={c}"]
-    settings += ["-DCMAKE_BUILD_TYPE=Debug", "-DWAYFARER_TESTS=ON"]
+def sanitized() -> Path:
+    """The tests of the core by gcc, in a folder that is kept: nothing is compiled twice."""
+    folder = ROOT / "build" / "cpp-gcc"
+    settings = [f"-D{name}={value}" for name, value in SANITIZED]
     run("cmake", "-S", FOLDER, "-B", folder, "-G", "Ninja", *settings)
     run("cmake", "--build", folder, "--parallel", os.cpu_count() or 1)
     return folder
 
 
-@pytest.mark.parametrize("compiler", BUILDS)
-def test_its_own_tests_pass(compiler):
+@pytest.fixture(scope="module")
+def environment() -> dict[str, str]:
+    """Of the readme's commands, in a folder that is kept: clang, no optimizer, and the tests."""
+    folder = ROOT / "build" / "cpp-clang"
+    folder.mkdir(parents=True, exist_ok=True)
+    quick = folder / "quick.cmake"
+    text = "".join(f'set({name} "{value}" CACHE STRING "")\n' for name, value in QUICK)
+    if not quick.exists() or quick.read_text() != text:
+        quick.write_text(text)
+    return {
+        "HOME": str(folder),
+        "CC": "clang",
+        "CXX": "clang++",
+        "CMAKE_GENERATOR": "Ninja",
+        "CMAKE_TOOLCHAIN_FILE": str(quick),
+    }
+
+
+@pytest.fixture(scope="module")
+def installed(environment) -> Path:
+    """All that there is, built and installed by the readme's commands as printed."""
+    clone = Path(environment["HOME"])
+    if not (clone / "clients").exists():
+        (clone / "clients").symlink_to(ROOT / "clients")
+    run("sh", "-ec", INSTALL, cwd=clone, **environment)
+    return clone / "build" / "wayfarer"
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_its_own_tests_pass(compiler, request):
     """Golden vectors and traces, messages, malformed bytes, the C ABI; warnings are errors."""
-    folder = build(compiler)
+    folder = sanitized() if compiler == "g++" else request.getfixturevalue("installed")
     said = run("ctest", "--test-dir", folder, "--output-on-failure")
     assert "100% tests passed" in said and "core" in said and "fuzz" in said
     assert ("allocation" in said) == (compiler == "clang++")
@@ -130,15 +159,15 @@ def walked(said: str) -> list[str]:
     return [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
 
 
-def test_an_agent_walks_to_its_goal_through_an_entry_though_its_node_is_drained(cluster):
-    live = build("clang++") / "tests" / "live"
+def test_an_agent_walks_to_its_goal_through_an_entry_though_its_node_is_drained(installed, cluster):
+    live = installed / "tests" / "live"
     with cluster.drained_meanwhile():
         said = run(live, cluster.url, "lost")
     assert walked(said) == ["a_pose", "centimetres", "vrm1"]
 
 
-def test_over_https_and_a_lost_connection_nothing_is_missing(real_server, tmp_path):
-    live = build("clang++") / "tests" / "live"
+def test_over_https_and_a_lost_connection_nothing_is_missing(installed, real_server, tmp_path):
+    live = installed / "tests" / "live"
     relay = Relay(real_server.url, tmp_path)
     try:
         said = run(live, relay.url, "lost", SSL_CERT_FILE=str(relay.trusted))
@@ -156,24 +185,17 @@ def test_over_https_and_a_lost_connection_nothing_is_missing(real_server, tmp_pa
 
 
 @pytest.mark.slow
-def test_an_empty_project_uses_it_by_the_readme_alone(real_server, tmp_path):
-    """Its commands and files as printed; to save time by clang, without optimizer and OpenSSL."""
-    text = (FOLDER / "README.md").read_text(encoding="utf-8")
-    page = text.partition("## Five minutes")[2].partition("\n## ")[0]
-    (cmake,) = re.findall(r"```cmake\n(.*?)```", page, re.S)
-    (code,) = re.findall(r"```cpp\n(.*?)```", page, re.S)
-    install, use = re.findall(r"```sh\n(.*?)```", page, re.S)
-    clone, project = tmp_path / "clone", tmp_path / "project"
-    clone.mkdir()
-    (clone / "clients").symlink_to(ROOT / "clients")
-    project.mkdir()
-    (project / "CMakeLists.txt").write_text(cmake)
-    (project / "main.cpp").write_text(code)
-    quick = {"HOME": str(tmp_path), "CMAKE_BUILD_TYPE": "Debug", "CXX": "clang++"}
-    quick["CMAKE_TOOLCHAIN_FILE"] = str(tmp_path / "quick.cmake")
-    (tmp_path / "quick.cmake").write_text('set(WAYFARER_TLS OFF CACHE BOOL "")\n')
-    run("sh", "-ec", install, cwd=clone, **quick)
-    said = run("sh", "-ec", f"{use.rstrip()} {real_server.url}", cwd=project, **quick).splitlines()
+def test_an_empty_project_uses_it_by_the_readme_alone(
+    installed, environment, real_server, tmp_path
+):
+    """Its commands and files as printed."""
+    assert installed.is_dir()
+    (cmake,) = re.findall(r"```cmake\n(.*?)```", PAGE, re.S)
+    (code,) = re.findall(r"```cpp\n(.*?)```", PAGE, re.S)
+    (tmp_path / "CMakeLists.txt").write_text(cmake)
+    (tmp_path / "main.cpp").write_text(code)
+    command = f"{USE.rstrip()} {real_server.url}"
+    said = run("sh", "-ec", command, cwd=tmp_path, **environment).splitlines()
     assert said[-1] == "arrived"
     x, z = map(float, re.findall(r"-?[0-9.]+", said[-2]))
     assert abs(x - 2) < 0.5 and abs(z - 3) < 0.5
@@ -184,7 +206,7 @@ def test_a_project_has_the_core_as_a_part(tmp_path):
     """By FetchContent, from a folder; nothing of it is installed with the project."""
     (tmp_path / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.16)\nproject(part LANGUAGES CXX)\n"
-        "include(FetchContent)\nset(WAYFARER_SESSION OFF)\n"
+        "include(FetchContent)\nset(WAYFARER_SESSION OFF)\nset(WAYFARER_LOCAL OFF)\n"
         f'FetchContent_Declare(wayfarer SOURCE_DIR "{FOLDER}")\n'
         "FetchContent_MakeAvailable(wayfarer)\nadd_executable(part main.cpp)\n"
         "target_link_libraries(part PRIVATE wayfarer::wayfarer)\n"
@@ -194,8 +216,8 @@ def test_a_project_has_the_core_as_a_part(tmp_path):
         "int main() { wayfarer::MotionPlayer player; player.advance(0);\n"
         '  std::printf("%s %zu", wf_version(), wayfarer::BONES.size()); }\n'
     )
-    quick = "-DCMAKE_CXX_COMPILER=clang++"
-    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", quick)
+    quick = ("-DCMAKE_CXX_COMPILER=clang++", "-DCMAKE_UNITY_BUILD=ON")
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", *quick)
     run("cmake", "--build", tmp_path / "build")
     assert run(tmp_path / "build" / "part") == "0.2.0 22"
     assert not run("cmake", "--install", tmp_path / "build", "--prefix", tmp_path / "out").count(

@@ -51,18 +51,22 @@ def main() -> int:
     parser.add_argument("--versions", nargs="+", default=VERSIONS, choices=VERSIONS)
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
     parser.add_argument(
-        "--tested", help="the version that `make test` runs pinned: not tried again"
+        "--tested",
+        help="the version that `make test` runs pinned: not tried again, and the newest packages "
+        "with the oldest and the newest Python alone",
     )
     parser.add_argument("--jobs", type=int, default=2, help="environments at a time [2]")
     parser.add_argument("--limit", type=float, default=600, help="seconds for each one [600]")
     given = parser.parse_args()
     pythons = interpreters(given.versions, given.python)
+    ends = {*list(pythons)[:1], *list(pythons)[-1:]}
     with tempfile.TemporaryDirectory(prefix="wayfarer-matrix-") as name:
         cells = [
             Cell(python, version, kind, Path(name) / f"{version}-{kind}")
             for kind in given.kinds
             for version, python in pythons.items()
-            if (version, kind) != (given.tested, "pinned")
+            if not given.tested
+            or (version != given.tested if kind == "pinned" else version in ends)
         ]
         with ThreadPoolExecutor(given.jobs) as pool:
             for cell in pool.map(lambda cell: tried(cell, given.limit), cells):

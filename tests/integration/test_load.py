@@ -26,10 +26,11 @@ def measured(tmp_path, monkeypatch, workers="1", **options):
 @pytest.mark.parametrize(
     ("transport", "workers"), [("grpc", "1"), pytest.param("websocket", "2", marks=needs_ray)]
 )
-def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, workers):
-    options = {"agents": 2, "slow": 1, "vanishing": 1, "transport": transport}
+def test_a_run_measures_a_server_of_its_own_by_rings(tmp_path, monkeypatch, transport, workers):
+    options = {"agents": 12, "rings": "full:4,part:7,root:14", "viewpoint-speed": 8}
+    options |= {"slow": 1, "vanishing": 1, "transport": transport}
     found = measured(tmp_path, monkeypatch, workers, **options)
-    assert found["agents"] == 4 and found["refused"] == 0
+    assert found["agents"] == 24 and found["refused"] == 0
     assert found["chunks"] > 10
     assert found["lateness_ms"]["max"] >= found["lateness_ms"]["p50"] >= 0
     assert found["first_chunk_ms"] and found["goal_latency_ms"] and found["goals"] >= 4
@@ -37,13 +38,6 @@ def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, wo
     memory = found["server_rss_mb"]
     assert len(memory["samples"]) > 10 and memory["warm"] > 0 and memory["end"] > 0
     assert (tmp_path / "run.png").stat().st_size > 1000
-
-
-@pytest.mark.parametrize("transport", ["grpc", "websocket"])
-def test_readers_with_rings_see_people_by_their_distance(tmp_path, monkeypatch, transport):
-    options = {"agents": 12, "rings": "full:4,part:7,root:14", "viewpoint-speed": 8}
-    options |= {"slow": 1, "vanishing": 1, "transport": transport}
-    found = measured(tmp_path, monkeypatch, **options)
     full, part, root = found["rings"]
     assert [ring["ring"] for ring in found["rings"]] == ["full:4", "part:7", "root:14"]
     assert all(ring["chunks"] for ring in found["rings"])

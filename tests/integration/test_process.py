@@ -14,7 +14,6 @@ import psutil
 import pytest
 
 import wayfarer_client as wf
-from tests.serving import needs_ray, post
 
 COMMAND = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
 ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
@@ -96,6 +95,17 @@ async def walk(address: str) -> list[wf.Frames]:
     raise AssertionError("the stream ended")
 
 
+def baking(service: Process) -> psutil.Process:
+    """The one process that bakes this server's scenes, once there is one."""
+    for count in (0, 1, 1):
+        below = psutil.Process(service.process.pid).children(recursive=True)
+        found = [one for one in below if "wayfarer.world.scenes.bake_process" in one.cmdline()]
+        assert len(found) == count
+        made = httpx.post(f"{service.http}/v1/scenes", json=YARD, timeout=60)
+        assert made.is_success, made.text
+    return found[0]
+
+
 @pytest.mark.parametrize(
     ("sign", "options", "warnings"),
     [
@@ -105,6 +115,7 @@ async def walk(address: str) -> list[wf.Frames]:
 )
 def test_starts_serves_and_stops(sign, options, warnings):
     with serve(*ANY_PORTS, *options) as service:
+        bakery = baking(service)
         assert httpx.get(f"{service.http}/v1/health/ready").status_code == 200
         assert httpx.get(f"{service.http}/v1/models").json()["models"][0]["name"] == "gamma-anny52"
         frames = asyncio.run(walk(service.grpc))
@@ -115,24 +126,11 @@ def test_starts_serves_and_stops(sign, options, warnings):
         told = [line["event"] for line in service.log if line["level"] in ("warning", "error")]
         assert len(told) == len(warnings), told
         assert all(words in event for words, event in zip(warnings, told, strict=True))
+        assert not psutil.wait_procs([bakery], timeout=15)[1]
 
 
-def bakeries(service: Process) -> list[psutil.Process]:
-    """The processes that bake scenes: of a node of several, its child."""
-    below = psutil.Process(service.process.pid).children(recursive=True)
-    return [one for one in below if "wayfarer.world.scenes.bake_process" in one.cmdline()]
-
-
-@pytest.mark.parametrize(
-    ("sign", "workers"), [pytest.param(signal.SIGTERM, 2, marks=needs_ray), (signal.SIGKILL, 1)]
-)
-def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
-    with serve(*ANY_PORTS, "--workers", str(workers)) as service:
-        assert not bakeries(service)
-        for _ in range(2):
-            made = post(service.http, "/v1/scenes", YARD)
-            assert made.is_success, made.text
-        found = bakeries(service)
-        assert 1 <= len(found) <= workers
-        service.stop(sign)
-        assert not psutil.wait_procs(found, timeout=15)[1]
+def test_the_process_that_bakes_scenes_ends_with_a_server_that_is_killed():
+    with serve(*ANY_PORTS) as service:
+        bakery = baking(service)
+        service.stop(signal.SIGKILL)
+        assert not psutil.wait_procs([bakery], timeout=15)[1]

@@ -3,16 +3,28 @@
 import asyncio
 
 import pytest
+import pytest_asyncio
 
 from tests.fuzz import streams
 from tests.fuzz.server import served
+from tests.serving import LIGHT
+
+pytestmark = pytest.mark.asyncio(loop_scope="module")
 
 
-@pytest.fixture
-async def server(tmp_path):
-    async with served(tmp_path / "log", settings=streams.SETTINGS) as server:
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def server(tmp_path_factory):
+    log = tmp_path_factory.mktemp("streams") / "log"
+    async with served(log, settings=LIGHT | streams.SETTINGS) as server:
         yield server
         assert server.errors == []
+
+
+async def test_readers_who_leave_leave_nothing_behind(server):
+    async with asyncio.timeout(120):
+        before, after, stats = await streams.cycles(server.target, count=150, seed=3)
+    assert stats["subscribers"] <= 1
+    assert after - before < 15, (before, after)  # 100 kB for each of them
 
 
 @pytest.mark.parametrize("kind", ["grpc", "websocket"])
@@ -24,10 +36,3 @@ async def test_a_stalled_reader_costs_the_others_nothing(server, kind):
     found = streams.summary(stalled)
     assert found["readers"] == 7
     assert all(reading.chunks > 0 and reading.lost == 0 for reading in stalled.readings), found
-
-
-async def test_readers_who_leave_leave_nothing_behind(server):
-    async with asyncio.timeout(120):
-        before, after, stats = await streams.cycles(server.target, count=150, seed=3)
-    assert stats["subscribers"] <= 1
-    assert after - before < 15, (before, after)  # 100 kB for each of them
