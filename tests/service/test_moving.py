@@ -19,10 +19,10 @@ from wayfarer.errors import (
 from wayfarer.ids import group_of
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
-from wayfarer.service.persistence.capture import capture_planned
-from wayfarer.service.persistence.live_state import LiveParts, decode_live, encode_live
+from wayfarer.service.persistence.capture import capture_planned, capture_session
 from wayfarer.service.persistence.record import UNCOPIED
-from wayfarer.service.persistence.replica import open_replica, seal_replica
+from wayfarer.service.persistence.session_record import decode_record, encode_record
+from wayfarer.service.persistence.snapshot import decode_session
 from wayfarer.service.streams.publications import Resume, StreamOptions
 from wayfarer.service.streams.publisher import SessionLog
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
@@ -80,8 +80,8 @@ def move(world, now, arrives=None):
     rest = [chunk for due in world.take_rest("s") for chunk in due.chunks]
     assert world.next_event() is None, "nothing is planned for it any more"
     assert not world.skip(now + 60).any(), "nothing of it is late meanwhile"
-    parts = LiveParts(capture_planned(world, "s"), world.live_rows("s"), NOTHING, None)
-    session = decode_live(encode_live(parts, STICK, b""), STICK, Limits())
+    taken = capture_planned(world, "s")._replace(log=NOTHING)
+    session = decode_record(encode_record(taken, STICK), STICK, Limits())
     there = fake_worlds(lead=1, phases=2).live()
     made = there.members.put_session(session.record, arrives or now, live=session.rows)
     there.members.freeze(made, False)
@@ -216,9 +216,9 @@ def test_an_epoch_that_no_server_makes_is_refused(epoch):
     log, session = replace(NOTHING, epoch=epoch), world.registry.session("s")
     world.members.freeze(session, True)
     list(world.take_rest("s"))
-    parts = LiveParts(capture_planned(world, "s"), world.live_rows("s"), log, None)
+    taken = capture_planned(world, "s")._replace(log=log)
     with pytest.raises(InvalidArgument, match="epoch"):
-        decode_live(encode_live(parts, STICK, b""), STICK, Limits())
+        decode_record(encode_record(taken, STICK), STICK, Limits())
 
 
 async def stepping(runtime):
@@ -485,9 +485,13 @@ async def test_a_session_without_a_crowd_is_copied_as_a_snapshot(servers):
 
 
 @pytest.mark.parametrize("cut", [10, 40, -1])
-def test_a_damaged_replica_is_refused(cut):
+def test_a_damaged_copy_is_refused_and_no_client_may_import_one(cut):
+    world, _ = walking(0.5)
     crowd = CrowdPeople(Crowd(3), 1.0, leaves_at={"a": float("inf")})
-    copy = seal_replica(b"snapshot", crowd)
-    assert open_replica(copy, Limits()) == (b"snapshot", crowd)
+    copy = encode_record(capture_session(world, "s")._replace(crowd=crowd), STICK)
+    found = decode_record(copy, STICK, Limits())
+    assert (found.crowd, found.log, len(found.record.agents)) == (crowd, None, 4)
+    with pytest.raises(InvalidArgument, match="crowd"):
+        decode_session(copy, STICK, Limits())
     with pytest.raises(InvalidArgument):
-        open_replica(copy[:cut], Limits())
+        decode_record(copy[:cut], STICK, Limits())

@@ -181,7 +181,8 @@ def populated(
 
 def taken(world: World, session_id: str = "s") -> SessionRecord:
     """A session's record as of the last chunks sent, as in snapshots and the journal."""
-    session, crowd = capture_session(world, session_id)
+    captured = capture_session(world, session_id)
+    session, crowd = captured.part, captured.agents
     agents = (
         join_agent(member.part, crowd.rows.take(np.array([row])))
         for row, member in enumerate(crowd.members)

@@ -147,13 +147,16 @@ class RayCluster:
         self._drain_s = plan.settings.drain_s
 
     async def until_ready(self) -> None:
-        """Wait until all nodes are ready. Raises Unavailable when one ends before."""
-        for number, node in enumerate(self._nodes.values()):
+        """Wait until all nodes are ready. Raises Unavailable as soon as one ends before."""
+
+        async def until(number: int, node: Any) -> None:
             try:
                 await asyncio.wrap_future(node.until_ready.remote().future())
             except ray.exceptions.RayError as error:
                 why = getattr(error, "cause", error)
                 raise Unavailable(f"node {number} ended while it was starting: {why}") from None
+
+        await asyncio.gather(*(until(*one) for one in enumerate(self._nodes.values())))
 
     def reload(self) -> None:
         """Let all nodes read their keys again."""

@@ -2,21 +2,19 @@
 
 import asyncio
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from wayfarer.service.persistence.capture import capture_session
-from wayfarer.service.persistence.journal_entries import CapturedAgents
-from wayfarer.service.persistence.log_copy import encode_part, join_parts
+from wayfarer.service.persistence.log_copy import Replica, encode_part, join_parts
 from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.record import CommandLog, LogMark, LogNews
 from wayfarer.service.persistence.replay import replay
-from wayfarer.service.persistence.replica import Replica, seal_replica
-from wayfarer.service.persistence.snapshot import SessionPart, decode_session, encode_session
+from wayfarer.service.persistence.session_record import CapturedSession, encode_record
+from wayfarer.service.persistence.snapshot import decode_session
 from wayfarer.service.streams.publications import Publication
 from wayfarer.service.worlds import Worlds
 from wayfarer.world.agents.records import SessionRecord
-from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.world import World
 
 T = TypeVar("T")
@@ -44,13 +42,13 @@ class Archive:
 
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """Implements `MotionService`, as do the methods below."""
-        return await self._packed(await self._taken(home, session_id, None))
+        taken, _ = await self._taken(home, session_id, None)
+        return await self._packed(taken._replace(crowd=None))
 
     async def replica(self, home: Home, session_id: str, mark: LogMark | None) -> Replica:
         """The data from which it resumes after this server has died. Raises NotFound."""
-        taken = await self._taken(home, session_id, mark)
-        state = seal_replica(await self._packed(taken), taken.crowd)
-        return await self.with_log(state, taken.news)
+        taken, news = await self._taken(home, session_id, mark)
+        return await self.with_log(await self._packed(taken), news)
 
     async def with_log(self, state: bytes, news: LogNews | None) -> Replica:
         """The replica of a session, with the part of its log that was new at that moment."""
@@ -92,25 +90,23 @@ class Archive:
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 
-    async def _taken(self, home: Home, session_id: str, mark: LogMark | None) -> "_Taken":
+    async def _taken(
+        self, home: Home, session_id: str, mark: LogMark | None
+    ) -> tuple[CapturedSession, LogNews | None]:
         """Takes its state, with the part of its log after `mark`. Raises NotFound."""
         for _ in range(SETTLE_TRIES):
             if await home.ask(lambda world, _: world.members.is_settled(session_id)):
                 break
             await asyncio.sleep(SETTLE_SECONDS)
         return await home.ask(
-            lambda world, _: _Taken(
-                *capture_session(world, session_id),
-                world.crowds.copy(session_id),
+            lambda world, _: (
+                capture_session(world, session_id)._replace(crowd=world.crowds.copy(session_id)),
                 self.news(session_id, mark),
             )
         )
 
-    async def _packed(self, taken: "_Taken") -> bytes:
-        """Packs the snapshot."""
-        agents, body = taken.agents, self._worlds.body
-        parts = [member.part for member in agents.members]
-        return await asyncio.to_thread(encode_session, taken.session, parts, agents.rows, body)
+    async def _packed(self, taken: CapturedSession) -> bytes:
+        return await asyncio.to_thread(encode_record, taken, self._worlds.body)
 
     def _log(self, world: World, session_id: str) -> CommandLog:
         world.get_session(session_id)
@@ -122,13 +118,3 @@ class Archive:
         steering = self._worlds.settings.steering
         asked = max(search.candidates for search in steering.searches.values())
         return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)
-
-
-@dataclass(frozen=True, slots=True)
-class _Taken:
-    """The state of a session at one moment."""
-
-    session: SessionPart
-    agents: CapturedAgents
-    crowd: CrowdPeople | None
-    news: LogNews | None

@@ -19,7 +19,7 @@ from wayfarer.errors import FailedPrecondition, NotFound, ResourceExhausted, Way
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.persistence.capture import capture_planned
-from wayfarer.service.persistence.live_state import LiveParts, LiveSession
+from wayfarer.service.persistence.session_record import CapturedSession, SessionCopy
 from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions, model_changed
@@ -184,14 +184,11 @@ class LiveMotion:
         """Ends a session on this server; its streams end with `error` after their last chunks."""
         await self.ask(lambda *_: self._delete_session(session_id, error))
 
-    async def parts(self, session_id: str) -> LiveParts:
+    async def taken(self, session_id: str) -> CapturedSession:
         """The state of a frozen session for another server. Raises NotFound."""
         return await self.ask(
-            lambda world, _: LiveParts(
-                capture_planned(world, session_id),
-                world.live_rows(session_id),
-                self._publisher.log_of(session_id),
-                world.crowds.copy(session_id),
+            lambda world, _: capture_planned(world, session_id)._replace(
+                log=self._publisher.log_of(session_id)
             )
         )
 
@@ -199,7 +196,7 @@ class LiveMotion:
         """Resumes a crowd from another server; its people are already on this one."""
         await self.ask(lambda world, _: world.crowds.put(session_id, crowd))
 
-    async def put_live(self, session: LiveSession) -> SessionInfo:
+    async def put_live(self, session: SessionCopy) -> SessionInfo:
         """Enters a session from another server, frozen; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, session.record)
@@ -297,10 +294,11 @@ class LiveMotion:
             self._publisher.publish(due.session_id, due.chunks)
         self._publisher.flush()
 
-    def _put_live(self, world: World, session: LiveSession, now: float) -> SessionInfo:
+    def _put_live(self, world: World, session: SessionCopy, now: float) -> SessionInfo:
         record = session.record
         made = world.members.put_session(record, now, examined=True, live=session.rows)
-        self._publisher.restore(record.session_id, session.log)
+        if session.log is not None:
+            self._publisher.restore(record.session_id, session.log)
         if session.crowd is not None:
             world.crowds.put(record.session_id, session.crowd)
         return made.info()

@@ -18,7 +18,7 @@ from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted, Unavaila
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.offline import Offline
 from wayfarer.service.persistence.capture import capture_session
-from wayfarer.service.persistence.live_state import LiveParts
+from wayfarer.service.persistence.session_record import CapturedSession
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, model_changed
 from wayfarer.service.streams.publisher import SessionLog
@@ -127,17 +127,17 @@ class LockStep:
         """Implements `MotionService`."""
         return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
 
-    async def parts(self, session_id: str) -> LiveParts:
+    async def taken(self, session_id: str) -> CapturedSession:
         """The state of the session for another server, between two steps. Raises NotFound."""
-        return await self.ask(lambda *_: self.parts_now(session_id))
+        return await self.ask(lambda *_: self.taken_now(session_id))
 
-    def parts_now(self, session_id: str) -> LiveParts:
-        """`parts` for callers on the session's thread."""
+    def taken_now(self, session_id: str) -> CapturedSession:
+        """`taken` for callers on the session's thread."""
         session = self.world.registry.session(session_id)
         seconds, stopping = self._steps * STEP_SECONDS, dict(self._goal_events.stopping)
         log = SessionLog(LOCK_STEP, self._position, seconds, None, stopping, ())
         rows = self.world.members.live_rows(session, lambda rows: np.zeros(len(rows)))
-        return LiveParts(capture_session(self.world, session_id), rows, log, None)
+        return capture_session(self.world, session_id)._replace(rows=rows, log=log)
 
     def go_on(self, log: SessionLog) -> None:
         """Continues the log of another server; called before `start`."""

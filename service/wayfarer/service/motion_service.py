@@ -22,10 +22,9 @@ from wayfarer.service.lockstep import LockStep, LockSteps
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.moving import LiveMoves
 from wayfarer.service.offline import Offline
-from wayfarer.service.persistence.live_state import is_live
+from wayfarer.service.persistence.log_copy import Replica
 from wayfarer.service.persistence.persistence import SAVE_PARTS, Persistence
 from wayfarer.service.persistence.record import UNCOPIED, LogMark
-from wayfarer.service.persistence.replica import Replica, open_replica
 from wayfarer.service.scenes import SceneService
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import Publication, StreamOptions
@@ -295,12 +294,12 @@ class MotionService:
         Also beyond `limits.sessions`, and if there is no time for its agents, since no other server
         steps them. All agents are then late, and degraded. Raises as `import_session`.
         """
-        if is_live(replica):
-            return await self.moves.adopt(replica, log_parts)
-        snapshot, crowd = open_replica(replica, self._worlds.settings.limits)
-        made = await self._go_on(snapshot, {}, admit=False)
-        if crowd is not None:
-            await self._live.put_crowd(made.session_id, crowd)
+        copy = await self.moves.read(replica)
+        if copy.log is not None:
+            return await self.moves.adopt(copy, log_parts)
+        made = await self._go_on(copy.record, admit=False)
+        if copy.crowd is not None:
+            await self._live.put_crowd(made.session_id, copy.crowd)
         if log_parts:
             await self.moves.go_on_with_log(made.session_id, log_parts)
         return made
@@ -312,7 +311,8 @@ class MotionService:
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        return await self._go_on(snapshot, attributes or {}, admit=True)
+        record = await self._archive.read_session(snapshot, attributes or {})
+        return await self._go_on(record, admit=True)
 
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
@@ -320,10 +320,7 @@ class MotionService:
 
     # Private
 
-    async def _go_on(
-        self, snapshot: bytes, attributes: Mapping[str, str], admit: bool
-    ) -> SessionInfo:
-        record = await self._archive.read_session(snapshot, attributes)
+    async def _go_on(self, record: SessionRecord, admit: bool) -> SessionInfo:
         scene = record.spec.scene
         async with self._gates.through(scene) if scene else nullcontext(), self._door:
             await self._refuse_taken(record.session_id)

@@ -17,11 +17,15 @@ from wayfarer.service.archive import Archive
 from wayfarer.service.gates import SessionGates
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
-from wayfarer.service.persistence.live_state import LiveSession, decode_live, encode_live
+from wayfarer.service.persistence.log_copy import Replica
 from wayfarer.service.persistence.log_format import decode_log
 from wayfarer.service.persistence.persistence import Persistence
 from wayfarer.service.persistence.record import CommandLog, LogMark
-from wayfarer.service.persistence.replica import Replica
+from wayfarer.service.persistence.session_record import (
+    SessionCopy,
+    decode_record,
+    encode_record,
+)
 from wayfarer.service.worlds import Worlds
 from wayfarer.world.agents.agent import SessionInfo
 from wayfarer.world.world import World
@@ -81,13 +85,12 @@ class LiveMoves:
     async def export(self, session_id: str) -> bytes:
         """Packs a frozen session. Raises NotFound."""
         home = self._lock_steps.session(session_id) or self._live
-        parts = await home.parts(session_id)
+        taken = await home.taken(session_id)
         recording = b""
-        if parts.captured[0].spec.record:
+        if taken.part.spec.record:
             with contextlib.suppress(FailedPrecondition):  # the log has been dropped
                 recording = await self._archive.export_log(home, session_id)
-        body = self._worlds.body
-        return await asyncio.to_thread(encode_live, parts, body, recording)
+        return await asyncio.to_thread(encode_record, taken, self._worlds.body, recording)
 
     async def unfreeze(self, session_id: str) -> None:
         """Resumes it on this server. Raises NotFound."""
@@ -106,12 +109,12 @@ class LiveMoves:
         self._gates.open(session_id, error)
         await self._persistence.durable(None)
 
-    async def read(self, data: bytes) -> LiveSession:
-        """Reads a session that `export` has packed. Raises InvalidArgument, FailedPrecondition."""
+    async def read(self, data: bytes) -> SessionCopy:
+        """Reads a packed session. Raises InvalidArgument, FailedPrecondition."""
         limits = self._worlds.settings.limits
-        return await asyncio.to_thread(decode_live, data, self._worlds.body, limits)
+        return await asyncio.to_thread(decode_record, data, self._worlds.body, limits)
 
-    async def import_(self, session: LiveSession) -> SessionInfo:
+    async def import_(self, session: SessionCopy) -> SessionInfo:
         """Puts it into the world, frozen; calls that change it wait until `unfreeze`.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
@@ -133,15 +136,15 @@ class LiveMoves:
         home = self._lock_steps.session(session_id)
         if home is None:
             raise NotFound(f"no session {session_id!r} is in lock-step")
-        parts, news = await home.ask(
-            lambda *_: (home.parts_now(session_id), self._archive.news(session_id, mark))
+        taken, news = await home.ask(
+            lambda *_: (home.taken_now(session_id), self._archive.news(session_id, mark))
         )
-        state = await asyncio.to_thread(encode_live, parts, self._worlds.body, b"")
+        state = await asyncio.to_thread(encode_record, taken, self._worlds.body)
         return await self._archive.with_log(state, news)
 
-    async def adopt(self, replica: bytes, log_parts: Sequence[bytes]) -> SessionInfo:
+    async def adopt(self, copy: SessionCopy, log_parts: Sequence[bytes]) -> SessionInfo:
         """Implements `MotionService` for a session in lock-step. Raises as `import_`."""
-        made = await self._put(await self.read(replica), lambda: None, admit=False)
+        made = await self._put(copy, lambda: None, admit=False)
         try:
             if log_parts:
                 await self.go_on_with_log(made.session_id, log_parts)
@@ -163,9 +166,11 @@ class LiveMoves:
         await (home or self._live).ask(lambda *_: go_on(kept, session_id, restarted=True))
 
     async def _put(
-        self, session: LiveSession, entered: Callable[[], None], admit: bool = True
+        self, session: SessionCopy, entered: Callable[[], None], admit: bool = True
     ) -> SessionInfo:
         session_id = session.record.session_id
+        if session.log is None:
+            raise InvalidArgument(f"session {session_id!r} is not on its way", "log")
         await self._gates.close(session_id)
         try:
             if session.record.spec.lock_step:

@@ -122,7 +122,7 @@ def test_what_is_gone_stays_gone(kept):
 
 def test_a_deleted_agent_is_not_brought_back_by_where_it_stood(kept):
     a, *_ = populate(kept.world)
-    crowd = capture_session(kept.world, "s")[1]
+    crowd = capture_session(kept.world, "s").agents
     kept.journal.refresh(crowd)
     kept.world.delete_agent(a)
     kept.close()

@@ -20,7 +20,8 @@ from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.log_copy import encode_part, join_parts
 from wayfarer.service.persistence.log_format import LogOrigin
 from wayfarer.service.persistence.record import RESTART_COST, UNCOPIED
-from wayfarer.service.persistence.snapshot import decode_session, encode_session
+from wayfarer.service.persistence.session_record import encode_record
+from wayfarer.service.persistence.snapshot import decode_session
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Append, Path, Stop
 
@@ -100,9 +101,8 @@ def test_where_nothing_happens_nothing_is_copied():
 
 def adopted(world, copied, now):
     """The session in another server, and its state there."""
-    session, agents = capture_session(world, "s")
     copied.copy()
-    data = encode_session(session, [m.part for m in agents.members], agents.rows, STICK)
+    data = encode_record(capture_session(world, "s"), STICK)
     record = decode_session(data, STICK, Limits())
     there = server()
     lives_on = there.live()

@@ -18,6 +18,7 @@ from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.container import ContainerKind, seal, unseal
 from wayfarer.service.persistence.packing import get, pack, unpack
+from wayfarer.service.persistence.session_record import encode_record
 from wayfarer.service.persistence.snapshot import (
     AgentPart,
     AgentRows,
@@ -25,7 +26,6 @@ from wayfarer.service.persistence.snapshot import (
     SessionPart,
     SnapshotHeader,
     decode_session,
-    encode_session,
     most_bytes,
 )
 from wayfarer.world.agents.agent import SessionSpec
@@ -52,8 +52,7 @@ def walking_world(worlds, seconds=3.02):
 
 
 def export(world, body=STICK):
-    session, crowd = capture_session(world, "s")
-    return encode_session(session, [m.part for m in crowd.members], crowd.rows, body)
+    return encode_record(capture_session(world, "s"), body)
 
 
 @cache

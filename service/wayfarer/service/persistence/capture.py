@@ -7,6 +7,7 @@ import numpy as np
 
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.journal_entries import CapturedAgents, Member
+from wayfarer.service.persistence.session_record import CapturedSession
 from wayfarer.service.persistence.snapshot import AgentPart, AgentRows, RetiredColumns, SessionPart
 from wayfarer.world.agents.agent import AgentChange
 from wayfarer.world.agents.behaviour import Agent
@@ -20,10 +21,11 @@ from wayfarer.world.stepping.due import Due
 from wayfarer.world.world import World
 
 
-def capture_session(world: World, session_id: str) -> tuple[SessionPart, CapturedAgents]:
+def capture_session(world: World, session_id: str) -> CapturedSession:
     """A session and its agents. Raises NotFound."""
     session = world.registry.session(session_id)
-    return _session_part(session), capture_agents(world, list(session.agents.values()))
+    agents = capture_agents(world, list(session.agents.values()))
+    return CapturedSession(_session_part(session), agents)
 
 
 def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
@@ -50,12 +52,15 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
     )
 
 
-def capture_planned(world: World, session_id: str) -> tuple[SessionPart, CapturedAgents]:
+def capture_planned(world: World, session_id: str) -> CapturedSession:
     """A frozen session whose chunks are all sent, as its agents would continue. Raises NotFound."""
-    session, crowd = capture_session(world, session_id)
-    rows = np.array([agent.slot for agent in world.registry.session(session_id).agents.values()])
+    taken, agents = capture_session(world, session_id), world.registry.session(session_id).agents
+    rows = np.array([agent.slot for agent in agents.values()])
     motion = world.slots.planned.take(rows.astype(np.int64))
-    return session, replace(crowd, rows=replace(crowd.rows, motion=motion))
+    crowd = replace(taken.agents, rows=replace(taken.agents.rows, motion=motion))
+    return taken._replace(
+        agents=crowd, crowd=world.crowds.copy(session_id), rows=world.live_rows(session_id)
+    )
 
 
 class JournalObserver:

@@ -1,6 +1,6 @@
 """Opaque bytes for outside the server: a JSON header and arrays, compressed, of several kinds.
 
-    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE" …
+    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFPART"
     2 bytes  format version        uint16, little-endian
     4 bytes  length of the header  uint32, little-endian
     rest     zlib (with its checksum) of: header, then arrays
@@ -26,7 +26,7 @@ kind.
 """
 
 _HEAD: Final = struct.Struct("<8sHI")
-_LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at any level
+LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at any level
 
 
 class ContainerKind(Enum):
@@ -34,8 +34,6 @@ class ContainerKind(Enum):
 
     SNAPSHOT = b"WAYFSNAP"
     LOG = b"WAYFCLOG"
-    LIVE = b"WAYFLIVE"
-    REPLICA = b"WAYFCOPY"
     LOG_PART = b"WAYFPART"
 
     @property
@@ -44,8 +42,6 @@ class ContainerKind(Enum):
         return {
             b"WAYFSNAP": "snapshot",
             b"WAYFCLOG": "log",
-            b"WAYFLIVE": "live session",
-            b"WAYFCOPY": "replica",
             b"WAYFPART": "part of a log",
         }[self.value]
 
@@ -57,7 +53,7 @@ class Content(NamedTuple):
     arrays: bytes
 
 
-def seal(kind: ContainerKind, header: bytes, arrays: bytes, level: int = _LEVEL) -> bytes:
+def seal(kind: ContainerKind, header: bytes, arrays: bytes, level: int = LEVEL) -> bytes:
     """The container."""
     body = zlib.compress(header + arrays, level)
     return _HEAD.pack(kind.value, VERSION, len(header)) + body

@@ -4,7 +4,7 @@ The parts together are the log as of the last of them. Between servers only; che
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from pydantic import BaseModel, ConfigDict
 
@@ -21,8 +21,23 @@ from wayfarer.service.persistence.log_format import (
     read_log,
     track_part,
 )
-from wayfarer.service.persistence.record import AgentTrack, CommandLog, LogNews
+from wayfarer.service.persistence.record import (
+    UNCOPIED,
+    AgentTrack,
+    CommandLog,
+    LogMark,
+    LogNews,
+)
 from wayfarer.service.persistence.snapshot import pack_agents, parse
+
+
+@dataclass(frozen=True, slots=True)
+class Replica:
+    """A session or scene for when its server dies, and what is new of a recorded session's log."""
+
+    state: bytes
+    log_part: bytes = b""  # empty: nothing is new, or it is not recorded
+    mark: LogMark = UNCOPIED  # how far its log has come
 
 
 class _Part(BaseModel):

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
-from wayfarer.service.persistence.container import ContainerKind, beginning, seal, unseal
+from wayfarer.service.persistence.container import ContainerKind, beginning, unseal
 from wayfarer.service.persistence.packing import pack, row_bytes, unpack
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
@@ -30,6 +30,7 @@ from wayfarer.world.record_checks import check_session_record
 from wayfarer.world.rows import Flags, Float, Int, Rows, Shape
 
 M = TypeVar("M", bound=BaseModel)
+H = TypeVar("H", bound="SnapshotHeader")
 
 GOAL_BYTES: Final = 320
 """More than the JSON of a goal takes."""
@@ -130,25 +131,28 @@ class SnapshotHeader(BaseModel):
     agents: tuple[AgentPart, ...]
 
 
-def encode_session(
-    session: SessionPart, agents: Sequence[AgentPart], rows: AgentRows, body: BodyStamp
-) -> bytes:
-    """The snapshot; `rows` are those of the agents, in the same order."""
-    header = SnapshotHeader(fps=FPS, body=body, session=session, agents=tuple(agents))
-    return seal(ContainerKind.SNAPSHOT, header.model_dump_json().encode(), pack(rows).tobytes())
-
-
 def decode_session(data: bytes, body: BodyStamp, limits: Limits) -> SessionRecord:
     """The record of a snapshot that anybody may have made.
 
     Raises InvalidArgument that names what is wrong, FailedPrecondition when it is sound but was
     made for another body, frame rate or format.
     """
-    content = unseal(ContainerKind.SNAPSHOT, data, most_bytes(limits))
-    header = parse(SnapshotHeader, content.header, ContainerKind.SNAPSHOT, most_values(limits))
+    header, arrays = open_snapshot(
+        SnapshotHeader, data, body, most_bytes(limits), most_values(limits)
+    )
+    return join_session(header.session, join_agents(header.agents, arrays, limits), limits)
+
+
+def open_snapshot(
+    kind: type[H], data: bytes, body: BodyStamp, most: int, values: int
+) -> tuple[H, bytes]:
+    """Header and arrays of up to `most` bytes, the header of up to `values` values. Raises as
+    `decode_session`.
+    """
+    content = unseal(ContainerKind.SNAPSHOT, data, most)
+    header = parse(kind, content.header, ContainerKind.SNAPSHOT, values)
     check_origin(header.fps, header.body, body, ContainerKind.SNAPSHOT)
-    agents = join_agents(header.agents, content.arrays, limits)
-    return join_session(header.session, agents, limits)
+    return header, content.arrays
 
 
 def named_session(data: bytes) -> str:

@@ -12,8 +12,8 @@ from typing import Final, TypeVar
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
+from wayfarer.service.persistence.log_copy import Replica
 from wayfarer.service.persistence.record import LogMark
-from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.residence import misdirected
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
