@@ -128,12 +128,12 @@ func test_what_is_for_good(check: Checks) -> void:
 
 func test_a_silent_connection_is_given_up_a_speaking_one_is_kept(check: Checks) -> void:
 	var harness := Harness.new()
-	harness.stream.update(3.0)
+	harness.stream.update(2.0)
 	harness.sockets[0].messages.append(check.message("header"))
 	harness.stream.update(4.0)
-	harness.stream.update(7.9)
+	harness.stream.update(6.4)
 	check.equal(harness.sockets[0].is_closed, false)
-	harness.stream.update(8.1)
+	harness.stream.update(6.6)
 	check.equal([harness.sockets[0].is_closed, harness.heard[-1]], [true, "lost"])
 
 

@@ -20,7 +20,7 @@ from wayfarer_client.messages import Batch, StreamInfo
 from wayfarer_client.v1 import motion_pb2
 from wayfarer_client.wire import BatchReader
 
-SILENCE_S: Final = 5.0
+SILENCE_S: Final = 2.5
 """Seconds after which a stream without even a heartbeat (one per second) is dead."""
 
 

@@ -181,9 +181,9 @@ int main() {
   StubNow += 0.6;
   Subsystem.Tick(0);
   REQUIRE(StubSockets.size() == 2 && StubSockets[1]->Url.Utf8().find("&resume_token=epoch.") != std::string::npos);
-  StubNow += 4.1;
+  StubNow += 2.6;
   Subsystem.Tick(0);
-  REQUIRE(Heard.back() == "lost: nothing came for 4 s");
+  REQUIRE(Heard.back() == "lost: nothing came for 2.5 s");
   StubNow += 1.1;
   Subsystem.Tick(0);
   REQUIRE(StubSockets.size() == 3);

@@ -5,7 +5,8 @@ import { idly, later } from "./lease.js";
 const RETRY_FIRST = 0.5; // seconds; doubled at each failure
 const RETRY_MOST = 8;
 const PAUSE = 0.1; // least seconds between two texts
-const SILENCE = 4; // seconds without even a heartbeat (one per second) after which a connection is dead
+const LOOK = 0.75; // seconds between looks at whether something has come
+const SILENT = 3; // looks without even a heartbeat (one per second) after which a connection is dead: within 3 s
 // close codes: 4000 + the HTTP status of the error
 const ENDED = 1000, INVALID = 4422, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT_FOUND = 4404;
 
@@ -128,13 +129,14 @@ export class MotionStream {
     this.#watch(socket, this.#heard);
   }
 
-  /** A half-open connection never closes by itself: end it when nothing comes. @param {WebSocket} socket @param {number} heardBefore */
-  #watch(socket, heardBefore) {
+  /** A half-open connection never closes by itself: end it when nothing comes. @param {WebSocket} socket @param {number} heardBefore @param {number} looks left */
+  #watch(socket, heardBefore, looks = SILENT) {
     this.watch(() => {
       if (socket !== this.#socket || this.closed) return;
-      if (this.#heard === heardBefore) socket.close();
-      this.#watch(socket, this.#heard);
-    }, SILENCE);
+      const silent = this.#heard === heardBefore;
+      if (silent && looks === 1) socket.close();
+      this.#watch(socket, this.#heard, silent && looks > 1 ? looks - 1 : SILENT);
+    }, LOOK);
   }
 
   /** @param {WebSocket} socket @param {ArrayBuffer} data */

@@ -17,7 +17,7 @@ using boost::system::error_code;
 
 constexpr double RETRY_FIRST = 0.5, RETRY_MOST = 8;  // seconds; doubled at each failure
 constexpr double PAUSE = 0.1;  // least seconds between two texts
-constexpr double SILENCE = 4;  // seconds without even a heartbeat (one per second) after which a connection is dead
+constexpr double SILENCE = 2.5;  // seconds without even a heartbeat (one per second) after which a connection is dead
 constexpr std::chrono::seconds HANDSHAKE(10);
 // close codes: 4000 + the HTTP status of the error
 constexpr int ENDED = 1000, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT_FOUND = 4404, INVALID = 4422;
@@ -240,7 +240,7 @@ struct MotionStream::Impl {
     io.restart();
     io.poll();
     // a half-open connection never closes by itself
-    if (connection && now - heard_at > SILENCE) lost(0, "nothing came for " + std::to_string(int(SILENCE)) + " s");
+    if (connection && now - heard_at > SILENCE) lost(0, "nothing came for 2.5 s");
   }
 };
 

@@ -15,7 +15,7 @@ signal failed(reason: String)
 const RETRY_FIRST := 0.5  # seconds; doubled at each failure
 const RETRY_MOST := 8.0
 const PAUSE := 0.1  # least seconds between two texts
-const SILENCE := 4.0  # seconds without a heartbeat (one per second) that mean a dead connection
+const SILENCE := 2.5  # seconds without a heartbeat (one per second) that mean a dead connection
 const GONE := 1000
 const INVALID := 4422
 const UNKNOWN_CALLER := 4401
@@ -88,7 +88,7 @@ func update(now: float) -> void:
 		_text = ""
 		_said_at = now
 	if now - _heard_at > SILENCE:  # half-open: it would never close by itself
-		reconnect("nothing has come for %d s" % int(SILENCE), now)
+		reconnect("nothing has come for %.1f s" % SILENCE, now)
 
 
 ## Close the stream.

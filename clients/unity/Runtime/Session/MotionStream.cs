@@ -20,7 +20,7 @@ namespace Wayfarer
         private const double RetryFirst = 0.5; // seconds; doubled at each failure
         private const double RetryMost = 8;
         private const double Pause = 0.1; // least seconds between two texts
-        private const double Silence = 4; // seconds without a heartbeat (one per second) that mean a dead connection
+        private const double Silence = 2.5; // seconds without a heartbeat (one per second) that mean a dead connection
         private const int Gone = 1000, Invalid = 4422, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, NoCode = 1006;
 
         private readonly Func<string, StreamAddress> address;

@@ -253,15 +253,15 @@ namespace Wayfarer.Tests
         [Test]
         public void A_silent_connection_is_given_up_a_speaking_one_is_kept()
         {
-            stream.Update(3);
+            stream.Update(2);
             sockets[0].Say("header");
             stream.Update(4);
-            stream.Update(7.9);
+            stream.Update(6.4);
             Assert.IsFalse(sockets[0].Closed);
-            stream.Update(8.1);
+            stream.Update(6.6);
             Assert.IsTrue(sockets[0].Closed);
             Assert.AreEqual("Lost", heard.Last());
-            stream.Update(8.7);
+            stream.Update(7.2);
             Assert.AreEqual(2, sockets.Count);
         }
 

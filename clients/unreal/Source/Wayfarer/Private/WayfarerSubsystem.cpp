@@ -21,7 +21,7 @@ IMPLEMENT_MODULE(FDefaultModuleImpl, Wayfarer)
 namespace
 {
 constexpr double RetryFirst = 0.5, RetryMost = 8; // seconds; doubled at each failure
-constexpr double Silence = 4; // seconds without a heartbeat (one per second) that mean a dead connection
+constexpr double Silence = 2.5; // seconds without a heartbeat (one per second) that mean a dead connection
 // close codes: 4000 + the HTTP status of the error
 constexpr int32 Ended = 1000, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, Invalid = 4422;
 
@@ -218,7 +218,7 @@ double UWayfarerSubsystem::Advance()
 void UWayfarerSubsystem::Tick(float)
 {
 	const double Now = FPlatformTime::Seconds();
-	if (Socket && Now - HeardAt > Silence) Lost(0, TEXT("nothing came for 4 s")); // a half-open connection never closes by itself
+	if (Socket && Now - HeardAt > Silence) Lost(0, TEXT("nothing came for 2.5 s")); // a half-open connection never closes by itself
 	if (!Socket && !SessionId.IsEmpty() && Now >= ConnectAt) Connect();
 	if (Socket && bBegun && !Rings.IsEmpty() && Now - SaidAt >= 0.1)
 	{
