@@ -193,7 +193,11 @@ async def stop_for_long(cluster, watched):
     there = living_on(cluster, name, watched)
     process = await cluster.process(name)
     assert there
+    before = {one: one.stream.reconnections for one in there}
     process.suspend()
+    async with asyncio.timeout(6):  # within 3 s of the last message, and a pause before the next
+        while any(one.stream.reconnections == count for one, count in before.items()):
+            await asyncio.sleep(0.05)
     # its groups are adopted; one in which a session came and went at once has nobody ("lost")
     status = await cluster.status()
     wanted = settled(status) + next(n.groups for n in status.nodes if n.node.name == name)
