@@ -153,8 +153,8 @@ def _check_links(settings: Settings, host: str) -> None:
     if not (settings.peer_tls.cert or settings.insecure_peers or ip_address(host).is_loopback):
         raise InvalidArgument(
             f"nodes on {host} would get people over the network as plain "
-            "text; set peer_tls.cert, peer_tls.key and peer_tls.ca (docs/cluster.md), or, where "
-            "something else protects the network between the machines, insecure_peers",
+            "text; set peer_tls.cert, peer_tls.key and peer_tls.ca (docs/cluster-operations.md), "
+            "or, where something else protects the network between them, insecure_peers",
             "peer_tls",
         )
 

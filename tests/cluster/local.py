@@ -3,9 +3,14 @@
 import asyncio
 import contextlib
 import json
+import os
+import shutil
+import socket
+import subprocess
 from pathlib import Path
 
 import psutil
+import pytest
 
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
@@ -15,12 +20,17 @@ from wayfarer.errors import Unavailable
 from wayfarer.serve import NODE
 
 LEASE_S = 3.0
+STORE = "redis-server"
+HAS_STORE = shutil.which(STORE) is not None
+assert HAS_STORE or not os.environ.get("CI"), f"no {STORE}"
 
 
 class LocalCluster:
     """As an asynchronous context manager; its nodes are ready inside."""
 
-    def __init__(self, nodes=3, **settings):
+    def __init__(self, nodes=3, store=False, **settings):
+        """`store`: Ray's head keeps its state, and can be started again."""
+        self._store = store
         self.settings = Settings(
             http_port=0, grpc_port=0, engine="onnxruntime", threads=1, candidates=2,
             admission=False, drain_s=0.5,
@@ -41,7 +51,14 @@ class LocalCluster:
         from wayfarer.cluster.ray_cluster import RayCluster
 
         self.nodes = RayNodes()
-        self._ray = RayCluster()
+        self._redis = self._head = None
+        with pytest.MonkeyPatch.context() as patch:
+            if self._store:
+                port = free_port()
+                command = [STORE, "--port", str(port), "--bind", "127.0.0.1", "--save", ""]
+                self._redis = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+                patch.setenv("RAY_REDIS_ADDRESS", f"127.0.0.1:{port}")
+            self._ray = RayCluster()
         self.link = self._ray.directory(LeaseRules(LEASE_S))
         for _ in range(self._count):
             self.add_node()
@@ -52,7 +69,41 @@ class LocalCluster:
 
     async def __aexit__(self, *_):
         await self.entry.stop()
+        below = processes()
         self._ray.close()
+        own = [one for one in (self._head, self._redis) if one is not None]
+        for one in own:
+            one.kill()
+            one.wait()
+        left = psutil.wait_procs(
+            [one for one in below if one.pid not in [mine.pid for mine in own]], 20
+        )[1]
+        assert not [one for one in left if lives(one)], "a process is left over"
+
+    def kill(self, name):
+        """A process of Ray, by a part of its command."""
+        one = processes(name)[0]
+        told = one.cmdline(), one.environ()
+        one.kill()
+        one.wait(10)
+        return told
+
+    def kill_head(self):
+        self._told = self.kill("gcs_server")
+
+    def start_head(self):
+        """As it was, at the address that it had."""
+        (command, environment), port = self._told, self._ray._head.rpartition(":")[2]
+        at = [f"--gcs_server_port={port}" if "gcs_server_port" in word else word
+              for word in command]  # fmt: skip
+        self._head = subprocess.Popen(at, env=environment, stdout=subprocess.DEVNULL)
+
+    def head_answers(self):
+        return self._ray.head_answers()
+
+    def owner(self, session):
+        """Name of its node, as far as the entry knows."""
+        return self.entry.finder._view.owner(session.session_id).name
 
     def new_entry(self, settings):
         return Entry(settings, self.link, self.nodes, lambda: None)
@@ -78,16 +129,37 @@ class LocalCluster:
         """Of a node."""
         nodes = (await self.status()).nodes
         port = next(one.node.grpc_port for one in nodes if one.node.name == name)
-        for one in psutil.Process().children(recursive=True):
-            if "NodeActor" in " ".join(one.cmdline()) and port in listening(one):
-                return one
-        raise LookupError(name)
+        return next(one for one in processes("NodeActor") if port in listening(one))
 
     def said(self):
         """What nodes logged, as dictionaries, in the order of time."""
         files = Path(self._ray.logs).glob("worker*.err")
         found = [line for file in files for line in lines(file.read_text())]
         return sorted(found, key=lambda line: line["timestamp"])
+
+
+def processes(name="", of=None):
+    """Below a process, by a part of the command; Ray's actors by their class."""
+    found = []
+    with contextlib.suppress(psutil.NoSuchProcess):  # it has ended itself
+        for one in psutil.Process(of).children(recursive=True):
+            with contextlib.suppress(psutil.Error):  # it has just ended
+                if name in " ".join(one.cmdline()):
+                    found.append(one)
+    return found
+
+
+def lives(process):
+    """Not so where a process has ended and the machine's first one has not asked how."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.status() != psutil.STATUS_ZOMBIE
+    return False
+
+
+def free_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return taken.getsockname()[1]
 
 
 def listening(process):

@@ -9,102 +9,72 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
+import pytest_asyncio
 
-from tests.cluster.local import LocalCluster
+from tests.cluster.local import HAS_STORE, LocalCluster
+from tests.cluster.watchers import Seen, Stepped, Watcher
 from tests.serving import needs_ray
-from wayfarer.ids import group_of
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, Goal
 
-pytestmark = [pytest.mark.slow, needs_ray]
+pytestmark = [pytest.mark.slow, needs_ray, pytest.mark.asyncio(loop_scope="module")]
 
 
-class Watcher:
-    """Follows one person who walks, over whatever happens."""
-
-    def __init__(self, session, agent):
-        self.session, self.agent = session, agent
-        self.events, self.flags = [], []
-        self.seqs = []  # of the chunks
-        self.places = []  # of the hips at these
-        self.heard_at = []
-        self.failed = None
-        self.task = asyncio.create_task(self._follow())
-
-    @classmethod
-    async def of(cls, client, scene=""):
-        session = await client.create_session(lease=900, scene=scene)
-        (agent,) = await session.create_agents(AgentSpec())
-        await session.set_goal(agent, Goal((0.0, 0.0, 300.0)))
-        return cls(session, agent)
-
-    async def _follow(self):
-        async with self.session.stream(deadline=30) as self.stream:
-            async for batch in self.stream:
-                self.events += [event.kind for event in batch.events]
-                for frames in batch.frames:
-                    self.flags.append(frames.flags)
-                    self.seqs.append(frames.seq)
-                    self.places.append(frames.translation[0])
-                    self.heard_at.append(time.monotonic())
-
-    @property
-    def group(self):
-        return group_of(self.session.session_id)
-
-    async def goes_on(self, chunks=5):
-        """Wait until so many more have come."""
-        wanted = len(self.seqs) + chunks
-        ends_at = time.monotonic() + 30
-        while len(self.seqs) < wanted:
-            if self.task.done():
-                self.task.result()
-                pytest.fail("the stream has ended as if the session had")
-            if time.monotonic() > ends_at:
-                agent = await self.session.agent(self.agent)
-                pytest.fail(
-                    f"{wanted - len(self.seqs)} chunks of {agent} are missing, after "
-                    f"{self.seqs[-1:]}, {self.events}, {self.stream.resume_token}"
-                )
-            await asyncio.sleep(0.02)
-
-    def clear(self):
-        for seen in (self.events, self.flags, self.seqs, self.places, self.heard_at):
-            seen.clear()
-
-    async def close(self):
-        self.task.cancel()
-        await asyncio.gather(self.task, return_exceptions=True)
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def cluster():
+    async with LocalCluster(store=HAS_STORE) as made:
+        yield made
 
 
-class Stepped:
-    """Two people in lock-step, in a scene; what they do is what the same people do elsewhere."""
-
-    @classmethod
-    async def of(cls, client, scene):
-        self = cls()
-        self.twins = [
-            await client.create_session(lease=900, lock_step=True, scene=where)
-            for where in (scene, scene)
+async def test_the_log_of_a_session_outlives_its_node(cluster):
+    """It goes on being recorded, after what was before."""
+    async with Client(cluster.entry.grpc_address) as client:
+        session = await client.create_session(lease=900, record=True)
+        ada, bob = await session.create_agents(AgentSpec(seed=1), AgentSpec(seed=2))
+        await session.set_goal(ada, Goal((0.0, 0.0, 300.0)))
+        seen = Seen(session)
+        await seen.goes_on(20)
+        await session.set_goal(bob, Goal((9.0, 0.0, 9.0)))
+        await seen.goes_on(20)
+        for gaps in (1, 2):  # its neighbour is killed, too
+            await asyncio.sleep(2.5)  # it is copied
+            name = cluster.owner(session)
+            (await cluster.process(name)).kill()
+            async with asyncio.timeout(60):
+                while seen.gaps < gaps:
+                    await asyncio.sleep(0.05)
+            await session.set_goal(ada, Goal((-20.0 * gaps, 0.0, 0.0)))
+            await seen.goes_on(40)
+            assert cluster.owner(session) != name
+        log = await session.export_log()
+        await seen.close()
+        await session.delete()
+        played = {}
+        async for batch in client.replay(log):
+            for frames in batch.frames:
+                played[frames.agent.agent_id, frames.seq] = frames
+        for agent in (ada, bob):
+            seqs = sorted(seq for name, seq in played if name == agent.agent_id)
+            assert seqs == list(range(len(seqs))), "without a hole"
+        void = 0
+        for frames in seen.frames:
+            same = played.get((frames.agent.agent_id, frames.seq))
+            if same is None or abs(same.times[0] - frames.times[0]) > 1e-3:
+                void += 1  # made by a node that died before it had copied it
+                continue
+            assert np.array_equal(same.translation, frames.translation), frames
+            assert np.array_equal(same.rotations, frames.rotations), frames
+            assert (same.state, same.goal_revision) == (frames.state, frames.goal_revision)
+        lost_s = 2.5  # at each death, at most
+        assert void <= 2 * 2 * lost_s / 0.2, f"{void} of {len(seen.frames)} chunks"
+        times = [
+            frames.times[0] for (name, _), frames in sorted(played.items()) if name == ada.agent_id
         ]
-        for session in self.twins:
-            people = [AgentSpec(seed=seed, position=(2, 0, 3 * seed)) for seed in (1, 2)]
-            for agent in await session.create_agents(*people):
-                await session.set_goal(agent, Goal((2.0, 0.0, 200.0)))
-        self.steps = []
-        return self
-
-    async def goes_on(self):
-        """Both make the same step, and it is the next one."""
-        (batch,), (other,) = [await session.step() for session in self.twins]
-        for one, same in zip(batch.frames, other.frames, strict=True):
-            assert np.array_equal(one.rotations, same.rotations)
-            assert np.array_equal(one.times, same.times)
-        self.steps.append([(frames.seq, frames.times[0]) for frames in batch.frames])
-        assert np.allclose(np.diff(self.steps, axis=0), (1, 0.2)), self.steps
+        assert sum(np.diff(times) > 0.3) == 2, "the log shows when it lived on"
 
 
-async def test_people_live_on_whatever_happens_to_a_node(record_testsuite_property):
-    async with LocalCluster() as cluster, Client(cluster.entry.grpc_address) as client:
+async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsuite_property):
+    await cluster.until(lambda status: cluster.ready(status) == 3)  # some were killed before
+    async with Client(cluster.entry.grpc_address) as client:
         corners = [(-3, 0, -3), (3, 0, -3), (3, 0, 310), (-3, 0, 310)]
         field = await client.scenes.create([Floor(corners)])
         version = field.message.version
@@ -147,6 +117,9 @@ async def test_people_live_on_whatever_happens_to_a_node(record_testsuite_proper
         await settle()
         await stop_for_long(cluster, watched)
         await settle()
+        if HAS_STORE:
+            await the_head_returns(cluster, watched, client)
+            await all_go_on()
         await drain(cluster, watched, record_testsuite_property)
         await all_go_on()
         await restart_entry(cluster, watched)
@@ -179,14 +152,13 @@ def javascript_follows(url):
 
 def living_on(cluster, name, watched):
     """Those of the watched who live on this node."""
-    view = cluster.entry.finder._view
-    return [one for one in watched if view.owner(one.session.session_id).name == name]
+    return [one for one in watched if cluster.owner(one.session) == name]
 
 
 async def with_the_scene(cluster, watched):
     """Name of the node that has the last of the watched, in a scene with those in lock-step."""
     await asyncio.sleep(0.5)  # the entry's view
-    return cluster.entry.finder._view.owner(watched[-1].session.session_id).name
+    return cluster.owner(watched[-1].session)
 
 
 async def kill(cluster, watched, record_testsuite_property):
@@ -221,7 +193,11 @@ async def stop_for_long(cluster, watched):
     there = living_on(cluster, name, watched)
     process = await cluster.process(name)
     assert there
+    before = {one: one.stream.reconnections for one in there}
     process.suspend()
+    async with asyncio.timeout(6):  # within 3 s of the last message, and a pause before the next
+        while any(one.stream.reconnections == count for one, count in before.items()):
+            await asyncio.sleep(0.05)
     # its groups are adopted; one in which a session came and went at once has nobody ("lost")
     status = await cluster.status()
     wanted = settled(status) + next(n.groups for n in status.nodes if n.node.name == name)
@@ -240,6 +216,34 @@ async def stop_for_long(cluster, watched):
              if line.get("event") == "session adopted"}  # fmt: skip
     for one in there:
         assert begun[one.session.session_id] >= ended[-1], "two owners at once"
+
+
+async def the_head_returns(cluster, watched, client):
+    """Ray's head is killed, and started again with the state that it had: nobody notices, and it
+    starts what ends, as before.
+    """
+    for one in watched:
+        one.clear()
+    cluster.kill_head()
+    assert not await asyncio.to_thread(cluster.head_answers)
+    for one in watched:
+        await one.goes_on(10)
+    await (await client.create_session()).delete()
+    cluster.start_head()
+    for one in watched:
+        await one.goes_on()
+        assert one.events == [] and set(np.diff(one.seqs)) == {1}
+    assert await asyncio.to_thread(cluster.head_answers)
+    generation = (await cluster.status()).generation
+    cluster.kill("DirectoryActor")
+    await cluster.until(lambda status: status.generation != generation and status.settled)
+    async with asyncio.timeout(10):
+        while not cluster.entry.finder.ready:
+            await asyncio.sleep(0.05)
+    await (await client.create_session()).delete()
+    for one in watched:
+        await one.goes_on()
+        assert one.events == [] and set(np.diff(one.seqs)) == {1}, "nobody had to be adopted"
 
 
 async def drain(cluster, watched, record_testsuite_property):

@@ -1,6 +1,8 @@
 """The entry alone: a directory in this process, and nodes without a process of their own."""
 
 import asyncio
+import socket
+from contextlib import closing
 
 import httpx
 import pytest
@@ -90,6 +92,13 @@ async def test_every_call_is_sent_to_a_node():
         async with Client(rig.entry.grpc_address, timeout=5) as client:
             with pytest.raises(Unavailable):  # it followed; nobody listens there
                 await client.session(name)
+
+
+async def test_a_port_in_use_is_told():
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        settings = Settings(http_port=0, grpc_port=taken.getsockname()[1])
+        with pytest.raises(errors.Unavailable, match=r"cannot listen for gRPC on 127"):
+            Entry(settings, Link(LeaseRules()), None, print)
 
 
 async def test_who_was_made_a_moment_ago_is_found():

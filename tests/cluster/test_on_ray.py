@@ -19,22 +19,16 @@ import psutil
 import pytest
 
 from tests.certificates import Authority
+from tests.cluster.local import listening, lives, processes
 from tests.serving import LIGHT, needs_ray
 from wayfarer import errors
-from wayfarer_client import AgentSpec, Client, Unavailable
+from wayfarer_client import AgentSpec, Client, Floor, Misdirected, Unavailable
 
 pytestmark = [pytest.mark.slow, needs_ray]
 
-NODES = 3
+NODES = 2
 LOCAL_ADDRESS = "127.0.0.2"  # of Ray, on one machine
 ONE_THREAD = {"WAYFARER_ENGINE": "onnxruntime", "WAYFARER_THREADS": "1"}
-
-
-def _lives(process):
-    """Not so where a process has ended and the machine's first one has not asked how."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        return process.status() != psutil.STATUS_ZOMBIE
-    return False
 
 
 class Command:
@@ -68,14 +62,8 @@ class Command:
         self.said.extend(self.process.stderr)
 
     def processes(self, name=""):
-        """Of Ray or of nodes, by a part of the command; Ray's actors by their class."""
-        found = []
-        with contextlib.suppress(psutil.NoSuchProcess):  # the command itself has ended
-            for one in psutil.Process(self.process.pid).children(recursive=True):
-                with contextlib.suppress(psutil.Error):  # it has just ended
-                    if name in " ".join(one.cmdline()):
-                        found.append(one)
-        return found
+        """Of Ray or of nodes; see `processes`."""
+        return processes(name, self.process.pid)
 
     def kill(self, name):
         """The first of these."""
@@ -110,7 +98,7 @@ class Command:
         time.sleep(1)
         self.process.send_signal(signal.SIGINT)
         assert self.process.wait(60) == 0
-        assert not [one for one in psutil.wait_procs(theirs, seconds)[1] if _lives(one)]
+        assert not [one for one in psutil.wait_procs(theirs, seconds)[1] if lives(one)]
         self._listening.join(10)
         told = "".join(self.said)
         assert "Traceback" not in told, told
@@ -144,10 +132,10 @@ class Follower:
     """One person's stream, over whatever happens."""
 
     @classmethod
-    async def of(cls, client):
+    async def of(cls, client, scene=""):
         self = cls()
-        self.session = await client.create_session(lease=900)
-        await self.session.create_agents(AgentSpec())
+        self.session = await client.create_session(lease=900, scene=scene)
+        (self.person,) = await self.session.create_agents(AgentSpec())
         self.flags, self.events = [], []
         self.task = asyncio.create_task(self._follow())
         return self
@@ -173,7 +161,7 @@ class Follower:
         return list(self.flags), list(self.events)
 
 
-async def test_three_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
+async def test_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
     """With certificates, so that all that happens is seen with them."""
     authority = Authority(tmp_path)
     cert, key = authority.issue("node", addresses=("127.0.0.1", LOCAL_ADDRESS))
@@ -190,14 +178,32 @@ async def test_three_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
         assert len(set(ports)) == NODES, "they are spread"
         await asyncio.gather(*(one.goes_on() for one in everybody))
 
-        # a node, whose neighbour has its people then; Ray starts it again
-        victim = command.processes("NodeActor")[0]
-        port = {c.laddr.port for c in victim.net_connections() if c.status == psutil.CONN_LISTEN}
-        there = [one for one in everybody if one.port(client) in port]
-        assert there
+        # a node, whose neighbour has its people then, a crowd in its scene among them
+        corners = [(-5, 0, -5), (5, 0, -5), (5, 0, 45), (-5, 0, 45)]
+        field = await client.scenes.create([Floor(corners)])
+        there = await Follower.of(client, field.scene_id)
+        await there.session.populate(3, seed=1, stay=2.0)
+        await there.goes_on(10)
+        await asyncio.sleep(1.5)  # all is copied to the neighbour, the scene first
+        port = there.port(client)
+        victim = next(p for p in command.processes("NodeActor") if port in listening(p))
+        others = [one for one in everybody if one.port(client) == port]
         victim.kill()
-        await asyncio.gather(*(one.goes_on() for one in there))
+        crowd = set()
+        async with asyncio.timeout(60):
+            while not crowd:
+                with contextlib.suppress(Unavailable, Misdirected):  # as calls do meanwhile
+                    crowd = {agent.agent_id for agent in await there.session.agents()}
+                await asyncio.sleep(0.1)
+        await asyncio.gather(*(one.goes_on() for one in (there, *others)))
+        assert there.port(client) != port and there.person.agent_id in crowd
+        async with asyncio.timeout(60):
+            while {agent.agent_id for agent in await there.session.agents()} <= crowd:
+                await asyncio.sleep(0.1)  # others still come
+        there.task.cancel()
+        await there.session.delete()
 
+        # Ray starts it again
         await command.until(lambda: len(command.nodes()) == NODES, "it is back")
 
         # the directory, which Ray starts again: nodes tell it what they hold
@@ -241,37 +247,41 @@ async def test_three_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
     command.ctrl_c(60)  # two helpers of Ray look for their head for half a minute
 
 
-async def test_it_ends_by_ctrl_c_while_ray_is_well(start):
-    command = start("--workers", "2")
-    async with Client(command.grpc, timeout=30) as client:
-        session = await client.create_session()
-        await session.create_agents(AgentSpec())
-        async with session.stream() as stream:
-            assert len((await anext(aiter(stream))).frames) == 1
-    command.ctrl_c()
+def handle(result=None):
+    """Of an actor that answers so to all; None: never."""
+    answered = Future()
+    if isinstance(result, Exception):
+        answered.set_exception(result)
+    elif result is not None:
+        answered.set_result(result)
+    asked = SimpleNamespace(remote=lambda *told: SimpleNamespace(future=lambda: answered))
+    return SimpleNamespace(look=asked, until_ready=asked)
 
 
 async def test_a_directory_that_does_not_answer_is_looked_for_again(monkeypatch):
     """Its first handle is kept: Ray ends an actor of one program when that is let go."""
     from wayfarer.cluster import actors
 
-    def handle(result):
-        answered = Future()
-        if isinstance(result, Exception):
-            answered.set_exception(result)
-        else:
-            answered.set_result(result)
-        asked = SimpleNamespace(future=lambda: answered)
-        return SimpleNamespace(look=SimpleNamespace(remote=lambda *told: asked))
-
     lost = handle(actors.ray.exceptions.RayError())
     link = actors.RayLink(lost)
     monkeypatch.setattr(actors.ray, "get_actor", lambda name, space: handle(f"{name} is here"))
     with pytest.raises(errors.Unavailable, match="RayError"):
         await link.call("look")
-    link._finding.join()
+    link._actor._finding.join()
     assert await link.call("look") == "directory is here"
-    assert link._first is lost
+    assert link._actor._first is lost
+
+
+async def test_a_node_that_cannot_start_is_told_at_once():
+    """Not once those before it are ready."""
+    from wayfarer.cluster import ray_cluster
+
+    failed = ray_cluster.ray.exceptions.RayError()
+    failed.cause = errors.Unavailable("the port is taken")
+    made = object.__new__(ray_cluster.RayCluster)
+    made._nodes = {"node0": handle(), "node1": handle(failed)}
+    with pytest.raises(errors.Unavailable, match=r"node 1 ended while .* the port is taken"):
+        await asyncio.wait_for(made.until_ready(), 5)
 
 
 def test_ray_calls_nobody():

@@ -45,13 +45,51 @@ PAUSE_S: Final = 5.0
 """Before a node that has failed is started again."""
 
 
+class _Actor:
+    """One of Ray's actors, by its name."""
+
+    def __init__(self, name: str, handle: Any = None) -> None:
+        self._name = name
+        self._handle = self._first = handle
+        """Where Ray has it for this process alone, it ends once the first handle is let go."""
+        self._finding = threading.Thread()
+
+    async def ask(self, who: str, seconds: float, method: str, *told: Any) -> Any:
+        """The answer of a method. Raises what that raises; Unavailable, which names `who` does not
+        answer: it may be done all the same.
+        """
+        try:
+            async with asyncio.timeout(seconds):
+                if self._handle is None:
+                    self._handle = await on_daemon(lambda: ray.get_actor(self._name, NAMESPACE))
+                asked = getattr(self._handle, method).remote(*told).future()
+                return await asyncio.wrap_future(asked)
+        except (TimeoutError, ValueError, ray.exceptions.RayError) as error:
+            cause = getattr(error, "cause", None)
+            if isinstance(cause, WayfarerError):
+                raise cause from None
+            self._find_again()
+            raise Unavailable(f"{who} does not answer ({type(error).__name__})") from None
+
+    def _find_again(self) -> None:
+        """If Ray has started it again, and its head as well, an earlier handle gets no answer ever.
+
+        It runs on a thread, since Ray waits for its head; the earlier handle is used meanwhile.
+        """
+        if not self._finding.is_alive():
+            self._finding = threading.Thread(target=self._find, name=self._name, daemon=True)
+            self._finding.start()
+
+    def _find(self) -> None:
+        with contextlib.suppress(ValueError, ray.exceptions.RayError):
+            self._handle = ray.get_actor(self._name, NAMESPACE)
+
+
 class RayLink:
     """To the directory's actor. Implements `DirectoryLink`."""
 
     def __init__(self, directory: Any) -> None:
-        self._directory = self._first = directory
-        """Where Ray has it for this process alone, it ends once the first handle is let go."""
-        self._finding = threading.Thread()
+        self._actor = _Actor(DIRECTORY, directory)
 
     @classmethod
     def find(cls) -> "RayLink":
@@ -65,52 +103,20 @@ class RayLink:
 
     async def call(self, verb: str, *told: Any) -> Any:
         """See `DirectoryLink`."""
-        try:
-            asked = getattr(self._directory, verb).remote(*told).future()
-            return await asyncio.wait_for(asyncio.wrap_future(asked), ANSWER_S)
-        except (TimeoutError, ray.exceptions.RayError) as error:
-            cause = getattr(error, "cause", None)
-            if isinstance(cause, WayfarerError):
-                raise cause from None
-            self._find_again()
-            raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
-
-    def _find_again(self) -> None:
-        """If Ray has started it again, and its head as well, an earlier handle gets no answer ever.
-
-        It runs on a thread, since Ray waits for its head.
-        """
-        if not self._finding.is_alive():
-            self._finding = threading.Thread(target=self._find, name="directory", daemon=True)
-            self._finding.start()
-
-    def _find(self) -> None:
-        with contextlib.suppress(ValueError, ray.exceptions.RayError):
-            self._directory = ray.get_actor(DIRECTORY, NAMESPACE)
+        return await self._actor.ask("the directory", ANSWER_S, verb, *told)
 
 
 class RayNodes:
     """To the nodes' actors. Implements `NodeLink`."""
 
     def __init__(self) -> None:
-        self._actors: dict[str, Any] = {}  # by the name of a life
+        self._actors: dict[str, _Actor] = {}  # by place: of all its lives
 
     async def call(self, node: NodeInfo, verb: str, *told: Any, seconds: float = CALL_S) -> Any:
         """See `NodeLink`."""
-        name = node.name
-        try:
-            async with asyncio.timeout(seconds):
-                if name not in self._actors:
-                    place = name.rpartition("-")[0]
-                    self._actors[name] = await on_daemon(lambda: ray.get_actor(place, NAMESPACE))
-                asked = self._actors[name].call.remote(name, verb, *told)
-                return await asyncio.wrap_future(asked.future())
-        except (TimeoutError, ValueError, ray.exceptions.RayError) as error:
-            cause = getattr(error, "cause", None)
-            if isinstance(cause, WayfarerError):
-                raise cause from None
-            self._actors.pop(name, None)
-            raise Unavailable(f"node {name} does not answer ({type(error).__name__})") from None
+        place = node.name.rpartition("-")[0]
+        actor = self._actors.setdefault(place, _Actor(place))
+        return await actor.ask(f"node {node.name}", seconds, "call", node.name, verb, *told)
 
 
 class DirectoryActor(Directory):

@@ -1,0 +1,122 @@
+"""People of a cluster, and what their streams and steps bring whatever happens to the nodes."""
+
+import asyncio
+import time
+
+import numpy as np
+import pytest
+
+from wayfarer.ids import group_of
+from wayfarer_client import AgentSpec, Goal
+
+
+class Watcher:
+    """Follows one person who walks, over whatever happens."""
+
+    def __init__(self, session, agent):
+        self.session, self.agent = session, agent
+        self.events, self.flags = [], []
+        self.seqs = []  # of the chunks
+        self.places = []  # of the hips at these
+        self.heard_at = []
+        self.failed = None
+        self.task = asyncio.create_task(self._follow())
+
+    @classmethod
+    async def of(cls, client, scene=""):
+        session = await client.create_session(lease=900, scene=scene)
+        (agent,) = await session.create_agents(AgentSpec())
+        await session.set_goal(agent, Goal((0.0, 0.0, 300.0)))
+        return cls(session, agent)
+
+    async def _follow(self):
+        async with self.session.stream(deadline=30) as self.stream:
+            async for batch in self.stream:
+                self.events += [event.kind for event in batch.events]
+                for frames in batch.frames:
+                    self.flags.append(frames.flags)
+                    self.seqs.append(frames.seq)
+                    self.places.append(frames.translation[0])
+                    self.heard_at.append(time.monotonic())
+
+    @property
+    def group(self):
+        return group_of(self.session.session_id)
+
+    async def goes_on(self, chunks=5):
+        """Wait until so many more have come."""
+        wanted = len(self.seqs) + chunks
+        ends_at = time.monotonic() + 30
+        while len(self.seqs) < wanted:
+            if self.task.done():
+                self.task.result()
+                pytest.fail("the stream has ended as if the session had")
+            if time.monotonic() > ends_at:
+                agent = await self.session.agent(self.agent)
+                pytest.fail(
+                    f"{wanted - len(self.seqs)} chunks of {agent} are missing, after "
+                    f"{self.seqs[-1:]}, {self.events}, {self.stream.resume_token}"
+                )
+            await asyncio.sleep(0.02)
+
+    def clear(self):
+        for seen in (self.events, self.flags, self.seqs, self.places, self.heard_at):
+            seen.clear()
+
+    async def close(self):
+        self.task.cancel()
+        await asyncio.gather(self.task, return_exceptions=True)
+
+
+class Stepped:
+    """Two people in lock-step, in a scene; what they do is what the same people do elsewhere."""
+
+    @classmethod
+    async def of(cls, client, scene):
+        self = cls()
+        self.twins = [
+            await client.create_session(lease=900, lock_step=True, scene=where)
+            for where in (scene, scene)
+        ]
+        for session in self.twins:
+            people = [AgentSpec(seed=seed, position=(2, 0, 3 * seed)) for seed in (1, 2)]
+            for agent in await session.create_agents(*people):
+                await session.set_goal(agent, Goal((2.0, 0.0, 200.0)))
+        self.steps = []
+        return self
+
+    async def goes_on(self):
+        """Both make the same step, and it is the next one."""
+        (batch,), (other,) = [await session.step() for session in self.twins]
+        for one, same in zip(batch.frames, other.frames, strict=True):
+            assert np.array_equal(one.rotations, same.rotations)
+            assert np.array_equal(one.times, same.times)
+        self.steps.append([(frames.seq, frames.times[0]) for frames in batch.frames])
+        assert np.allclose(np.diff(self.steps, axis=0), (1, 0.2)), self.steps
+
+
+class Seen:
+    """What a stream has brought."""
+
+    def __init__(self, session):
+        self.session = session
+        self.frames = []
+        self.gaps = 0
+        self.task = asyncio.create_task(self._follow())
+
+    async def _follow(self):
+        async with self.session.stream(deadline=30) as stream:
+            async for batch in stream:
+                self.gaps += any(event.kind == "gap" for event in batch.events)
+                self.frames += batch.frames
+
+    async def goes_on(self, chunks):
+        wanted = len(self.frames) + chunks
+        async with asyncio.timeout(60):
+            while len(self.frames) < wanted:
+                assert not self.task.done(), self.task
+                await asyncio.sleep(0.05)
+
+    async def close(self):
+        self.task.cancel()
+        await asyncio.gather(self.task, return_exceptions=True)
