@@ -3,7 +3,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfarer.navigation.grid import Grid, bilinear
+from wayfarer.navigation.grid import Grid
+from wayfarer.navigation.sampling import bilinear
 
 
 @settings(max_examples=60, deadline=None)
@@ -35,8 +36,9 @@ def test_a_window_is_the_part_that_covers_bounds() -> None:
 
 
 def test_bilinear_is_exact_for_planes_and_constant_beyond() -> None:
-    values = np.add.outer(2.0 * np.arange(5), 3.0 * np.arange(6))  # [row, column]
+    values = np.float32(np.add.outer(2.0 * np.arange(5), 3.0 * np.arange(6)))  # [row, column]
     places = np.random.default_rng(0).uniform(0, 4, (50, 2))
     np.testing.assert_allclose(bilinear(values, places), 3 * places[:, 0] + 2 * places[:, 1])
     assert bilinear(values, np.array([-5.0, -5.0])) == 0
     assert bilinear(values, np.array([99.0, 99.0])) == values[-1, -1]
+    assert np.isnan(bilinear(values, np.array([np.nan, 1.0])))

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from wayfarer.navigation.algorithms import nearest_cell
-from wayfarer.navigation.grid import Grid, Window, bilinear, edges_of, expand
+from wayfarer.navigation.grid import Grid, Window, edges_of, expand
 
 Array = NDArray[np.floating[Any]]
 
@@ -37,10 +37,14 @@ class ClearanceField:
 
     def at(self, points: Array) -> Array:
         """Distance [...] at points [..., 2]."""
+        from wayfarer.navigation.sampling import bilinear
+
         return bilinear(self.distance, self.grid.places(points))
 
     def _slope(self, points: Array) -> Array:
         """Gradient by central differences one cell apart. [..., 2]"""
+        from wayfarer.navigation.sampling import bilinear
+
         places = self.grid.places(points)
         step = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
         around = bilinear(self.distance, places[..., None, :] + step)  # [..., 4]

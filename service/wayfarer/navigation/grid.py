@@ -103,16 +103,3 @@ def edges_of(area: shapely.Geometry) -> tuple[Array, Array]:
 
 def _is_area(geometry: shapely.Geometry) -> bool:
     return bool(shapely.get_dimensions(geometry) == 2)
-
-
-def bilinear(values: Array, places: Array) -> Array:
-    """Values [rows, columns] at places [..., 2] in cells, held constant beyond the border."""
-    rows, columns = values.shape
-    x = np.clip(places[..., 0], 0, columns - 1)
-    y = np.clip(places[..., 1], 0, rows - 1)
-    c = np.minimum(x.astype(int), columns - 2)
-    r = np.minimum(y.astype(int), rows - 2)
-    x, y = x - c, y - r
-    return (values[r, c] * (1 - x) + values[r, c + 1] * x) * (1 - y) + (
-        values[r + 1, c] * (1 - x) + values[r + 1, c + 1] * x
-    ) * y

@@ -1,5 +1,6 @@
 """Compiled rules of the world, before anybody walks."""
 
+from wayfarer.navigation import sampling
 from wayfarer.world.avoidance import avoid
 from wayfarer.world.goals import gait_rules
 from wayfarer.world.output import footlock, legs, twobone
@@ -11,5 +12,5 @@ def prepare() -> None:
     """Compile what is compiled, or load it."""
     of_people = avoid, around, near, people, spots, routes, collision_avoidance, lanes
     of_bodies = legs, twobone, footlock, guards, righting, mirror
-    for rule in (*of_people, *of_bodies, batch, noise, playback, gait_rules):
+    for rule in (*of_people, *of_bodies, sampling, batch, noise, playback, gait_rules):
         rule.prepare()
