@@ -14,11 +14,11 @@ class EventKind(StrEnum):
     GAP = "gap"
     DRAINING = "draining"
     MODEL_CHANGED = "model_changed"
-    GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
+    GOAL_MOVED = "goal_moved"  # it was off free ground: the nearest reachable place was taken
     UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
     BLOCKED = "blocked"  # an obstacle, or others, close the way: the agent waits until it opens
     AGENT_LEFT = "agent_left"  # an agent of a crowd has left, without a call
-    BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
+    BEHAVIOUR_ENDED = "behaviour_ended"  # the agent that it followed, or fled, has been deleted
     FAULT = "fault"  # an error in the server concerns the agent or, without one, the session
 
 
@@ -27,7 +27,7 @@ class Event:
     """Something that happened to an agent, a stream or the server."""
 
     kind: EventKind
-    at: float  # Unix seconds; of a goal the scheduled time of its chunk
+    at: float  # Unix seconds; for a goal, the scheduled time of its chunk
     agent_id: str = ""
     alias: int = 0
     goal_revision: int = 0
@@ -37,5 +37,5 @@ class Event:
 
     @property
     def text(self) -> Text:
-        """The sentence, to be written in a basis."""
+        """The sentence, for writing in a basis."""
         return Text(self.detail, self.parts)

@@ -1,8 +1,7 @@
 """Carries out goal commands: replans, writes the path, counts the revision.
 
-A path can be extended without end: passed goals are forgotten when more are added,
-and the numbers of the others stay (goals/agent_paths.py). A behaviour extends its path itself
-(behaviours/).
+A path can be extended endlessly: passed goals are forgotten when more are added, and the numbers of
+the others stay (goals/agent_paths.py). A behaviour extends its path itself (behaviours/).
 """
 
 from collections.abc import Sequence
@@ -58,14 +57,14 @@ class GoalCommands:
         )
 
     def check_record(self, record: AgentRecord, where: str) -> None:
-        """A path that can be put into this world. Raises InvalidArgument."""
+        """Checks that a path can be put into this world. Raises InvalidArgument."""
         if len(record.path) > self._paths.limit:
             raise InvalidArgument(
                 f"has {len(record.path)} goals; allowed: {self._paths.limit}", f"{where}.path"
             )
 
     def check(self, agent: Agent, command: GoalCommand, expected: int | None) -> None:
-        """Raises Aborted when the agent's revision is not `expected`; and as `World.give`."""
+        """Raises Aborted if the agent's revision is not `expected`, and as `World.give`."""
         present = int(self._slots.goal_revision[agent.slot])
         if expected is not None and expected != present:
             raise Aborted(
@@ -89,9 +88,9 @@ class GoalCommands:
                 self._check_company(agent, behaviour)
 
     def give(self, agent: Agent, command: GoalCommand, now: float) -> None:
-        """Carry out a command that has been checked."""
+        """Carries out a command that has been checked."""
         self._faults.pardon(agent.slot)
-        # A goal that a behaviour moves is not one to be reached before others.
+        # A goal that a behaviour moves need not be reached before others.
         has_goals = agent.path and self._slots.feeding[agent.slot] != Feeding.EACH_STEP
         if isinstance(command, Append) and has_goals:
             self._append(agent, command.goals)
@@ -100,18 +99,18 @@ class GoalCommands:
         agent.commanded_seq = int(self._slots.planned_chunks[agent.slot])
 
     def walk_on(self, frame: float) -> None:
-        """Update the behaviours of agents that are due by world frame `frame`."""
+        """Updates the behaviours of agents that are due by world frame `frame`."""
         if self._slots.feeding.any():
             self._behaviours.feed(self._playback.due(frame))
 
     def restore(self, agent: Agent, in_mid_part: bool = False) -> None:
-        """Write the path of an agent that was put into the world with it, or with none."""
+        """Writes the path of an agent that was put into the world, with or without a path."""
         self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
         self._behaviours.resume(agent, in_mid_part)
 
     def _replace(self, agent: Agent, command: GoalCommand, now: float) -> None:
         slots, slot = self._slots, agent.slot
-        # What falls due within the margin could not be made again in time.
+        # Chunks that are due within the margin could not be made again in time.
         keep = self._timeline.frame(now + self._settings.replan_margin)
         self._playback.replan(slot, keep)
         slots.goal_revision[slot] += 1
@@ -139,18 +138,18 @@ class GoalCommands:
         behaves = agent.behaviour is not None
         self._behaviours.leave(agent)
         self._slots.goal_revision[agent.slot] += 1
-        # The places that its behaviour has drawn beyond the present one are no client's.
+        # Places that its behaviour has drawn beyond the present one do not belong to a client.
         kept = self._agent_paths.so_far(agent) if behaves else self._agent_paths.kept(agent)
         self._agent_paths.write(agent, (*kept, *goals))
 
     def _ahead(self, agent: Agent) -> int:
-        """Goals of its path that the agent has not reached."""
+        """Number of goals of its path that the agent has not reached."""
         gait, slot = self._slots.planned.gait, agent.slot
         reached = int(gait.waypoint[slot]) + int(gait.arrived[slot])
         return agent.passed + len(agent.path) - reached
 
     def _check_company(self, agent: Agent, behaviour: Behaviour) -> None:
-        """The needs of a behaviour: others, a scene, a session that is not recorded."""
+        """Checks the needs of a behaviour: others, a scene, a session that is not recorded."""
         session = self._registry.sessions[agent.session_id]
         parts = parts_of(behaviour)
         if session.spec.record and any(part.NEEDS_OTHERS for part, _ in parts):

@@ -1,4 +1,4 @@
-"""Sessions and agents enter a world and leave it: new, or as records from this world or another."""
+"""Sessions and agents enter a world and leave it: new ones, or records from any world."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -24,7 +24,7 @@ from wayfarer.world.stepping.load import Load
 
 
 class Membership:
-    """The sessions and agents of a world. `observers` get every change."""
+    """The sessions and agents of a world. `observers` receive every change."""
 
     def __init__(
         self,
@@ -50,9 +50,10 @@ class Membership:
         self._faults = faults
 
     def open(self, spec: SessionSpec, created_at: float) -> Session:
-        """A session without agents.
+        """Opens a session without agents.
 
-        Raises AlreadyExists, ResourceExhausted, and FailedPrecondition when its scene is not here.
+        Raises AlreadyExists, ResourceExhausted, and FailedPrecondition if its scene is not on this
+        server.
         """
         session = self._add(spec, created_at)
         for observer in self._observers:
@@ -60,7 +61,7 @@ class Membership:
         return session
 
     def close(self, session: Session) -> None:
-        """End a session and its agents."""
+        """Ends a session and its agents."""
         for agent in tuple(session.agents.values()):
             self.remove(agent)
         self._remove(session)
@@ -86,7 +87,7 @@ class Membership:
             observer.created(session, agents, starts)
 
     def remove(self, agent: Agent) -> None:
-        """Its planned frames are thrown away."""
+        """Removes an agent; its planned frames are discarded."""
         for observer in self._observers:
             observer.deleted(agent, int(self._slots.sent_chunks[agent.slot]))
         self._population.remove(agent)
@@ -109,11 +110,11 @@ class Membership:
     ) -> Session:
         """Resumes a recorded session: the next chunk of each agent follows its last one.
 
-        All or nothing. Not `admit`: it is let in beyond `limits.sessions`, and its agents even if
-        there is no time for them.
-        `examined`: `examine(record)` has been called. `live`: rows of its agents, who then wait
-        until `freeze` ends and continue as if nothing had happened. Raises InvalidArgument,
-        AlreadyExists, ResourceExhausted, and FailedPrecondition when its scene is not here.
+        All or nothing. Without `admit`, it is admitted even beyond `limits.sessions`, and its
+        agents even if there is no time for them. `examined`: `examine(record)` has been called.
+        `live`: rows of its agents, which then wait until `freeze` ends and continue as if nothing
+        had happened. Raises InvalidArgument, AlreadyExists, ResourceExhausted, and
+        FailedPrecondition if its scene is not on this server.
         """
         if not examined:
             self.examine(record)
@@ -154,7 +155,7 @@ class Membership:
         return not self._slots.engine_call[rows].any()
 
     def live_rows(self, session: Session, show: Callable[[Index], Double]) -> LiveRows:
-        """Of a frozen session whose chunks are all sent; `show(rows)`: when the next are due."""
+        """Rows of a frozen session whose chunks are all sent; `show(rows)` returns due times."""
         slots, rows = self._slots, _rows(session)
         return LiveRows(
             shown_at=show(rows),
@@ -175,7 +176,7 @@ class Membership:
         self.freeze(session, True)
 
     def is_settled(self, session_id: str) -> bool:
-        """No chunk waits to be sent that was planned before its agent's last command.
+        """Whether no chunk that was planned before its agent's last command waits to be sent.
 
         Then the session can be taken out so that it continues bit for bit. Raises NotFound.
         """
@@ -183,7 +184,7 @@ class Membership:
         return all(self._slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
 
     def put_agent(self, session_id: str, record: AgentRecord, now: float) -> Agent:
-        """Resumes a recorded agent: its next chunk follows the last one it sent.
+        """Resumes a recorded agent: its next chunk follows the last one that it sent.
 
         Raises NotFound, InvalidArgument, AlreadyExists, ResourceExhausted.
         """
@@ -197,7 +198,7 @@ class Membership:
         self.settle(session, [agent], [record])
         return agent
 
-    # Within
+    # Private
 
     def _add(self, spec: SessionSpec, created_at: float, admit: bool = True) -> Session:
         session = self._registry.add_session(spec, created_at, admit)

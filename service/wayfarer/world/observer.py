@@ -20,41 +20,41 @@ from wayfarer.world.stepping.due import Due
 Names = NDArray[np.object_]
 
 Start = AgentSpec | AgentRecord
-"""The start of an agent: only a spec, or its state on another server."""
+"""The start of an agent: only a spec, or its state from another server."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """The guard's view of a planned chunk, in whose place the agent gets up."""
+    """The guard's view of a planned chunk that is replaced by getting up."""
 
     agent_id: str
     seq: int
     state: AgentState  # of the step
-    lean: float  # radians of the spine at its end; NaN, as `hips`: the step could not be shown
-    hips: float  # their height, as a share of what it is in a stand
+    lean: float  # radians of the spine at its end; NaN, like `hips`, if the step cannot be shown
+    hips: float  # their height, relative to that in a stand
 
 
 class WorldObserver(Protocol):
     """Called on the world's thread, after each change. Must neither block nor raise.
 
-    `seq` is the number of the first chunk that a change counts for: a command counts from the
+    `seq` is the number of the first chunk to which a change applies: a command applies from the
     planning of that chunk on, a change of an agent from its sending on.
     """
 
     def opened(self, session: Session) -> None:
-        """A session is there, still without agents."""
+        """A session was opened, still without agents."""
         ...
 
     def closed(self, session: Session) -> None:
-        """A session is gone; its agents were deleted before."""
+        """A session has ended; its agents were deleted before."""
         ...
 
     def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
-        """Agents are new, each with what it starts from."""
+        """Agents were created, each from its start."""
         ...
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
-        """A goal command was carried out. Its goals are moved to places in its reach."""
+        """A goal command was carried out, with its goals moved to reachable places."""
         ...
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
@@ -70,13 +70,13 @@ class WorldObserver(Protocol):
     ) -> None:
         """A chunk of each of these agents was planned with `candidates` candidates; 0: it was held.
 
-        `models` are the stamps of the models that move them. A chunk of the same number that was
-        planned before is void.
+        `models` are the stamps of the models that move them. An earlier plan of a chunk with the
+        same number is void.
         """
         ...
 
     def fell(self, falls: Sequence[Fall]) -> None:
-        """Agents get up in the course of the chunks that are planned next."""
+        """Agents get up in the chunks that are planned next."""
         ...
 
     def sent(self, due: Due) -> None:
@@ -88,65 +88,65 @@ class WorldObserver(Protocol):
         ...
 
     def strayed(self, session_id: str, agent_id: str) -> None:
-        """After a fault the agent's motion does not follow from what is reported; without an id,
-        that of all agents of the session.
+        """After a fault, the agent's motion no longer follows from the reports; without an id, that
+        of all agents of the session.
         """
         ...
 
 
 class GuardedObserver:
-    """A `WorldObserver` whose errors are faults of the session or agent that they concern."""
+    """A `WorldObserver` whose errors become faults of the session or agent concerned."""
 
     def __init__(self, observer: WorldObserver, faults: Faults) -> None:
         self._observer = observer
         self._faults = faults
 
     def opened(self, session: Session) -> None:
-        """See `WorldObserver`, as for all below."""
+        """Implements `WorldObserver`, as do the methods below."""
         self._call([session.session_id], lambda: self._observer.opened(session))
 
     def closed(self, session: Session) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         self._call([session.session_id], lambda: self._observer.closed(session))
 
     def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         self._call([session.session_id], lambda: self._observer.created(session, agents, starts))
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         self._call([agent.session_id], lambda: self._observer.commanded(agent, command, seq))
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         self._call([agent.session_id], lambda: self._observer.changed(agent, change, seq))
 
     def deleted(self, agent: Agent, seq: int) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         self._call([agent.session_id], lambda: self._observer.deleted(agent, seq))
 
     def planned(
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
     ) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         try:
             self._observer.planned(agent_ids, seqs, candidates, models)
         except Exception as error:
             self._fail(self._faults.sessions_of(agent_ids), error)
 
     def fell(self, falls: Sequence[Fall]) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         try:
             self._observer.fell(falls)
         except Exception as error:
             self._fail(self._faults.sessions_of(fall.agent_id for fall in falls), error)
 
     def sent(self, due: Due) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         self._call([due.session_id], lambda: self._observer.sent(due))
 
     def stood(self, agents: Sequence[Agent]) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         rows = np.array([agent.slot for agent in agents], np.int64)
         if self._faults.any:
             kept = np.flatnonzero(~self._faults.out(rows, Stage.RECORD))
@@ -162,7 +162,7 @@ class GuardedObserver:
             )
 
     def strayed(self, session_id: str, agent_id: str) -> None:
-        """See `WorldObserver`."""
+        """Implements `WorldObserver`."""
         with contextlib.suppress(Exception):  # it is called for a fault that is known
             self._observer.strayed(session_id, agent_id)
 

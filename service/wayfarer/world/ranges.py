@@ -1,4 +1,4 @@
-"""Checks of numbers and places that callers give: errors name the field and what is allowed."""
+"""Checks of callers' numbers and places: errors name the field and what is allowed."""
 
 from collections.abc import Callable, Iterable
 
@@ -7,7 +7,7 @@ from wayfarer.spec import MAX_COORDINATE
 
 
 def check_place(place: tuple[float, ...], field: str, height: float = 0.0) -> None:
-    """A place on the floor, or at a height. Raises InvalidArgument."""
+    """Checks a place on the floor, or at a height. Raises InvalidArgument."""
     if len(place) != 2:
         raise InvalidArgument("must be x, y on the floor", field)
     point = (*place, height)
@@ -28,7 +28,7 @@ def check_range(
     field: str,
     kind: Callable[[float], object] = "{:g}".format,
 ) -> None:
-    """Finite numbers within these limits; `kind`: of quantity. Raises InvalidArgument."""
+    """Checks finite numbers within limits; `kind`: of quantity. Raises InvalidArgument."""
     for value in values:
         if not low <= value <= high:  # a NaN fails too
             raise InvalidArgument(

@@ -1,4 +1,4 @@
-"""Checks of records that came from outside: they name the field at fault and what is allowed."""
+"""Checks of records from outside, which name the field at fault and what is allowed."""
 
 import math
 from operator import attrgetter
@@ -17,14 +17,14 @@ from wayfarer.world.behaviours import Routine, Stand
 from wayfarer.world.rows import Rows, flat_columns
 
 MAX_COUNT: Final = 2**31
-"""Sequence numbers, revisions, aliases and waypoints lie below: 13 years of chunks."""
+"""Limit of sequence numbers, revisions, aliases and waypoints: 13 years of chunks."""
 
 MAX_MODEL: Final = 256
-"""Characters of a model's name and stamp."""
+"""Maximum characters of a model's name and stamp."""
 
 
 def check_session_record(record: SessionRecord, limits: Limits) -> None:
-    """A record that came from outside. Raises InvalidArgument that names what is wrong."""
+    """Checks a record from outside. Raises InvalidArgument that names the fault."""
     check_session_id(record.session_id)
     _check_count(record.last_alias, "last_alias")
     _check_finite(record.created_at, "created_at")
@@ -72,7 +72,7 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
 
 
 def _check_path(record: AgentRecord, limits: Limits, where: str) -> None:
-    # A path may have been fed for long: its parts are checked, not how far they lie from the agent.
+    # A path may have been extended for long, so its parts are checked but not their distance.
     for number, goal in enumerate(record.path):
         check_goal(goal, goal.position, limits, f"{where}.path[{number}]")
     for value in record.path_start:
@@ -90,7 +90,7 @@ def _check_behaviour(record: AgentRecord, limits: Limits, where: str) -> None:
 
 
 def _check_rows(rows: Rows, where: str) -> None:
-    """One row, and no number in it that motion cannot have."""
+    """Checks that there is one row, with only numbers that motion can have."""
     for column in flat_columns(type(rows)):
         values = attrgetter(column.path)(rows)
         if values.shape != (1, *column.shape):

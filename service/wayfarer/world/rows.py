@@ -7,8 +7,8 @@ The annotations declare the columns, by the types below:
         position: Annotated[Float, Shape(3)]    # [N, 3]
         history: OtherRows                      # columns within columns
 
-To a type checker a column type is the array's; the dtype stands beside it, since what an `NDArray`
-is made of is numpy's own business and differs between its releases.
+To a type checker a column has the array's type. The dtype is given separately, since numpy's
+releases differ in the structure of `NDArray`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -88,7 +88,7 @@ class Rows:
         return type(self)(**taken)
 
     def part(self, first: int, last: int) -> Self:
-        """The rows from one to before another, of the same arrays."""
+        """The rows from `first` to before `last`, of the same arrays."""
         some: dict[str, Any] = {}
         for name in _names(type(self)):
             values = getattr(self, name)
@@ -97,7 +97,7 @@ class Rows:
         return type(self)(**some)
 
     def put(self, rows: Index, source: Self) -> None:
-        """Overwrite some rows with `source`, which has as many."""
+        """Overwrites some rows with `source`, which has the same number."""
         for name in _names(type(self)):
             values = getattr(self, name)
             if isinstance(values, Rows):
@@ -106,7 +106,7 @@ class Rows:
                 values[rows] = getattr(source, name)
 
     def grow(self, rows: int) -> None:
-        """Append zeroed rows until there are `rows`."""
+        """Appends zeroed rows until there are `rows`."""
         for name in _names(type(self)):
             values = getattr(self, name)
             if isinstance(values, Rows):
@@ -117,12 +117,12 @@ class Rows:
 
 
 def columns(kind: type[Named], rows: Rows) -> Named:
-    """Some columns as a tuple, which compiled rules take: the ones that `kind` names."""
+    """Some columns, named by `kind`, as a tuple that compiled rules take."""
     return kind(*(np.ascontiguousarray(getattr(rows, name)) for name in kind.__annotations__))
 
 
 def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
-    """The arrays of a class, those of columns within columns included, in order."""
+    """The arrays of a class, including nested columns, in order."""
     for name, kind, shape in _columns(rows):
         if isinstance(kind, type) and issubclass(kind, Rows):
             yield from flat_columns(kind, f"{path}{name}.")

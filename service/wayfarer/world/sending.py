@@ -1,6 +1,6 @@
 """Changes of chunks as they leave: bodies on the ground, chunks by session.
 
-What fails for an agent here is left out for it: its chunk leaves as it was planned.
+A change that fails for an agent is skipped: its chunk leaves as it was planned.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,7 +21,7 @@ from wayfarer.world.stepping.rules import PLANNED, ActingRules
 
 
 class Sending:
-    """Refines the chunks of a world that leave, and reports them."""
+    """Refines the chunks that leave a world, and reports them."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Sending:
             self._refine(Stage.GROUND, sent, lambda some: ground(self._slots, self._scenery, some))
 
     def _refine(self, stage: Stage, sent: Sent, refine: Callable[[Sent], None]) -> None:
-        """Let `refine` change the chunks in place, but those of agents for which it fails.
+        """Lets `refine` change the chunks in place, except those of agents for which it fails.
 
         It changes nothing when it fails.
         """
@@ -93,7 +93,7 @@ class Sending:
             sent.chunks.translation[rows, :, 2] += floors[:, None]
 
     def _by_session(self, sent: Sent) -> list[Due]:
-        """A chunk whose owner cannot be found is lost, and its agent is stepped no more."""
+        """Groups chunks by session. A chunk without an owner is lost, and its agent stopped."""
         slots, agents = self._slots, self._registry.by_slot
         self._faults.stage = Stage.SENDING
         try:

@@ -1,6 +1,6 @@
-"""The synchronous core: sessions, agents and goals; agents move as time passes.
+"""The synchronous core: sessions, agents and goals. Agents move as time passes.
 
-Time is always an argument: seconds, the same line for all calls (Unix time in the service, any in
+Time is always an argument: seconds on the same line for all calls (Unix time in the service, any in
 offline use). The same calls give the same motion. Not thread-safe, except `placed`, `prepare`,
 `reserve` and `examine`.
 """
@@ -60,11 +60,11 @@ from wayfarer.world.stepping.settings import WorldSettings
 
 
 class World:
-    """Sessions of agents that walk. `tick` moves them all.
+    """Sessions of walking agents. `tick` moves them all.
 
     Parts: `registry` (sessions and agents by id), `slots` (their columns), `scheduler`, `load`.
     Others may read them; only the world changes them. `members` takes sessions and agents out as
-    records and puts them in; `crowds` lets people come and go.
+    records and puts them in; `crowds` makes people come and go.
     """
 
     def __init__(
@@ -78,8 +78,8 @@ class World:
     ) -> None:
         """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`.
 
-        Worlds may share `LoadedModels` and `scenes`, those that sessions may be in. A world of one
-        engine needs no `LoadedModels`. `report`: see `Faults`; without, every error is raised.
+        Worlds may share `LoadedModels`, and `scenes` that sessions may be in. A world with one
+        engine needs no `LoadedModels`. `report`: see `Faults`; without it, every error is raised.
         """
         self.settings = settings = settings or WorldSettings()
         self.models = engine if isinstance(engine, LoadedModels) else LoadedModels(engine)
@@ -91,8 +91,8 @@ class World:
         self.slots = table.rows
         self.faults = Faults(self.slots, self.registry, report and self._noted(report))
         self._playback = Playback(self.slots, settings.lead)
-        # What is planned may be a goal ahead of what is sent for each chunk of it; an agent that
-        # wanders has one more.
+        # A plan may be one goal ahead of the sent motion for each of its chunks; a wandering agent
+        # has one goal more.
         paths = PathColumns(self.slots, settings.limits.path_goals + settings.lead + 2)
         self._scene_context = SceneContext(
             book=scenes or SceneRegistry(),
@@ -166,14 +166,14 @@ class World:
         )
 
     def observe(self, observer: WorldObserver) -> None:
-        """Report every change to `observer` from now on."""
+        """Reports every change to `observer` from now on."""
         self._observers.append(GuardedObserver(observer, self.faults))
 
     # Sessions
 
     def create_session(self, spec: SessionSpec, now: float) -> SessionInfo:
-        """Raises InvalidArgument, AlreadyExists, ResourceExhausted, and FailedPrecondition when its
-        scene is not here.
+        """Raises InvalidArgument, AlreadyExists, ResourceExhausted, and FailedPrecondition if its
+        scene is not on this server.
         """
         check_session(spec)
         return self.members.open(spec, now).info()
@@ -183,15 +183,15 @@ class World:
         return self.registry.session(session_id).info()
 
     def list_sessions(self) -> list[SessionInfo]:
-        """All, oldest first."""
+        """All sessions, oldest first."""
         return [session.info() for session in self.registry.sessions.values()]
 
     def delete_session(self, session_id: str) -> None:
-        """End a session and its agents. Raises NotFound."""
+        """Ends a session and its agents. Raises NotFound."""
         self.members.close(self.registry.session(session_id))
 
     def freeze_all(self, session_id: str) -> None:
-        """Plan nothing more for the agents of a session, whatever is left of it."""
+        """Plans nothing more for the agents of a session, even if only parts of it remain."""
         slots = [slot for slot, a in self.registry.by_slot.items() if a.session_id == session_id]
         self.slots.frozen[slots] = True
 
@@ -207,9 +207,9 @@ class World:
     # Agents
 
     def placed(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentSpec]:
-        """New agents where they will stand: in a scene, on the nearest free ground. Thread-safe.
+        """New agents at the places where they will stand: in a scene, on the nearest free ground.
 
-        Raises NotFound, InvalidArgument.
+        Thread-safe. Raises NotFound, InvalidArgument.
         """
         check_specs(specs)
         return self._scene_context.scenery.placed(self.registry.session(session_id).spec, specs)
@@ -229,7 +229,7 @@ class World:
     def reserve(
         self, session_id: str, specs: Sequence[AgentSpec], now: float
     ) -> AbstractContextManager[Reservation]:
-        """Hold room for `create_agents` while `prepare` runs. Thread-safe.
+        """Holds room for `create_agents` while `prepare` runs. Thread-safe.
 
         Entering it raises NotFound, InvalidArgument, ResourceExhausted.
         """
@@ -244,8 +244,8 @@ class World:
         seeds: Sequence[Motion] | None = None,
         reservation: Reservation | None = None,
     ) -> list[AgentInfo]:
-        """All or none. `seeds` are what `prepare(specs)` returned, if it has been called; then
-        `specs` are what `placed` made of them.
+        """Creates all or none. `seeds` are the result of `prepare(specs)`, if it has been called;
+        then `specs` are the result of `placed`.
 
         With a valid `reservation`, room is not checked again. Raises NotFound, InvalidArgument,
         ResourceExhausted.
@@ -255,7 +255,7 @@ class World:
             specs = self.placed(session_id, specs)
             seeds = self.prepare(specs)
         held = self.load.held()
-        if reservation not in held:  # it is not held any more when its caller has given up
+        if reservation not in held:  # it has been released if its caller has given up
             wanted = Reservation.of(session_id, [spec.gender for spec in specs])
             self.load.check_room(wanted, now, held)
         agents = self._population.add(session, specs, seeds, now)
@@ -277,7 +277,7 @@ class World:
         return self.registry.agent(agent_id).session_id
 
     def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
-        """Change an agent from the next planned chunk on. Raises NotFound, InvalidArgument."""
+        """Changes an agent from the next planned chunk on. Raises NotFound, InvalidArgument."""
         agent = self.registry.agent(agent_id)
         check_change(change)
         self._population.change(agent, change)
@@ -286,7 +286,7 @@ class World:
         return self._info(agent)
 
     def delete_agent(self, agent_id: str) -> None:
-        """Its planned frames are thrown away. Raises NotFound."""
+        """Deletes an agent; its planned frames are discarded. Raises NotFound."""
         self.members.remove(self.registry.agent(agent_id))
 
     def use_model(self, name: str) -> list[AgentInfo]:
@@ -302,12 +302,13 @@ class World:
     def give(
         self, agent_id: str, command: GoalCommand, now: float, expected: int | None = None
     ) -> int:
-        """Carries out a goal command, or one that a `WorldObserver` received; return the revision.
+        """Carries out a goal command, also one that a `WorldObserver` received; returns the
+        revision.
 
-        In a scene, goals off free ground are moved to the nearest that can be reached. Raises
-        NotFound, InvalidArgument that names the field, FailedPrecondition (a behaviour that cannot
-        work in this session), Aborted when the agent's revision is not `expected`, and Unreachable
-        when no way leads to a goal.
+        In a scene, goals off free ground are moved to the nearest reachable place. Raises NotFound,
+        InvalidArgument that names the field, FailedPrecondition (a behaviour that cannot work in
+        this session), Aborted if the agent's revision is not `expected`, and Unreachable if no way
+        leads to a goal.
         """
         agent = self.registry.agent(agent_id)
         self._goals.check(agent, command, expected)
@@ -335,11 +336,11 @@ class World:
     def schedule(
         self, now: float, launch: Launch = at_once, level: DegradationLevel | None = None
     ) -> PendingStep | None:
-        """Start an engine call for the agents most urgently due; see `Scheduler.begin`.
+        """Starts an engine call for the agents most urgently due; see `Scheduler.begin`.
 
-        On the level of degradation that the load asks for, unless `level` is given. If the level
-        says so, those whom nobody sees but as a root coast before, and agents that are due and have
-        nothing to do are held. None: nobody else is due.
+        It uses the degradation level that the load requires, unless `level` is given. If the level
+        says so, agents that are seen only as a root coast first, and due agents with nothing to do
+        are held. None: no other agent is due.
         """
         frame, self.faults.now = self._timeline.frame(now), now
         self._scene_context.refresh()
@@ -359,7 +360,7 @@ class World:
         return step
 
     def apply(self, step: PendingStep) -> int:
-        """Plan the chunks that a scheduled step has made; returns how many agents it stepped."""
+        """Plans the chunks that a scheduled step has made; returns how many agents it stepped."""
         return self.scheduler.finish(step)
 
     def step(self, now: float, level: DegradationLevel | None = None) -> int:
@@ -375,18 +376,18 @@ class World:
         return self._sending.leave(self._playback.send(self._timeline.frame(until)))
 
     def see(self, session_id: str, slots: Index, sights: Sequence[Sight] | Sight) -> None:
-        """Sets how well these agents of a session are seen from now on. Agents seen better go first
-        when time is short. It counts until it is said again; for new agents, `NEAR`.
+        """Sets how well these agents of a session are seen. Agents seen better go first when time
+        is short. It applies until it is set again; new agents are `NEAR`.
 
-        In a session that is recorded all are `NEAR`: a replay has no readers. Raises NotFound.
+        In a recorded session all are `NEAR`, since a replay has no readers. Raises NotFound.
         """
         recorded = self.registry.session(session_id).spec.record
         self.slots.sight[slots] = Sight.NEAR if recorded else sights
 
     def take_rest(self, session_id: str) -> list[Due]:
-        """All that is planned for a session's agents, before its time. Raises NotFound.
+        """All planned chunks of a session's agents, before their time. Raises NotFound.
 
-        Chunks still being made for them are lost, since they would be sent after the rest.
+        Chunks still being made for them are lost, since they would be sent after these.
         """
         agents = self.registry.session(session_id).agents.values()
         rows = np.array([agent.slot for agent in agents], np.int64)
@@ -406,7 +407,7 @@ class World:
         return [chunk for due in self.take_due(until) for chunk in due.chunks]
 
     def tick(self, now: float) -> list[MotionChunk]:
-        """Tend crowds, step all agents that are due, return the chunks whose time has come."""
+        """Tends crowds, steps all agents that are due, returns the chunks whose time has come."""
         self.crowds.tend(now)
         sent = self.collect(now)
         while (event := self.next_event()) is not None and event <= now:
@@ -415,12 +416,12 @@ class World:
         return sent
 
     def advance(self, until: float) -> Iterator[MotionChunk]:
-        """Run from event to event, without waiting, as far as `until`."""
+        """Runs from event to event, without waiting, up to `until`."""
         while (event := self.next_event()) is not None and event <= until:
             yield from self.tick(event)
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
-        """The time at which the next chunk is sent or, if asked for, planned; None without any.
+        """The time at which the next chunk is sent or, with `planning`, planned; None without any.
 
         Chunks are sent `early` seconds early.
         """
@@ -428,15 +429,16 @@ class World:
         return None if frame is None else self._timeline.time(frame)
 
     def skip(self, now: float) -> Index:
-        """Leave out primitives that nobody could see in time any more: how many, by `Sight`.
+        """Leaves out primitives that could no longer be seen in time; returns their numbers by
+        `Sight`.
 
-        An agent that is late by more than a primitive continues where it is, not where it would be:
-        overdue primitives are not made, and take no time from others.
+        An agent that is late by more than a primitive continues in place rather than where it would
+        be: overdue primitives are not made, and take no time from others.
         """
         return self._playback.skip(self._timeline.frame(now))
 
     def take_events(self) -> list[tuple[str, Event]]:
-        """What agents have met with on their ways since the last time, by session."""
+        """The events of agents on their ways since the last call, by session."""
         agents = self.registry.agents
         events = self._scene_context.take_events()
         found = [(agents[e.agent_id].session_id, e) for e in events if e.agent_id in agents]
@@ -448,14 +450,14 @@ class World:
         ]
 
     def checkpoint(self, parts: int = 1) -> None:
-        """Report to observers where agents stand: one agent in `parts`, in turn."""
+        """Reports to observers where agents stand: one agent in `parts`, in turn."""
         self._checkpoints += 1
         agents = list(self.registry.agents.values())[self._checkpoints % parts :: parts]
         if agents:
             for observer in self._observers:
                 observer.stood(agents)
 
-    # Within
+    # Private
 
     def _noted(self, report: Report) -> Report:
         def noted(fault: Fault) -> None:

@@ -38,7 +38,7 @@ class AgentSpec:
     noise_seed: int = 0  # the agent's motion is reproducible from it
     name: str = ""  # shown by clients; need not be unique
     foot_lock: bool = True  # feet on the floor are kept from sliding
-    floor: float = 0.0  # metres; in a scene of several storeys: the one below this height
+    floor: float = 0.0  # metres; in a scene of several storeys: the storey below this height
     model: str = ""  # name of the loaded motion model that moves it first; empty: the one in use
     outfit: str = ""  # name of its outfit; empty: its seed chooses
 
@@ -53,13 +53,13 @@ class AgentState(StrEnum):
 
 
 STATES: Final = tuple(AgentState)
-"""As `MotionChunks.state` counts them."""
+"""The states, in the order that `MotionChunks.state` counts them."""
 
 
 class Sight(IntEnum):
-    """How well the reader that sees an agent best does; see transport/detail_levels.py."""
+    """How well an agent is seen by the reader that sees it best; see transport/detail_levels.py."""
 
-    NEAR = 0  # in the innermost ring, or in all there is: a stream without rings shows everybody so
+    NEAR = 0  # in the innermost ring; a stream without rings sees all agents like this
     FAR = 1
     ROOT = 2  # as a place and a heading
     NONE = 3
@@ -75,11 +75,11 @@ class ChunkFlag(IntFlag):
 
     NONE = 0
     FIRST = 1  # start from it, do not blend: the agent's first chunk on this stream, or the pose
-    # jumps because a step failed and the agent was put back to a stand
-    REPLANNED = 2  # frames that were planned for this time were thrown away for a new goal
+    # jumps because a step failed and the agent was reset to a stand
+    REPLANNED = 2  # frames that were planned for this time were discarded for a new goal
     ARRIVED = 4  # the goal was reached during this chunk
     GAP = 8  # chunks before this one were dropped for this subscriber (it was too slow)
-    REDUCED = 16  # fewer candidates than asked for were tried, because time was short
+    REDUCED = 16  # fewer candidates than requested were tried, because time was short
     HELD = 32  # not stepped, because time was short and there was nothing to do: the pose is held
 
 
@@ -98,7 +98,7 @@ class AgentInfo:
     goal_revision: int  # 0 before the first goal
     created_at: float  # Unix seconds
     waypoint: int = 0  # place of `goal` in its path, from 0; added goals continue the count
-    waypoints: int = 0  # goals of its path so far, those passed included
+    waypoints: int = 0  # goals of its path so far, including passed ones
     model: str = ""  # the motion model that moves it
 
 
@@ -110,7 +110,7 @@ class MotionChunk:
     alias: int
     seq: int  # 0, 1, 2 … per agent
     first_frame: int  # index of its first frame since the agent began; 40 per second
-    scheduled_at: float  # Unix seconds at which its first frame is to be shown
+    scheduled_at: float  # Unix seconds at which its first frame should be shown
     goal_revision: int
     flags: ChunkFlag
     state: AgentState
@@ -125,7 +125,7 @@ class MotionChunk:
 class MotionChunks(Rows):
     """Chunks of several agents, each field of `MotionChunk` a column; all have as many frames.
 
-    A sequence of `MotionChunk`, each made when it is asked for.
+    A sequence of `MotionChunk`, each made when it is requested.
     """
 
     agent_id: Object
@@ -198,10 +198,10 @@ class SessionSpec:
     """A session to open."""
 
     session_id: str | None = None  # chosen by the runtime when None
-    seed: int = 0  # from which agents without a seed draw theirs
+    seed: int = 0  # agents without a seed draw theirs from it
     lock_step: bool = False  # time passes only in `step_session`
     record: bool = False  # commands are kept for `export_log`
-    scene: str = ""  # id of the scene that it is in; empty: a flat floor without end
+    scene: str = ""  # id of the scene that it is in; empty: an endless flat floor
     avoid: bool = True  # its agents avoid each other, unless it is recorded
     attributes: Mapping[str, str] = field(default_factory=dict)  # the transport's: kept, not read
 
@@ -218,7 +218,7 @@ class SessionInfo:
 
 @dataclass(frozen=True, slots=True)
 class AgentChange:
-    """What to change of an agent; None: leave it."""
+    """The changes of an agent; None: no change."""
 
     name: str | None = None
     foot_lock: bool | None = None

@@ -1,6 +1,6 @@
-"""Agents and behaviours: what an agent does by itself. The interface that each kind implements.
+"""Agents and behaviours, and the interface that each kind of behaviour implements.
 
-The kinds are in `behaviours/`, a file each.
+The kinds are in `behaviours/`, one file each.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from wayfarer.world.agents.goal import Goal
 Vector = tuple[float, float]
 
 Start = tuple[float, float, float] | None
-"""Where an agent is when it begins, metres; None: not known."""
+"""The place of an agent when it begins, metres; None: unknown."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """An agent as others see it."""
+    """An agent's state as others see it."""
 
     place: Vector
     velocity: Vector
@@ -37,7 +37,7 @@ class BodyState:
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """The present aim of an agent; `place` None: to stand."""
+    """The present aim of an agent. `place` None: it should stand."""
 
     place: Vector | None
     speed: float = 1.2
@@ -49,7 +49,7 @@ STAND: Final = Aim(None)
 
 
 class Others(Protocol):
-    """The agents of a session, as a kind of behaviour may look at them."""
+    """The agents of a session, as behaviours may see them."""
 
     def agent(self, agent_id: str) -> "Agent | None":
         """An agent of the world; None: it has been deleted."""
@@ -64,7 +64,7 @@ class Others(Protocol):
         ...
 
     def place(self, agent: "Agent") -> Vector:
-        """Where an agent is planned to be."""
+        """The planned place of an agent."""
         ...
 
 
@@ -81,7 +81,7 @@ class BehavingAgent(Protocol):
 
     @property
     def height(self) -> float:
-        """Metres: of the floor that the agent stands on."""
+        """Height in metres of the floor below the agent."""
         ...
 
     @property
@@ -91,7 +91,7 @@ class BehavingAgent(Protocol):
 
     @property
     def body(self) -> BodyState:
-        """The agent as planned."""
+        """The agent's planned state."""
         ...
 
     @property
@@ -101,7 +101,7 @@ class BehavingAgent(Protocol):
 
     @property
     def stood_at(self) -> Vector | None:
-        """Where it was to stand last; None while its goal moved."""
+        """The place where it last should stand; None while its goal moved."""
         ...
 
     @property
@@ -118,9 +118,9 @@ class BehavingAgent(Protocol):
         ...
 
     def look_at(self, agent_id: str) -> BodyState | None:
-        """Another agent at the moment that this one is planned to.
+        """Another agent's state at the moment up to which this one is planned.
 
-        None: it has been deleted; then the activity has been ended.
+        None: it has been deleted, and the activity has been ended.
         """
         ...
 
@@ -129,72 +129,72 @@ class BehavingAgent(Protocol):
         ...
 
     def extend(self, goal: Goal) -> None:
-        """Add a goal to its path."""
+        """Adds a goal to its path."""
         ...
 
     def aim(self, aim: Aim, on_floor_of: str | None = None) -> None:
-        """Move its goal; in a scene to free ground on its floor, or on that of another agent."""
+        """Moves its goal; in a scene to free ground on its floor, or on another agent's floor."""
         ...
 
     def shared(self, make: Callable[["Others"], T]) -> T:
-        """The one value of a world that `make` has made."""
+        """The only value of a world that `make` has made."""
         ...
 
 
 class Behaviour:
     """A frozen dataclass in a separate file, with its checks and its next goals.
 
-    An agent follows it until its next goal command. It makes one revision.
+    An agent follows it until its next goal command. It counts as one revision.
     """
 
     __slots__ = ()
 
     WALKS: ClassVar[bool] = False
-    """Whether its first goal is a place to walk to, not a goal that moves before the next step."""
+    """Whether its first goal is a fixed place, not one that moves before the next step."""
 
     FROM_PLACE_TO_PLACE: ClassVar[bool] = False
-    """`next_goal` is asked for when the agent is on the way to its last goal."""
+    """Whether `next_goal` is called when the agent is on the way to its last goal."""
 
     NEEDS_OTHERS: ClassVar[bool] = False
-    """It depends on other agents, so an agent's motion does not follow from its own commands."""
+    """Whether it depends on other agents, so that own commands alone do not determine motion."""
 
     @property
     def named_agent(self) -> str:
-        """Id of the agent that it depends on; empty: it names none."""
+        """Id of the agent that it depends on; empty: none."""
         return ""
 
     @property
     def given_goals(self) -> tuple[Goal, ...]:
-        """The goals that it holds."""
+        """The goals that it contains."""
         return ()
 
     @property
     def needs_scene(self) -> bool:
-        """It works in a scene only."""
+        """Whether it works only in a scene."""
         return False
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """For an agent at `start`. Raises InvalidArgument that names the field below `where`."""
+        """Checks it for an agent at `start`. Raises InvalidArgument with a field below `where`."""
 
     def check_others(self, agent: "Agent", others: Others) -> None:
-        """That an agent may follow this behaviour among the others. Raises InvalidArgument."""
+        """Checks whether an agent may follow it among the others. Raises InvalidArgument."""
 
     def first_goals(self, actor: BehavingAgent, number: int) -> tuple[Goal, ...]:
         """Its first goals, from goal `number` of the path on."""
         return (self.next_goal(actor, number),)
 
     def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
-        """Goal `number` of the path; here, unless it goes from place to place."""
+        """Goal `number` of the path; the present place, unless it goes from place to place."""
         return actor.here()
 
     def update(self, actor: BehavingAgent) -> None:
-        """Before a step of the agent: extend its path, or move its goal."""
+        """Called before a step of the agent: extends its path, or moves its goal."""
         if self.FROM_PLACE_TO_PLACE and actor.is_at_last_goal:
             agent = actor.agent
             actor.extend(self.next_goal(actor, agent.passed + len(agent.path)))
 
     def is_over(self, actor: BehavingAgent) -> bool:
-        """It has ended by itself."""
+        """Whether it has ended by itself."""
         return False
 
 
@@ -211,8 +211,8 @@ class Agent:
     path: tuple[Goal, ...] = ()  # without the goals that are forgotten
     passed: int = 0  # place of the first of them in the path, as it was given
     path_start: tuple[float, float] = (0.0, 0.0)  # where the way to the first of them begins
-    behaviour: Behaviour | None = None  # that it follows
+    behaviour: Behaviour | None = None  # the one that it follows
     part: int = 0  # of a routine
     begun: int = 0  # place in the path of the first goal of the behaviour, or of the part
     begun_seq: int = 0  # of the first chunk that was planned for it
-    commanded_seq: int = 0  # of the first chunk that its last command counts for
+    commanded_seq: int = 0  # of the first chunk to which its last command applies

@@ -1,4 +1,4 @@
-"""What callers may ask for: checks that name the field at fault and what is allowed."""
+"""Checks of callers' requests, which name the field at fault and what is allowed."""
 
 import re
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ def check_spec(spec: AgentSpec, where: str) -> None:
 
 
 def check_specs(specs: Sequence[AgentSpec]) -> None:
-    """Check agents to be created together. Raises InvalidArgument."""
+    """Checks agents to be created together. Raises InvalidArgument."""
     for number, spec in enumerate(specs):
         check_spec(spec, f"agents[{number}]")
 

@@ -1,11 +1,11 @@
-"""Faults: errors while one agent or session is stepped, kept away from all the others.
+"""Faults: errors while one agent or session is stepped, kept away from all others.
 
-A stage of a turn works on many agents at once. When it fails, it is done again for halves of them,
-then quarters, until the agents are found that it fails for. These sit the stage out, each for
-longer than the time before, and after `MAX_FAULTS` faults until they are given another goal.
+A stage of a turn works on many agents at once. When it fails, it is repeated for halves of them,
+then quarters, until the agents for which it fails are found. These sit the stage out, longer each
+time, and after `MAX_FAULTS` faults until they get another goal.
 
-Faults are contained only where somebody hears of them (`report`). Without, as in tests, clips and
-evaluations, every error is raised: nothing is hidden there.
+Faults are contained only if there is a `report`. Without it, as in tests, clips and evaluations,
+every error is raised, so that nothing is hidden.
 """
 
 from collections.abc import Callable, Collection, Iterable
@@ -26,17 +26,18 @@ from wayfarer.world.rows import Flags, Float, Index
 T = TypeVar("T")
 
 MAX_FAULTS: Final = 6
-"""Faults after which an agent is not tried again by itself, and a session is set aside."""
+"""Faults after which an agent is not retried by itself, and a session is set aside."""
 
 PAUSE: Final = 5
-"""Steps that an agent sits out after its first fault; twice as many after each further one."""
+"""Steps that an agent sits out after its first fault; doubled after each further one."""
 
 CALM: Final = 300
 """Steps without a fault after which an agent's earlier faults are forgotten."""
 
 ENGINE_CALLS: Final = 48
-"""Engine calls that are spent on finding the agents that a call fails for. When they do not
-suffice, the turn fails."""
+"""Maximum engine calls for finding the agents for which a call fails. If they do not suffice, the
+turn fails.
+"""
 
 NEVER: Final = 2**62
 
@@ -95,11 +96,11 @@ DOING: Final = {
 HOLDING: Final = frozenset(
     (Stage.WAY, Stage.STEERING, Stage.INPUTS, Stage.ENGINE, Stage.RULES, Stage.COASTING)
 )
-"""Stages without which an agent is held where it stands."""
+"""Stages without which an agent is held in place."""
 
 
 LOST: Final = frozenset((Stage.STANDING, Stage.SENDING))
-"""Stages without which nothing more is made of an agent."""
+"""Stages without which an agent is not stepped further."""
 
 MEANWHILE: Final = {
     **dict.fromkeys(HOLDING, "it stands where it is"),
@@ -110,7 +111,7 @@ MEANWHILE: Final = {
 
 
 class NotFiniteError(ArithmeticError):
-    """Numbers came out as NaN or infinite, or a body was moved too far."""
+    """Numbers became NaN or infinite, or a body was moved too far."""
 
 
 def check_finite(what: str, *arrays: Float) -> None:
@@ -123,14 +124,14 @@ def check_finite(what: str, *arrays: Float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One error, and whose it is."""
+    """One error, and the agent or session that it belongs to."""
 
     stage: Stage
     error: Exception
     session_id: str = ""
     agent_id: str = ""
-    times: int = 1  # faults of this agent or session in this stage so far, this one included
-    given_up: bool = False  # it is not tried again by itself
+    times: int = 1  # faults of this agent or session in this stage so far, including this one
+    given_up: bool = False  # whether it is not retried by itself
 
 
 Report = Callable[[Fault], None]
@@ -141,7 +142,7 @@ class _Trouble:
     """The faults of an agent in a stage; chunks count as `planned_chunks`."""
 
     times: int
-    until: int  # the first chunk for which it is tried again
+    until: int  # the first chunk for which it is retried
     holds: bool  # the agent is held meanwhile
 
 
@@ -149,7 +150,7 @@ class Faults:
     """The faults of a world. Belongs to the world's thread."""
 
     def __init__(self, slots: Slots, registry: Registry, report: Report | None = None) -> None:
-        """`report` gets every fault that is contained; None: errors are raised."""
+        """`report` receives every contained fault; None: errors are raised."""
         self._slots = slots
         self._registry = registry
         self._report = report
@@ -157,20 +158,20 @@ class Faults:
         self._sessions: dict[tuple[str, Stage], int] = {}
         self._events: list[tuple[str, Event]] = []
         self.now = 0.0
-        """The world's time; set by whoever lets time pass."""
+        """The world's time; set by the caller that lets time pass."""
         self.stage = Stage.STEERING
-        """The stage that is being done, for stages that are done in one go."""
+        """The present stage, for stages that handle all agents together."""
         self.condemned: list[str] = []
-        """Sessions that fail again and again, to be set aside by whoever owns the world."""
+        """Sessions that fail repeatedly, which the world's owner should set aside."""
 
     @property
     def contained(self) -> bool:
-        """Errors are kept away from others; otherwise they are raised."""
+        """Whether errors are kept away from others; otherwise they are raised."""
         return self._report is not None
 
     @property
     def any(self) -> bool:
-        """Some agent may have to sit a stage out."""
+        """Whether any agent may have to sit a stage out."""
         return bool(self._troubles)
 
     def take_events(self) -> list[tuple[str, Event]]:
@@ -178,7 +179,7 @@ class Faults:
         events, self._events = self._events, []
         return events
 
-    # Finding out whose fault it is
+    # Attribution
 
     def split(
         self, rows: Index, run: Callable[[Index], T], error: Exception, most: int = NEVER
@@ -223,14 +224,14 @@ class Faults:
         parts = [which for which, _ in self.split(rows, run, error)]
         return np.sort(np.concatenate(parts)) if parts else np.empty(0, np.int64)
 
-    # Noting it
+    # Recording
 
     def agents(
         self, slots: Collection[int] | Index, stage: Stage, error: Exception, holds: bool = True
     ) -> None:
-        """The agents of these slots have a fault. Not `holds`: they need not be held for it.
+        """Records a fault of the agents in these slots. Not `holds`: they need not be held for it.
 
-        Raises `error` where faults are not contained.
+        Raises `error` if faults are not contained.
         """
         if self._report is None:
             raise error
@@ -238,7 +239,7 @@ class Faults:
             trouble = self._more(slot, stage, holds and stage in HOLDING)
             self._forget_state(slot, stage)
             agent = self._registry.by_slot.get(slot)
-            if agent is None:  # nobody is there: nothing more shall be made of it
+            if agent is None:  # the slot has no agent: nothing more must be made of it
                 self._slots.frozen[slot] = True
                 self._report(Fault(stage, error))
                 continue
@@ -260,17 +261,17 @@ class Faults:
             self._events.append((agent.session_id, event))
 
     def agent(self, agent_id: str, error: Exception, stage: Stage) -> None:
-        """An agent has a fault for which it need not be held, unless it is gone.
+        """Records a fault for which an agent need not be held, unless the agent is gone.
 
-        Raises `error` where faults are not contained.
+        Raises `error` if faults are not contained.
         """
         if (agent := self._registry.agents.get(agent_id)) is not None or self._report is None:
             self.agents([] if agent is None else [agent.slot], stage, error, holds=False)
 
     def session(self, session_id: str, stage: Stage, error: Exception) -> int:
-        """A session has a fault that is no single agent's; returns how many so far in the stage.
+        """Records a session's fault that is no single agent's; returns their number in the stage.
 
-        Raises `error` where faults are not contained.
+        Raises `error` if faults are not contained.
         """
         if self._report is None:
             raise error
@@ -296,47 +297,47 @@ class Faults:
         return {agents[name].session_id for name in agent_ids if name in agents}
 
     def condemn(self, session_id: str) -> None:
-        """Has a session set aside that cannot continue."""
+        """Requests that a session is set aside because it cannot continue."""
         if session_id not in self.condemned:
             self.condemned.append(session_id)
 
     def elsewhere(self, session_id: str, stage: Stage, error: Exception) -> None:
-        """As `session`, from another thread, and without an event.
+        """Like `session`, from another thread, and without an event.
 
-        Raises `error` where faults are not contained.
+        Raises `error` if faults are not contained.
         """
         if self._report is None:
             raise error
         self._report(Fault(stage, error, session_id))
 
     def take_condemned(self) -> list[str]:
-        """Sessions to be set aside by whoever owns the world, since the last call."""
+        """Sessions to be set aside by the world's owner, since the last call."""
         condemned, self.condemned = self.condemned, []
         return condemned
 
     def nobody(self, stage: Stage, error: Exception) -> None:
-        """A fault of nobody that is known. Raises `error` where faults are not contained."""
+        """Records a fault of no known agent or session. Raises `error` if not contained."""
         if self._report is None:
             raise error
         self._report(Fault(stage, error))
 
     def stop(self, slot: int, stage: Stage, error: Exception) -> None:
-        """An agent cannot even be held: nothing more is made of it."""
+        """Stops an agent that cannot even be held: nothing more is made of it."""
         self.agents([slot], stage, error)
         self._slots.frozen[slot] = True
 
     # Sitting out
 
     def out(self, rows: Index, *stages: Stage) -> Flags:
-        """Which slots [A] sit one of these stages out now."""
+        """Slots [A] that sit out one of these stages now."""
         return self._which(rows, lambda stage, _: stage in stages)
 
     def held(self, rows: Index) -> Flags:
-        """Which slots [A] are held where they stand."""
+        """Slots [A] that are held in place."""
         return self._which(rows, lambda _, trouble: trouble.holds)
 
     def pardon(self, slot: int) -> None:
-        """The agent has been given something else to do: it is tried again at once."""
+        """Retries an agent at once, since it has received another command."""
         if not self._troubles:
             return
         for (other, _), trouble in self._troubles.items():
@@ -344,21 +345,21 @@ class Faults:
                 trouble.until = int(self._slots.planned_chunks[slot])
 
     def forget(self, slot: int) -> None:
-        """The agent of a slot is gone."""
+        """Forgets the agent of a slot."""
         if self._troubles:
             self._troubles = {key: t for key, t in self._troubles.items() if key[0] != slot}
 
     def forget_session(self, session_id: str) -> None:
-        """A session is gone."""
+        """Forgets a session."""
         if self._sessions:
             self._sessions = {k: n for k, n in self._sessions.items() if k[0] != session_id}
 
     def succeeded(self, session_id: str, stage: Stage) -> None:
-        """A stage that has failed for a session has not now."""
+        """Notes that a stage that had failed for a session has succeeded."""
         if self._sessions:
             self._sessions.pop((session_id, stage), None)
 
-    # Within
+    # Private
 
     def _more(self, slot: int, stage: Stage, holds: bool) -> _Trouble:
         planned = int(self._slots.planned_chunks[slot])
@@ -382,7 +383,7 @@ class Faults:
         return np.isin(rows, out)
 
     def _forget_state(self, slot: int, stage: Stage) -> None:
-        """What rules remember of the agent may be what they fail for."""
+        """Forgets the rules' state of the agent, since it may be the cause of the failure."""
         slots = self._slots
         if stage in HOLDING:
             slots.memory.put(np.array([slot]), Memory.empty(1))

@@ -23,14 +23,14 @@ MAX_HEADING: Final = 100.0
 class Goal:
     """A place to walk to, and how. The JSON schema takes the ranges from the annotations."""
 
-    position: tuple[float, float, float]  # metres, world; the ground below it is walked to
+    position: tuple[float, float, float]  # metres, world; it walks to the ground below it
     # metres: arrived when the pelvis is this near, horizontally
     radius: Annotated[float, RADIUS] = 0.3
     speed: Annotated[float, SPEED] = 1.2  # metres per second, target on the way
-    heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there
-    stop: bool = True  # False: pass through without slowing; with no goal to follow, stop after it
+    heading: float | None = None  # radians about +Z, 0 faces +Y; to face once stopped there
+    stop: bool = True  # False: pass through without slowing; without a next goal, stop after it
     strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
-    # seconds to stand there before going on to the next goal of a path
+    # seconds to stand there before the next goal of a path
     dwell: Annotated[float, DWELL] = 0.0
 
 
@@ -41,7 +41,7 @@ def check_goal(
     where: str = "goal",
     whence: str = "the agent",
 ) -> None:
-    """A goal for an agent at `start`. `where` names it in messages. Raises InvalidArgument."""
+    """Checks a goal for an agent at `start`; `where` names it in errors. Raises InvalidArgument."""
     if len(goal.position) != 3:
         raise InvalidArgument("position must be x, y, z", f"{where}.position")
     check_place(goal.position[:2], f"{where}.position", goal.position[2])
@@ -79,9 +79,9 @@ def check_path(
     whence: str = "the agent",
     field: str = "goals",
 ) -> None:
-    """Goals to visit in turn from `start`, after `ahead` that the agent has already.
+    """Checks goals to visit in turn from `start`, after `ahead` that the agent has already.
 
-    Raises InvalidArgument that names the one at fault.
+    Raises InvalidArgument that names the goal at fault.
     """
     if not 1 <= len(goals) <= limits.path_goals:
         raise InvalidArgument(
@@ -102,7 +102,7 @@ def check_path(
 class GoalColumns(Rows):
     """Goals as columns."""
 
-    given: Flags  # False: no goal, and the rest means nothing
+    given: Flags  # False: no goal, and the other columns mean nothing
     position: Annotated[Float, Shape(3)]
     radius: Float
     speed: Float
@@ -113,7 +113,7 @@ class GoalColumns(Rows):
     more: Flags  # another goal follows
     bend: Float  # radians by which the path turns here
     onward: Annotated[Float, Shape(2)]  # unit vector of the path after here
-    tread: Float  # metres from riser to riser where the way leads over stairs; 0: it does not
+    tread: Float  # metres from riser to riser if the way leads over stairs; otherwise 0
 
 
 def goal_columns(goals: Sequence[Goal], start: tuple[float, float]) -> GoalColumns:

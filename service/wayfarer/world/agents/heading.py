@@ -1,4 +1,4 @@
-"""Headings: an angle in radians about +Z, 0 faces +Y; or the horizontal unit vector it faces."""
+"""Headings: angles in radians about +Z (0 faces +Y), or the horizontal unit vectors faced."""
 
 from math import cos, sin
 
@@ -9,9 +9,9 @@ from wayfarer.world.rows import Float
 
 
 def facing_of(hips: Float) -> Float:
-    """Horizontal unit vector [..., 2] that bodies face whose hips are turned so [..., 4].
+    """Horizontal unit vectors [..., 2] that bodies face, from their hips' rotations [..., 4].
 
-    It is at right angles to the body's right side, so that leaning does not change it.
+    They are at right angles to the body's right side, so that leaning does not change them.
     """
     x, y, z, w = (hips[..., k] for k in range(4))
     aside, ahead = -2 * (x * y + z * w), 1 - 2 * (y * y + z * z)
@@ -22,7 +22,7 @@ def facing_of(hips: Float) -> Float:
 
 
 def heading_of(hips: Float) -> float:
-    """Heading of a body whose hips are turned so [4]."""
+    """Heading of a body from its hips' rotation [4]."""
     x, y = facing_of(hips)
     return float(np.arctan2(-x, y))
 

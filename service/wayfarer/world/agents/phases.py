@@ -7,14 +7,14 @@ from wayfarer.spec import GENDERS, NEW_FRAMES
 Load = list[list[int]]
 """Agents by phase and, within it, by gender (index into `spec.GENDERS`)."""
 UNEVEN: Final = 2
-"""A phase may hold this many times the agents of the emptiest phase, plus `MARGIN`."""
+"""A phase may hold this multiple of the emptiest phase's agents, plus `MARGIN`."""
 
 MARGIN: Final = 2
 """Further agents that a phase may hold if that saves an engine call."""
 
 
 class Phases:
-    """How many agents of each gender have their steps in each phase."""
+    """The number of agents of each gender in each phase."""
 
     def __init__(self, count: int) -> None:
         """`count` divides `spec.NEW_FRAMES`."""
@@ -23,17 +23,18 @@ class Phases:
 
     @property
     def agents(self) -> int:
-        """Agents of all phases."""
+        """Number of agents in all phases."""
         return sum(map(sum, self.load))
 
     @property
     def by_gender(self) -> list[int]:
-        """Agents of all phases, by gender."""
+        """Number of agents in all phases, by gender."""
         return [sum(phase[gender] for phase in self.load) for gender in range(len(GENDERS))]
 
     def enter(self, gender: int) -> int:
-        """Give an agent a phase: of those not much fuller than the emptiest one that asks for no
-        further engine call, since agents of one gender share theirs; of these the emptiest.
+        """Assigns a phase to an agent. Among the phases not much fuller than the emptiest one, it
+        prefers those that need no further engine call, since agents of one gender share theirs, and
+        takes the emptiest of these.
         """
         sizes = [sum(phase) for phase in self.load]
         fullest = UNEVEN * min(sizes) + MARGIN
@@ -47,11 +48,11 @@ class Phases:
         return phase
 
     def enter_at(self, start_frame: int, gender: int) -> None:
-        """Take in an agent that began at this world frame."""
+        """Adds an agent that began at this world frame."""
         self.load[start_frame % NEW_FRAMES // self.frames][gender] += 1
 
     def leave(self, start_frame: int, gender: int) -> None:
-        """Take out an agent that began at this world frame."""
+        """Removes an agent that began at this world frame."""
         self.load[start_frame % NEW_FRAMES // self.frames][gender] -= 1
 
     def next_frame(self, phase: int, earliest: int) -> int:

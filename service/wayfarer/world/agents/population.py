@@ -28,11 +28,12 @@ from wayfarer.world.output.legs import Legs, measure_legs
 from wayfarer.world.rows import Double
 
 MEASURED: Final = 1024
-"""Shapes whose legs are remembered."""
+"""Maximum number of shapes whose legs are remembered."""
 
 LATE_FRAMES: Final = NEW_FRAMES / 2
-"""Frames by which the next chunk of somebody from another server may be late: readers have more in
-reserve, and a schedule that is moved stops everybody for a whole primitive."""
+"""Frames by which the next chunk of an agent from another server may be late: readers have more in
+reserve, and a moved schedule would stop everybody for a whole primitive.
+"""
 
 
 class Population:
@@ -64,7 +65,7 @@ class Population:
         self.phases = Phases(phases)
 
     def measure(self, specs: Iterable[AgentSpec]) -> None:
-        """Measure bodies whose agents are about to enter. Thread-safe, and costly."""
+        """Measures bodies whose agents are about to enter. Thread-safe, and costly."""
         for spec in specs:
             self._legs(spec.gender, spec.betas)
 
@@ -90,12 +91,12 @@ class Population:
         return agents
 
     def remove(self, agent: Agent) -> None:
-        """Its planned frames are thrown away."""
+        """Removes an agent; its planned frames are discarded."""
         self._leave(agent.slot)
         self._registry.remove_agent(agent)
 
     def change(self, agent: Agent, change: AgentChange) -> None:
-        """Carry out a change that has been checked."""
+        """Makes a change that has been checked."""
         name, foot_lock = change.name, change.foot_lock
         spec = agent.spec if name is None else replace(agent.spec, name=name)
         agent.spec = spec if foot_lock is None else replace(spec, foot_lock=foot_lock)
@@ -114,7 +115,7 @@ class Population:
         return True
 
     def stand_again(self, slot: int) -> Motion:
-        """A stand where and as an agent's planned motion has left it, one row."""
+        """A stand at the place and heading of an agent's planned motion, one row."""
         seed, spec = self._table.rows.planned.seed, self._registry.by_slot[slot].spec
         x, y, _ = (float(v) for v in seed.translation[slot, -1])
         heading = heading_of(seed.rotations[slot, -1, 0])
@@ -150,7 +151,7 @@ class Population:
     def keep_schedule(self, slots: Sequence[int], shown_at: Double, now: float) -> None:
         """Schedules the next chunk of each slot at `shown_at` [N], Unix seconds.
 
-        When that is past, all of them are shown later by the same number of primitives.
+        If that is past, all of them are shown later by the same number of primitives.
         """
         rows, columns = np.array(slots, np.int64), self._table.rows
         shown = np.array([round(self._timeline.frame(at)) for at in shown_at.tolist()], np.int64)
@@ -165,7 +166,7 @@ class Population:
 
     @contextmanager
     def _all_or_none(self, slots: Sequence[int]) -> Iterator[None]:
-        """Gives back slots that have been entered, with or without agents, on an error."""
+        """Releases acquired slots, with or without agents, on an error."""
         try:
             yield
         except Exception:
@@ -206,7 +207,7 @@ class Population:
         slots.alias[agent.slot] = agent.alias
         slots.session[agent.slot] = session.number
         slots.scene[agent.slot] = session.scene
-        # a recorded session is played again agent by agent, each alone
+        # a recorded session is replayed agent by agent, each alone
         slots.avoids[agent.slot] = session.spec.avoid and not session.spec.record
         return agent
 
@@ -218,9 +219,9 @@ class Population:
         models: Sequence[str],
         now: float,
     ) -> list[int]:
-        """Slots whose next chunks have the numbers `seqs` and go on from `motions`.
+        """Slots whose next chunks have the numbers `seqs` and continue from `motions`.
 
-        `models`: stamps or names of those that shall move them; empty: the one in use.
+        `models`: stamps or names of the models that should move them; empty: the default model.
         """
         legs = Legs.join([self._legs(spec.gender, spec.betas) for spec in specs])
         entered = self._table.acquire(len(specs))

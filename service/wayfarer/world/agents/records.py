@@ -1,7 +1,8 @@
-"""Agents and sessions at rest: all that their motion depends on, taken out of a world and put
-into one. Both are as of the last chunk sent; later plans are made again.
+"""Agents and sessions at rest: everything on which their motion depends, as of the last chunk sent.
+Later plans are made again.
 
-`persistence/capture.py` takes them, `Membership.put_session` and `put_agent` put them.
+`persistence/capture.py` takes records out of a world, and `Membership.put_session` and `put_agent`
+put them into one.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ class AgentRecord:
     spec: AgentSpec
     created_at: float  # Unix seconds
     seq: int  # of the next chunk
-    motion: Motion  # one row: where the last sent frame left it
+    motion: Motion  # one row: the state after the last sent frame
     footing: Footing  # one row
     memory: Memory  # one row
     aims: Aims  # one row
@@ -35,7 +36,7 @@ class AgentRecord:
     behaviour: Behaviour | None
     part: int = 0  # of a routine
     begun: int = 0  # place in the path where the behaviour, or the part, began
-    model: str = ""  # stamp of the one that moves it; empty: whichever is in use
+    model: str = ""  # stamp of the model that moves it; empty: the default model
 
 
 @dataclass(slots=True)

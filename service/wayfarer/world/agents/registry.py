@@ -14,7 +14,7 @@ from wayfarer.world.agents.reservations import Reservation
 
 @dataclass(slots=True)
 class Session:
-    """A session's agents in order of creation; aliases count from 1, none is used twice."""
+    """A session and its agents in order of creation. Aliases count from 1; none is used twice."""
 
     session_id: str
     number: int  # never used twice by a world
@@ -23,7 +23,7 @@ class Session:
     agents: dict[str, Agent] = field(default_factory=dict)
     last_alias: int = 0
     scene: int = 0  # number of its scene in this world; 0: none
-    frozen: bool = False  # it is on its way to another server
+    frozen: bool = False  # it is moving to another server
 
     def info(self) -> SessionInfo:
         """Its description for callers."""
@@ -34,7 +34,7 @@ class Registry:
     """The sessions and agents of a world."""
 
     def __init__(self, limits: Limits, new_group: Callable[[], str]) -> None:
-        """`new_group()` gives the group of a new session's id."""
+        """`new_group()` returns the group of a new session's id."""
         self._limits = limits
         self._new_group = new_group
         self.sessions: dict[str, Session] = {}
@@ -57,7 +57,7 @@ class Registry:
             raise NotFound(f"no agent {agent_id!r}") from None
 
     def add_session(self, spec: SessionSpec, now: float, admit: bool = True) -> Session:
-        """Not `admit`: beyond the limit, too. Raises AlreadyExists, ResourceExhausted."""
+        """Without `admit`, also beyond the limit. Raises AlreadyExists, ResourceExhausted."""
         # in the scene's group, since one node has a scene and all of its sessions
         session_id = spec.session_id or new_session_id(
             group_of(spec.scene) if spec.scene else self._new_group()
@@ -73,7 +73,7 @@ class Registry:
         return session
 
     def check_room(self, wanted: Reservation, held: Sequence[Reservation] = ()) -> None:
-        """Whether these agents fit beside the reservations. Thread-safe.
+        """Checks whether these agents fit in addition to the reservations. Thread-safe.
 
         Raises NotFound, ResourceExhausted.
         """
@@ -92,13 +92,13 @@ class Registry:
             )
 
     def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:
-        """Enter a new agent whose slot has been taken."""
+        """Adds a new agent whose slot has been acquired."""
         session.last_alias += 1
         name = agent_id(session.session_id)
         return self.enter(Agent(name, session.last_alias, session.session_id, spec, slot, now))
 
     def enter(self, agent: Agent) -> Agent:
-        """Enters an agent that has an id. Raises AlreadyExists."""
+        """Adds an agent that has an id. Raises AlreadyExists."""
         name, session = agent.agent_id, self.sessions[agent.session_id]
         if name in self.agents:
             raise AlreadyExists(f"agent {name!r} exists already")
@@ -106,6 +106,6 @@ class Registry:
         return agent
 
     def remove_agent(self, agent: Agent) -> None:
-        """Forget an agent."""
+        """Forgets an agent."""
         del self.agents[agent.agent_id], self.by_slot[agent.slot]
         del self.sessions[agent.session_id].agents[agent.agent_id]

@@ -1,6 +1,6 @@
 """Room held for admitted agents that are still being created.
 
-So that of several who ask at once nobody is let in twice, and all others are refused at once.
+So concurrent requests are not admitted into the same room, and the others are refused at once.
 Thread-safe.
 """
 
@@ -22,12 +22,12 @@ class Reservation:
 
     @classmethod
     def of(cls, session_id: str, genders: Iterable[str]) -> Self:
-        """The same, of genders by name."""
+        """The same, for genders by name."""
         return cls(session_id, tuple(GENDERS.index(gender) for gender in genders))
 
 
 class Reservations:
-    """All that are held in a world."""
+    """All reservations of a world."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -37,9 +37,9 @@ class Reservations:
     def held(
         self, wanted: Reservation, check: Callable[[Sequence[Reservation]], None]
     ) -> Iterator[Reservation]:
-        """Hold room until the agents are there (`release`) or the caller has given up.
+        """Holds room until the agents exist (`release`) or the caller has given up.
 
-        `check(held)` raises when they do not fit into the remaining room.
+        `check(held)` raises if they do not fit into the remaining room.
         """
         with self._lock:
             check(self._held)
@@ -50,7 +50,7 @@ class Reservations:
             self.release(wanted)
 
     def release(self, held: Reservation) -> None:
-        """Its agents are in their slots, or will never be. Safe to call twice."""
+        """Releases the room, as its agents are in slots, or never will be. Safe to call twice."""
         with self._lock:
             if held in self._held:
                 self._held.remove(held)

@@ -9,20 +9,20 @@ from wayfarer.world.rows import Flags, Float, Int, Int8, Rows
 class Passage(IntEnum):
     """Whether there is a way."""
 
-    UNKNOWN = 0  # not looked for yet
+    UNKNOWN = 0  # not searched yet
     OPEN = 1
-    CLOSED = 2  # none leads to the goal at present
+    CLOSED = 2  # no way leads to the goal at present
 
 
 @dataclass(slots=True, eq=False)
 class Route(Rows):
-    """The way to one goal of an agent's path; zeroed: none has been looked for."""
+    """The way to one goal of an agent's path; zeroed: not searched yet."""
 
     passage: Int8  # Passage
-    revision: Int  # of the goals, and …
-    waypoint: Int  # … the one that it leads to
+    revision: Int  # of the goals
+    waypoint: Int  # the goal to which it leads
     points: Int  # number of points
     length: Float  # metres, in plan
-    progress: Float  # metres of it that lie behind the agent
-    doubt: Flags  # the scene has changed since: is it still clear?
-    wait: Int  # steps until a way is looked for again
+    progress: Float  # metres of it behind the agent
+    doubt: Flags  # whether the scene has changed since, so that it may no longer be clear
+    wait: Int  # steps until the next search

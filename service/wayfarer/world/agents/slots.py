@@ -21,7 +21,7 @@ from wayfarer.world.rows import Flags, Float, Int, Int8, Object, Rows, Shape, UI
 
 
 class Mode(IntEnum):
-    """`AgentState` as it is kept in an array."""
+    """`AgentState` as a number in arrays."""
 
     STANDING = 0
     WALKING = 1
@@ -45,7 +45,7 @@ class Feeding(IntEnum):
 
 @dataclass(slots=True)
 class Seeds(Rows):
-    """The two frames that the next primitive starts from."""
+    """The two frames from which the next primitive starts."""
 
     markers: Annotated[Float, Shape(SEED_FRAMES, MARKERS, 3)]
     translation: Annotated[Float, Shape(SEED_FRAMES, 3)]  # hips joint
@@ -54,22 +54,22 @@ class Seeds(Rows):
 
 @dataclass(slots=True)
 class Gait(Rows):
-    """What steering remembers of an agent from step to step."""
+    """Steering's memory of an agent from step to step."""
 
     mode: Int8  # Mode
     speed: Float  # m/s, horizontal, mean over the last step
     slow_seconds: Float  # how long it has been slow while stopping, and then standing
-    stop_place: Annotated[Float, Shape(2)]  # where it stopped, or shall stop
-    stop_facing: Annotated[Float, Shape(2)]  # unit vector it faced when it did
+    stop_place: Annotated[Float, Shape(2)]  # where it stopped, or will stop
+    stop_facing: Annotated[Float, Shape(2)]  # unit vector that it faced then
     arrived: Flags  # the goal has been reached
     waypoint: Int  # place of that goal in the path
-    trim: Float  # share by which more speed is asked of the model than the goal says
+    trim: Float  # share by which the requested speed exceeds the goal's
     rested: Flags  # it stood when this step began
 
 
 @dataclass(slots=True)
 class Motion(Rows):
-    """Where an agent stands between two steps."""
+    """An agent's state between two steps."""
 
     seed: Seeds
     gait: Gait
@@ -88,24 +88,24 @@ class Slots(Rows):
     noise_seed: UInt64
     betas: Annotated[Float, Shape(BETAS)]
     goal_revision: Int  # counts the changes of its goals
-    revised_chunk: Int  # seq of the first chunk that its present path counts for
+    revised_chunk: Int  # seq of the first chunk to which its present path applies
     feeding: Int8  # Feeding
     near_since: Int  # planned chunks when it came near the goal it wanders to; 0: it is not near
-    group: Int  # those of one session and group walk together; 0: it walks alone
+    group: Int  # agents of one session and group walk together; 0: it walks alone
     committed: Motion
     planned: Motion
     start_frame: Int  # world frame of the agent's frame 0
     planned_chunks: Int  # = seq of the next chunk to plan
     sent_chunks: Int  # = seq of the next chunk to send
     engine_call: Int  # number of the engine call that makes its next chunk; 0: none
-    replanned: Flags  # the next chunk replaces one that was thrown away
+    replanned: Flags  # the next chunk replaces a discarded one
     held: Flags  # the last chunk planned was made without the engine
-    coasted: Flags  # and so was its walk: see coasting.py
-    frozen: Flags  # it is on its way to another server: nothing more is planned for it here
-    foot_lock: Flags  # the agent wants its feet locked
+    coasted: Flags  # its walk was made without the engine, too; see coasting.py
+    frozen: Flags  # it is moving to another server, so nothing more is planned for it
+    foot_lock: Flags  # whether its feet are locked
     legs: Legs
     scene: Int  # number of the scene that it is in; 0: none
-    avoids: Flags  # the others of its session
+    avoids: Flags  # whether it avoids the others of its session
     route: Route
     memory: Memory  # of avoiding others
     aims: Aims
@@ -124,16 +124,16 @@ class SlotTable:
 
     @property
     def capacity(self) -> int:
-        """Slots that exist now."""
+        """Number of slots that exist now."""
         return len(self.rows.active)
 
     @property
     def free(self) -> int:
-        """Slots that could still be taken."""
+        """Number of slots that could still be acquired."""
         return self.limit - self.capacity + len(self._free)
 
     def acquire(self, count: int) -> list[int]:
-        """Take slots; their rows are zeroed. Raises ResourceExhausted, and takes none."""
+        """Acquires zeroed slots. Raises ResourceExhausted, and then acquires none."""
         if count > self.free:
             raise ResourceExhausted(
                 f"{self.free} of {self.limit} agent slots are free, not {count}"
@@ -147,7 +147,7 @@ class SlotTable:
         return taken
 
     def release(self, slot: int) -> None:
-        """Give a slot back."""
+        """Releases a slot."""
         self.rows.active[slot] = False
         self.rows.engine_call[slot] = 0
         self._free.append(slot)

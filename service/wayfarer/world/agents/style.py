@@ -2,10 +2,10 @@
 
 Everything follows from the noise seed, so the same seed gives the same motion.
 
-    reaction   a standing agent sets off at its own one of several moments, 0.2 s apart: that needs
-               no memory of when the command came, and repeated commands do not delay it
+    reaction   a standing agent sets off at its own one of several moments, 0.2 s apart; this
+               needs no memory of when the command came, and repeated commands do not delay it
     own noise  a part of the noise of each of its steps
-    manner     an input of its policy, which learned it from people who differ
+    manner     an input of its policy, which learned it from different people
 """
 
 from functools import lru_cache
@@ -20,16 +20,16 @@ from wayfarer.world.rows import Flags, Float, Index
 Seeds = NDArray[np.uint64]
 
 REMEMBERED: Final = 4096
-"""Draws that are kept."""
+"""Maximum number of draws that are kept."""
 
 _REACTION, _OWN, _MANNER = range(1, 4)
-"""Draws of one seed that do not depend on each other."""
+"""Independent draws from one seed."""
 
 _STEP: Final = 0x9E3779B97F4A7C15
 
 
 def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
-    """Whether agents [A] who stand may set off with this chunk: each with one in `moments`."""
+    """Whether standing agents [A] may set off with this chunk: each with one in `moments`."""
     own = _mixed(noise_seed, _REACTION) % np.uint64(moments)
     found: Flags = (chunk.astype(np.uint64) + own) % np.uint64(moments) == 0
     return found
@@ -49,7 +49,7 @@ def _constant(noise_seed: Seeds, draw: int, size: int) -> Float:
     if not len(noise_seed):
         return np.zeros((0, size), np.float32)
     found = np.concatenate([_normals(seed, draw, size) for seed in noise_seed.tolist()])
-    return found.reshape(-1, size)  # `np.stack` looks at each of them
+    return found.reshape(-1, size)  # `np.stack` would inspect each of them
 
 
 @lru_cache(2 * REMEMBERED)

@@ -14,7 +14,7 @@ class Timeline:
         return time * FPS + 1e-3
 
     def time(self, frame: float) -> float:
-        """When a world frame is shown."""
+        """The time at which a world frame is shown."""
         return frame / FPS
 
     def times(self, frames: NDArray[np.int64]) -> NDArray[np.float64]:

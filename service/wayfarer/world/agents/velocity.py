@@ -1,4 +1,4 @@
-"""How agents move at present, from their last frames."""
+"""Present motion of agents, from their last frames."""
 
 from typing import Final
 
@@ -7,14 +7,14 @@ import numpy as np
 from wayfarer.world.rows import Float
 
 FORESIGHT: Final = 0.4
-"""Seconds by which a place is carried on at most."""
+"""Maximum seconds for which a place is extrapolated."""
 
 SLOW: Final = 0.15
-"""m/s: below, hips only sway."""
+"""m/s: below this, hips only sway."""
 
 
 def moving(hips: Float, speed: Float) -> Float:
-    """Velocities [A, 2] of agents from their last frames, hips [A, S, 3], and the `speed` [A] of
+    """Velocities [A, 2] of agents, from their last frames, hips [A, S, 3], and the `speed` [A] of
     their gait.
     """
     way = hips[:, -1, :2] - hips[:, 0, :2]

@@ -1,4 +1,4 @@
-"""What slots say of agents, as plain messages of agent.py."""
+"""The slots' state of agents as plain messages of agent.py."""
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def agent_info(agent: Agent, slots: Slots, models: LoadedModels) -> AgentInfo:
 
 
 def agents_by_state(slots: Slots) -> dict[AgentState, int]:
-    """How many agents are in each state, as of what has been sent."""
+    """Number of agents in each state, as of the sent motion."""
     counts = np.bincount(slots.committed.gait.mode[slots.active], minlength=len(Mode))
     states = dict.fromkeys(AgentState, 0)
     for mode in Mode:
@@ -42,11 +42,11 @@ def agents_by_state(slots: Slots) -> dict[AgentState, int]:
 
 
 def distant_by_gender(slots: Slots) -> list[int]:
-    """How many agents of each gender are seen as a root at most."""
+    """Number of agents of each gender that are seen at most as a root."""
     distant = slots.active & (slots.sight >= Sight.ROOT)
     return np.bincount(slots.gender[distant], minlength=len(GENDERS)).tolist()
 
 
 def agents_by_sight(slots: Slots) -> dict[str, int]:
-    """How many agents are seen how well, as of what has been sent; see `by_sight`."""
+    """Number of agents by sight, as of the sent motion; see `by_sight`."""
     return by_sight(np.bincount(slots.sight[slots.active], minlength=len(Sight)))

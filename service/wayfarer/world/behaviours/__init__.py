@@ -1,8 +1,8 @@
 """Behaviours that an agent follows until its next goal command.
 
 Each kind is a file: a frozen dataclass (world space) with its checks and its next goals; see
-`world/behaviour.py`. `runner.py` runs them. A new kind is a new file and a place in `PartBehaviour`
-(routine.py), the registry of kinds.
+`world/agents/behaviour.py`. `runner.py` runs them. A new kind is a new file and an entry in
+`PartBehaviour` (routine.py), the registry of kinds.
 """
 
 from typing import Final, get_args
@@ -24,7 +24,7 @@ KINDS: Final = {kind.__name__: kind for kind in get_args(AnyBehaviour)}
 
 
 def known_behaviour(behaviour: Behaviour) -> AnyBehaviour:
-    """The same, for journals and logs. Raises TypeError for a kind that is not registered."""
+    """The same behaviour, for journals and logs. Raises TypeError for an unregistered kind."""
     if not isinstance(behaviour, AnyBehaviour):
         raise TypeError(f"{type(behaviour).__name__} is not a registered kind of behaviour")
     return behaviour

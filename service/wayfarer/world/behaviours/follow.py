@@ -20,25 +20,25 @@ from wayfarer.world.agents.checks import check_agent_id
 from wayfarer.world.ranges import check_range
 
 BESIDE: Final = (-10.0, 10.0)
-"""Metres, behind or to the right."""
+"""Range of the distance behind or to the right, in metres."""
 
 MIN_APART: Final = 0.5
-"""Metres between the follower's place and its leader."""
+"""Minimum metres between the follower's place and its leader."""
 
 WALKING: Final = 0.35
-"""m/s: for its followers, a slower leader stands."""
+"""m/s below which a leader stands, for its followers."""
 
 AHEAD: Final = 1.2
 """Metres before its place that a follower aims at, so that it walks along and not to a point."""
 
 JOINED: Final = 1.5
-"""Metres from its place within which a follower walks along; from farther away it catches up."""
+"""Metres from its place within which a follower walks along; a farther one catches up."""
 
 SLACK: Final = 0.6
-"""Metres by which the place of a standing follower may be wrong until it takes another."""
+"""Maximum metres between a standing follower and its place before it takes another."""
 
 CATCH_UP: Final = 0.8
-"""1/s: gain of the speed on the distance to one's place."""
+"""1/s: gain of the speed on the distance to its place."""
 
 FASTEST: Final = 2.2
 SLOWEST: Final = 0.4
@@ -48,13 +48,13 @@ SLOWEST: Final = 0.4
 class Follow(Behaviour):
     """Keeping to a place relative to another agent: walking as it walks, standing as it stands.
 
-    Those who follow one another are a group, who do not avoid each other as strangers. It ends,
+    Agents that follow one another are a group and do not avoid each other like strangers. It ends,
     and the agent stops, when the other is deleted.
     """
 
     agent_id: str
-    behind: Annotated[float, BESIDE] = 1.2  # metres behind it; negative: before it
-    right: Annotated[float, BESIDE] = 0.0  # metres to its right; negative: to its left
+    behind: Annotated[float, BESIDE] = 1.2  # metres behind it; negative means before it
+    right: Annotated[float, BESIDE] = 0.0  # metres to its right; negative means to its left
     kind: Literal["follow"] = "follow"
 
     NEEDS_OTHERS: ClassVar[bool] = True
@@ -65,7 +65,7 @@ class Follow(Behaviour):
         return self.agent_id
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         check_agent_id(self.agent_id, f"{where}.agent_id")
         for name in ("behind", "right"):
             check_range([getattr(self, name)], *BESIDE, f"{where}.{name}", Metres)
@@ -78,7 +78,7 @@ class Follow(Behaviour):
             )
 
     def check_others(self, agent: Agent, others: Others) -> None:
-        """No circle: the leader does not follow the agent, directly or not."""
+        """Refuses a circle: the leader must not follow the agent, directly or not."""
         leader, passed = others.agent(self.agent_id), list[Agent]()
         while leader is not None and leader not in passed:
             passed.append(leader)
@@ -90,7 +90,7 @@ class Follow(Behaviour):
             )
 
     def update(self, actor: BehavingAgent) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         leader = actor.look_at(self.agent_id)
         if leader is not None:
             actor.walk_with(self.agent_id)
@@ -99,12 +99,12 @@ class Follow(Behaviour):
 
 
 def follow(behaviour: Follow, me: BodyState, leader: BodyState, last: Vector | None) -> Aim:
-    """Keep to a place relative to `leader`; `last` is where that was while it stood."""
+    """The aim at a place relative to `leader`; `last` is that place while the leader stood."""
     if leader.speed < WALKING:
         place = _beside(behaviour, leader.place, leader.facing)
         reach = hypot(behaviour.behind, behaviour.right) + SLACK
         if last is not None and 0.5 < dist(last, leader.place) < reach:
-            place = last  # it turned, or sways: no reason to walk around it
+            place = last  # the leader turned, or sways: no reason to walk around it
         return Aim(place, facing=leader.facing)
     x, y = leader.velocity
     way = x / leader.speed, y / leader.speed
@@ -119,7 +119,7 @@ def follow(behaviour: Follow, me: BodyState, leader: BodyState, last: Vector | N
 
 
 def _beside(behaviour: Follow, place: Vector, way: Vector) -> Vector:
-    """Behind and to the right of somebody who looks along `way`."""
+    """The place behind and to the right of an agent that faces along `way`."""
     x, y = way
     return (
         place[0] - behaviour.behind * x + behaviour.right * y,

@@ -24,16 +24,16 @@ from wayfarer.world.agents.goal import SPEED
 from wayfarer.world.ranges import check_place, check_range
 
 DISTANCE: Final = (0.5, 50.0)
-"""Metres to keep."""
+"""Range of the distance to keep, in metres."""
 
 LOOKAHEAD: Final = 3.0
-"""Metres of free ground that are looked for in each direction."""
+"""Metres of free ground that are checked in each direction."""
 
 CORNERED: Final = 0.6
-"""Metres: with less free ground in every direction the agent stays where it is."""
+"""With fewer metres of free ground in every direction, the agent stays in place."""
 
 CALM: Final = 1.25
-"""Times the distance to keep at which it stands again."""
+"""Multiple of the distance to keep at which it stands again."""
 
 _RUNS: Final = np.arange(0.3, LOOKAHEAD + 0.01, 0.3)
 _TURNS: Final = np.array([(cos(k * pi / 12), sin(k * pi / 12)) for k in range(24)])
@@ -51,7 +51,7 @@ class KeepAway(Behaviour):
 
     agent_id: str = ""
     place: tuple[float, float] | None = None  # metres, on the floor
-    # metres; the agent stops when it is a quarter farther away than that
+    # metres; the agent stops when it is a quarter farther away
     distance: Annotated[float, DISTANCE] = 4.0
     speed: Annotated[float, SPEED] = 1.6  # m/s
     kind: Literal["keep_away"] = "keep_away"
@@ -64,7 +64,7 @@ class KeepAway(Behaviour):
         return self.agent_id
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         if (self.place is None) != bool(self.agent_id):
             raise InvalidArgument(
                 "keep away from an agent or from a place: give exactly one of the two", where
@@ -77,7 +77,7 @@ class KeepAway(Behaviour):
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
 
     def update(self, actor: BehavingAgent) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         threat = self.place
         if threat is None:
             other = actor.look_at(self.agent_id)
@@ -106,7 +106,7 @@ def keep_away(
     flees: bool,
     room: Room | None,
 ) -> Aim:
-    """Away from `threat` if it is too near, and once one `flees` until it is far enough.
+    """The aim away from `threat` if it is too near, and while it `flees` until it is far enough.
 
     `room` None: all ground can be walked on.
     """

@@ -16,7 +16,7 @@ from wayfarer.world.goals.path_columns import PathColumns
 
 RADIUS: Final = 0.25
 AGAIN: Final = 0.35
-"""Metres outside its radius from which a goal that has been reached is walked to again."""
+"""Metres outside its radius beyond which a reached goal is walked to again."""
 
 
 class MovingGoals:
@@ -27,7 +27,7 @@ class MovingGoals:
         self._paths = paths
 
     def body(self, slot: int, other: int) -> BodyState:
-        """An agent's extrapolated state at the moment that another one is planned to."""
+        """An agent's extrapolated state at the moment up to which another one is planned."""
         slots, seed = self._slots, self._slots.planned.seed
         hips = seed.translation[[slot]]
         [velocity] = moving(hips, slots.planned.gait.speed[[slot]])
@@ -39,12 +39,12 @@ class MovingGoals:
         return BodyState((x, y), (vx, vy), (ahead_x, ahead_y))
 
     def place(self, agent: Agent) -> tuple[float, float]:
-        """Where an agent is planned to be."""
+        """The planned place of an agent."""
         x, y = self._slots.planned.seed.translation[agent.slot, -1, :2].tolist()
         return x, y
 
     def standing(self, agent: Agent) -> tuple[float, float] | None:
-        """Where the agent was to stand last; None while its goal moved."""
+        """The place where the agent last should stand; None while its goal moved."""
         goal = agent.path[-1]
         return goal.position[:2] if goal.stop else None
 

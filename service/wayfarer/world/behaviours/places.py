@@ -12,7 +12,7 @@ Array = NDArray[np.floating[Any]]
 
 
 def island_at(scene: Scene, point: Point2 | Point3) -> int:
-    """The one that the free ground nearest to a point belongs to."""
+    """The island of the free ground nearest to a point."""
     return int(scene.mesh.island[scene.place(point).triangle])
 
 

@@ -23,7 +23,7 @@ from wayfarer.world.agents.goal import MAX_HEADING, SPEED
 from wayfarer.world.ranges import check_place, check_range
 
 SPACING: Final = (0.5, 5.0)
-"""Metres."""
+"""Range of the spacing in metres."""
 
 JOINS: Final = 1.2
 """Metres from the end of the line at which an agent becomes part of it."""
@@ -31,23 +31,23 @@ JOINS: Final = 1.2
 
 @dataclass(frozen=True, slots=True)
 class Queue(Behaviour):
-    """Lining up: the first stands at the head, the others behind it as they come.
+    """Lining up: the first stands at the head, the others behind it in order of arrival.
 
-    Queues of one name are one, and the first agent in it says where it is. When one leaves, by
-    another order or by being deleted, those behind it move up.
+    Queues of one name are one, and the first agent in it defines its place. When an agent leaves,
+    by another command or by being deleted, the agents behind it move up.
     """
 
     name: str
     head: tuple[float, float]  # metres, on the floor
-    heading: float  # radians about +Z that those who wait face; the line grows to the other side
-    spacing: Annotated[float, SPACING] = 0.8  # metres from one to the next
+    heading: float  # radians about +Z that waiting agents face; the line grows to the other side
+    spacing: Annotated[float, SPACING] = 0.8  # metres between neighbours
     speed: Annotated[float, SPEED] = 1.2  # m/s
     kind: Literal["queue"] = "queue"
 
     NEEDS_OTHERS: ClassVar[bool] = True
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         check_name(self.name, f"{where}.name", least=1)
         check_place(self.head, f"{where}.head")
         check_range([self.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading", Heading)
@@ -55,7 +55,7 @@ class Queue(Behaviour):
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
 
     def update(self, actor: BehavingAgent) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         first, place = actor.shared(_Lines).place_of(actor.agent, self)
         facing = -np.sin(first.heading), np.cos(first.heading)
         actor.aim(Aim(place, self.speed, facing=facing))
@@ -69,13 +69,13 @@ class _Lines:
         self._lines: dict[tuple[str, str], list[str]] = {}
 
     def place_of(self, agent: Agent, queue: Queue) -> tuple[Queue, Vector]:
-        """The queue as its first agent has it, and the agent's place in it.
+        """The queue as its first agent defines it, and the agent's place in it.
 
-        An agent that is not part of the line yet is on the way to its end.
+        An agent that is not yet part of the line is on the way to its end.
         """
         line = self._present(agent.session_id, queue.name)
         first = self._queue_of(line[0]) if line else queue
-        assert first is not None  # `_present` has looked
+        assert first is not None  # `_present` has checked it
         if agent.agent_id in line:
             return first, self._behind(line, line.index(agent.agent_id), first)
         end = self._behind(line, len(line), first)
@@ -85,7 +85,7 @@ class _Lines:
         return first, end
 
     def _behind(self, line: list[str], number: int, first: Queue) -> Vector:
-        """Place `number`, farther back by as much as the one before it stands behind its own."""
+        """Place `number`, farther back by as much as the one before it is behind its own place."""
         if number == 0:
             return queue_place(first, 0.0)
         x, y = self._place(line[number - 1])
@@ -136,6 +136,6 @@ class _Lines:
 
 
 def queue_place(queue: Queue, number: float) -> Vector:
-    """Where number 0, 1, 2 … of a queue stands, or somebody between them."""
+    """The place of number 0, 1, 2 … of a queue, or of an agent between them."""
     back = number * queue.spacing
     return queue.head[0] + back * sin(queue.heading), queue.head[1] - back * cos(queue.heading)

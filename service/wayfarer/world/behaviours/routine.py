@@ -29,31 +29,31 @@ class Visit(Behaviour):
 
     @property
     def given_goals(self) -> tuple[Goal, ...]:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         return self.goals
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         first = start or (self.goals[0].position if self.goals else (0.0, 0.0, 0.0))
         check_path(self.goals, first, limits, field=f"{where}.goals")
 
     def first_goals(self, actor: BehavingAgent, number: int) -> tuple[Goal, ...]:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         return self.goals
 
     def is_over(self, actor: BehavingAgent) -> bool:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         return actor.is_at_last_goal and actor.has_done(self.goals[-1])
 
 
 @dataclass(frozen=True, slots=True)
 class Stand(Behaviour):
-    """Standing where one is."""
+    """Standing in place."""
 
     kind: Literal["stand"] = "stand"
 
     def update(self, actor: BehavingAgent) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         actor.aim(STAND)
 
 
@@ -66,17 +66,17 @@ class Part:
     """A part of a routine."""
 
     does: PartBehaviour
-    # then the next part begins; 0: when it is done, as only a visit ever is
+    # then the next part begins; 0: when it is done, which only a visit can be
     seconds: Annotated[float, SECONDS] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Routine(Behaviour):
-    """One thing after the other: patrol for a minute, queue for ten seconds, then go home.
+    """One activity after the other: patrol for a minute, queue for ten seconds, then go home.
 
-    A part ends after its seconds, a visit also when its last goal has been reached and dwelt at,
-    following and keeping away also when the other is deleted. After the last part the agent stands,
-    or begins again.
+    A part ends after its seconds. A visit also ends after the dwell at its last goal, and following
+    and keeping away end when the other agent is deleted. After the last part the agent stands, or
+    begins again.
     """
 
     parts: Annotated[tuple[Part, ...], PARTS]
@@ -84,7 +84,7 @@ class Routine(Behaviour):
     kind: Literal["routine"] = "routine"
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         count = len(self.parts)
         if not PARTS[0] <= count <= PARTS[1]:
             raise InvalidArgument(

@@ -1,7 +1,7 @@
 """Runs behaviours: before each step of an agent, extends its path or moves its goal.
 
-An agent's behaviour depends on its commands, on counters and on where other agents are planned to
-be, never on the clock.
+An agent's behaviour depends on its commands, on counters and on the planned places of other agents,
+never on the clock.
 """
 
 from collections.abc import Callable
@@ -29,21 +29,21 @@ from wayfarer.world.rows import Index
 T = TypeVar("T")
 
 GIVE_UP: Final = 4.0
-"""Seconds for which others keep an agent from a place until it goes to the next one instead."""
+"""Seconds for which others keep an agent from a place until it chooses the next one."""
 
 NEAR: Final = 1.5
 """Metres from a place within which an agent counts as kept from it."""
 
 
 class Surroundings(Protocol):
-    """What behaviours have to know of scenes, and where their events go."""
+    """The knowledge of scenes that behaviours need, and the receiver of their events."""
 
     def scene_of(self, slot: int) -> Scene | None:
         """The scene that a slot is in."""
         ...
 
     def tell(self, slot: int, kind: EventKind, waypoint: int, text: Text) -> None:
-        """Something happened to the agent of a slot."""
+        """Reports an event of a slot's agent."""
         ...
 
 
@@ -61,7 +61,7 @@ class BehaviourRunner:
         slow_seconds: float,
         faults: Faults,
     ) -> None:
-        """`slow_seconds`: as steering; an agent that has been slow for this long stands."""
+        """`slow_seconds`: as in steering; an agent that has been slow for this long stands."""
         self.slots = slots
         self.agent_paths = agent_paths
         self.registry = registry
@@ -80,20 +80,20 @@ class BehaviourRunner:
         return behaviour.parts[agent.part].does if agent.part < len(behaviour.parts) else Stand()
 
     def begin(self, agent: Agent) -> tuple[Goal, ...]:
-        """The first goals of a behaviour that an agent has been given; its path is empty."""
+        """The first goals of an agent's new behaviour; its path is empty."""
         agent.part, agent.begun = 0, 0
         return self._first_goals(agent)
 
     def sets_out(self, agent: Agent) -> bool:
-        """Whether its first goal is one to walk to, not one that its behaviour has yet to move."""
+        """Whether its first goal is a fixed place, rather than one that its behaviour must move."""
         doing = self.doing(agent)
         return doing is None or doing.WALKS
 
     def resume(self, agent: Agent, in_mid_part: bool) -> None:
-        """An agent has been put into the world while following a behaviour.
+        """Resumes the behaviour of an agent that has been put into the world.
 
-        What depends on others starts again, and so does a part of a routine, unless the agent is
-        known `in_mid_part`.
+        A behaviour that depends on others starts again, and so does a part of a routine, unless the
+        agent is known to be `in_mid_part`.
         """
         self._enlist(agent)
         doing = self.doing(agent)
@@ -102,13 +102,13 @@ class BehaviourRunner:
             self._begin_part(agent)
 
     def leave(self, agent: Agent) -> None:
-        """End its behaviour: it only goes by its path."""
+        """Ends its behaviour, so that it only follows its path."""
         agent.behaviour = None
         self.slots.feeding[agent.slot] = Feeding.NONE
         self.slots.group[agent.slot] = 0
 
     def feed(self, due: Index) -> None:
-        """Before the step of slots that are due: update the behaviours of their agents."""
+        """Updates the behaviours of agents in due slots, before their step."""
         if self._faults.any:
             due = due[~self._faults.out(due, Stage.BEHAVIOUR)]
         self._faults.stage = Stage.BEHAVIOUR
@@ -130,7 +130,7 @@ class BehaviourRunner:
             self._give_up(self.registry.by_slot[slot])
 
     def end(self, agent: Agent, detail: str) -> None:
-        """End what it does now because an agent that it depends on is gone."""
+        """Ends its present activity because an agent that it depends on is gone."""
         waypoint = int(self.slots.planned.gait.waypoint[agent.slot])
         self.around.tell(agent.slot, EventKind.BEHAVIOUR_ENDED, waypoint, Text(detail))
         self.slots.group[agent.slot] = 0
@@ -146,7 +146,7 @@ class BehaviourRunner:
         return bool(self._paths.is_last(rows, self.slots.planned.gait.waypoint[rows])[0])
 
     def shared(self, make: Callable[[Others], T]) -> T:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         if make not in self._kind_state:
             self._kind_state[make] = make(self)
         return cast(T, self._kind_state[make])
@@ -154,18 +154,18 @@ class BehaviourRunner:
     # As `Others`
 
     def agent(self, agent_id: str) -> Agent | None:
-        """See `Others`."""
+        """Implements `Others`."""
         return self.registry.agents.get(agent_id)
 
     def of_session(self, session_id: str) -> list[str]:
-        """See `Others`."""
+        """Implements `Others`."""
         return list(self.registry.sessions[session_id].agents)
 
     def place(self, agent: Agent) -> Vector:
-        """See `Others`."""
+        """Implements `Others`."""
         return self.goals.place(agent)
 
-    # Within
+    # Private
 
     def _update(self, agent: Agent) -> None:
         routine = agent.behaviour
@@ -175,7 +175,7 @@ class BehaviourRunner:
             doing.update(_Actor(self, agent))
 
     def _kept_away(self, due: Index) -> Index:
-        """Agents that go from place to place: the slots that others keep from the present one."""
+        """Slots whose agents go from place to place and are kept from the present one by others."""
         slots = self.slots
         rows = due[slots.avoids[due] & (slots.feeding[due] == Feeding.AT_END)]
         gait, chunks = slots.planned.gait, slots.planned_chunks[rows]
@@ -245,51 +245,51 @@ class _Actor:
 
     @property
     def scene(self) -> Scene | None:
-        """See `BehavingAgent`, as for all below."""
+        """Implements `BehavingAgent`, as do the methods below."""
         return self._runner.around.scene_of(self.agent.slot)
 
     @property
     def height(self) -> float:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         slot = self.agent.slot
         return float(self._slots.footing.hips[slot]) if self._slots.scene[slot] else 0.0
 
     @property
     def revision(self) -> int:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return int(self._slots.goal_revision[self.agent.slot])
 
     @property
     def body(self) -> BodyState:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return self._runner.goals.body(self.agent.slot, self.agent.slot)
 
     @property
     def is_moving(self) -> bool:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return self._runner.goals.is_moving(self.agent)
 
     @property
     def stood_at(self) -> Vector | None:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return self._runner.goals.standing(self.agent)
 
     @property
     def is_at_last_goal(self) -> bool:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return self._runner.is_last(self.agent.slot)
 
     def has_done(self, goal: Goal) -> bool:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return is_done(self._slots, self.agent.slot, goal, self._runner.slow_seconds)
 
     def here(self) -> Goal:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         x, y = self._runner.goals.place(self.agent)
         return Goal((x, y, self.height))
 
     def look_at(self, agent_id: str) -> BodyState | None:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         other = self._runner.registry.sessions[self.agent.session_id].agents.get(agent_id)
         if other is not None:
             return self._runner.goals.body(other.slot, self.agent.slot)
@@ -297,18 +297,18 @@ class _Actor:
         return None
 
     def walk_with(self, agent_id: str) -> None:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         group, other = self._slots.group, self._runner.registry.agents[agent_id].slot
         group[other] = group[other] or self._slots.alias[other]
         group[self.agent.slot] = group[other]
 
     def extend(self, goal: Goal) -> None:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         agent_paths = self._runner.agent_paths
         agent_paths.write(self.agent, (*agent_paths.kept(self.agent), goal))
 
     def aim(self, aim: Aim, on_floor_of: str | None = None) -> None:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         runner, agent = self._runner, self.agent
         if aim.place is None:
             runner.goals.stand(agent)
@@ -321,12 +321,12 @@ class _Actor:
         runner.goals.go(agent, aim, place)
 
     def shared(self, make: Callable[[Others], T]) -> T:
-        """See `BehavingAgent`."""
+        """Implements `BehavingAgent`."""
         return self._runner.shared(make)
 
 
 def parts_of(behaviour: Behaviour) -> tuple[tuple[Behaviour, str], ...]:
-    """The behaviours that it consists of, each with the field that holds it."""
+    """The behaviours of which it consists, each with the field that holds it."""
     if isinstance(behaviour, Routine):
         return tuple((part.does, f"parts[{n}].") for n, part in enumerate(behaviour.parts))
     return ((behaviour, ""),)

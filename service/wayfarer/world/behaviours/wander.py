@@ -19,18 +19,18 @@ from wayfarer.world.behaviours.places import drawn_places, island_at
 from wayfarer.world.ranges import check_place, check_range
 
 APART: Final = 1.0
-"""Metres: the next place of an area is at least so far away, where the area allows it."""
+"""Minimum metres to the next place of an area, if the area allows it."""
 
 FARTHER: Final = 5.0
-"""Metres: the same all over a scene."""
+"""Minimum metres to the next place when it wanders all over a scene."""
 
 TRIES: Final = 16
-"""Draws until the farthest place of the area, or of those drawn, is taken instead."""
+"""Draws after which the farthest place of the area, or of those drawn, is taken instead."""
 
-_STREAM = 0x5741595741594652  # second half of the key: keeps these draws apart from others'
+_STREAM = 0x5741595741594652  # second half of the key: separates these draws from others
 
 MIN_RADIUS: Final = 0.5
-"""Metres."""
+"""Minimum radius in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Wander(Behaviour):
     Places are drawn from the agent's seed, its revision and their number in the path.
     """
 
-    center: tuple[float, float] | None  # metres, world; None: wherever the agent's scene is free
+    center: tuple[float, float] | None  # metres, world; None: all free ground of the agent's scene
     radius: Annotated[float, (MIN_RADIUS, None)] = 0.0  # metres; ignored without a centre
     speed: Annotated[float, SPEED] = 1.2  # m/s
     dwell: Annotated[float, DWELL] = 0.0  # seconds to stand at each place
@@ -51,18 +51,18 @@ class Wander(Behaviour):
 
     @property
     def needs_scene(self) -> bool:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         return self.center is None
 
     def check(self, start: Start, limits: Limits, where: str) -> None:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         if self.center is not None:
             _check_disc(self.center, self.radius, start or self.center, limits, where)
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
         check_range([self.dwell], *DWELL, f"{where}.dwell")
 
     def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
-        """See `Behaviour`."""
+        """Implements `Behaviour`."""
         agent = actor.agent
         start = agent.path[-1].position[:2] if agent.path else agent.path_start
         seed, revision = agent.spec.noise_seed, actor.revision
@@ -105,10 +105,10 @@ def wander_goal(
     scene: Scene | None = None,
     height: float = 0.0,
 ) -> Goal:
-    """Goal number `waypoint` of an agent that wanders, to be walked to from `start`.
+    """Goal number `waypoint` of a wandering agent, which walks there from `start`.
 
-    Uniform in the disc, or in the part of the scene that can be reached, except places too near.
-    `height` says which storey the agent is on.
+    It is uniform in the disc, or in the reachable part of the scene, except places too near.
+    `height` identifies the agent's storey.
     """
     key = np.array([seed, _STREAM], np.uint64)
     counter = np.array([0, waypoint, revision, 0], np.uint64)

@@ -1,4 +1,4 @@
-"""The path of an agent as messages and as columns, which are kept alike here."""
+"""The path of an agent as messages and as columns, which are kept equal here."""
 
 from dataclasses import replace
 
@@ -11,20 +11,20 @@ from wayfarer.world.goals.path_columns import PathColumns
 
 
 class AgentPaths:
-    """Paths of a world's agents. A path may be extended for ever: passed goals are forgotten."""
+    """Paths of a world's agents. A path may be extended endlessly: passed goals are forgotten."""
 
     def __init__(self, slots: Slots, paths: PathColumns) -> None:
         self._slots = slots
         self._paths = paths
 
     def write(self, agent: Agent, goals: tuple[Goal, ...]) -> None:
-        """Let these be the goals that are not forgotten. On the flat floor they lie at height 0."""
+        """Sets the goals that are not forgotten. On the flat floor they lie at height 0."""
         in_scene = bool(self._slots.scene[agent.slot])
         agent.path = goals if in_scene else tuple(map(_on_floor, goals))
         self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
 
     def kept(self, agent: Agent) -> tuple[Goal, ...]:
-        """Forget the goals that even a replan cannot go back to; return the others."""
+        """Forgets the goals to which even a replan cannot return; returns the others."""
         slot = agent.slot
         oldest = 0 if self.is_ahead_of_sent(slot) else int(self._sent_waypoint(slot))
         done = oldest - agent.passed
@@ -47,7 +47,7 @@ class AgentPaths:
         return first
 
     def is_ahead_of_sent(self, slot: int) -> bool:
-        """Nothing has been sent yet that was planned for the present path."""
+        """Whether nothing that was planned for the present path has been sent yet."""
         return bool(self._slots.sent_chunks[slot] <= self._slots.revised_chunk[slot])
 
     def _sent_waypoint(self, slot: int) -> int:

@@ -10,8 +10,7 @@ from wayfarer.world.agents.goal import Goal
 class Path:
     """Visit these goals in turn.
 
-    A goal to pass through is done once it is reached, any other once the agent has stood there for
-    its dwell.
+    A goal to pass through is done once it is reached, and any other goal after its dwell.
     """
 
     goals: tuple[Goal, ...]
@@ -19,10 +18,10 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class Append:
-    """Adds these goals to the end of the path; plans stay.
+    """Add these goals to the end of the path; plans stay.
 
     The goals of the path keep their numbers. An agent without a path starts one; an agent that
-    follows a behaviour goes on with these goals after its present one.
+    follows a behaviour continues with these goals after its present one.
     """
 
     goals: tuple[Goal, ...]
@@ -34,5 +33,4 @@ class Stop:
 
 
 GoalCommand = Goal | Path | Append | Behaviour | Stop
-"""What an agent is to do from now on. Each command makes a revision; each but `Append` replaces
-what was there."""
+"""The commands to an agent. Each makes a revision; all but `Append` replace the former command."""

@@ -1,6 +1,6 @@
-"""What becomes of an agent's gait, and what its next step aims at: steering, compiled.
+"""Steering, compiled: the next gait of an agent, and the aim of its next step.
 
-A row at a time; `Steering` says what the numbers mean, and calls these.
+It handles one row at a time; `Steering` explains the numbers, and calls these functions.
 """
 
 from functools import cache
@@ -22,23 +22,24 @@ TRIM_GAIN: Final = 0.12
 """Share of a speed error that a step adds to the trim."""
 
 TRIM_MOST: Final = 0.15
-"""Bound of the trim, either way."""
+"""Maximum of the trim, in both directions."""
 
 PACE: Final = 0.7
-"""m/s: a walker is not slower than this before its goal, unless a lower speed is asked for."""
+"""m/s: minimum speed of a walker before its goal, unless a lower one is requested."""
 
 GONE_BY: Final = 0.2
-"""Metres beyond the radius of a point to pass through, within which it is passed all the same once
-a walker leaves it behind: nobody turns back for so little."""
+"""Metres beyond the radius of a point to pass through, within which it counts as passed once a
+walker leaves it behind: nobody turns back for so short a distance.
+"""
 
 STEADY: Final = 0.3
-"""Share of the target speed. An agent whose error is larger sets off or slows; it has no trim."""
+"""Share of the target speed. An agent with a larger error sets off or slows, and has no trim."""
 
 
 class Targets(NamedTuple):
     """Aims of the next step."""
 
-    place: Float  # [A, 2] metres, in plan: the model walks on a flat floor
+    place: Float  # [A, 2] metres, in plan, since the model walks on a flat floor
     speed: Float  # [A] m/s
     facing: Float  # [A, 2] unit vector, or zero: the way to the place
 
@@ -78,7 +79,7 @@ class GaitArrays(NamedTuple):
 
 
 class GoalArrays(NamedTuple):
-    """Those of `GoalColumns`."""
+    """The columns of `GoalColumns`, for compiled rules."""
 
     given: Flags
     position: Float
@@ -94,7 +95,7 @@ class GoalArrays(NamedTuple):
 
 @inner
 def _faces(turns: Float, row: int) -> tuple[float, float]:
-    """Horizontal unit vector that a body faces, as `heading.facing_of`; turns [A, S, 22, 4]."""
+    """Horizontal unit vector that a body faces, like `heading.facing_of`; turns [A, S, 22, 4]."""
     x, y, z, w = turn(turns, (row, turns.shape[1] - 1, 0))
     aside, ahead = -2 * (x * y + z * w), 1 - 2 * (y * y + z * z)
     size = max(sqrt(aside * aside + ahead * ahead), 1e-9)
@@ -111,8 +112,8 @@ def decide_rows(
     ready: Flags,
     after: GaitArrays,
 ) -> None:
-    """Into modes, stops and times of `after`; see `Steering.decide`. hips [A, S, 3], turns
-    [A, S, 22, 4] of the seed.
+    """Writes modes, stops and times into `after`; see `Steering.decide`. hips [A, S, 3] and turns
+    [A, S, 22, 4] are the seed's.
     """
     last = hips.shape[1] - 1
     for row in range(len(ready)):
@@ -131,11 +132,11 @@ def decide_rows(
             slow_seconds = float(gait.slow_seconds[row]) + STEP_SECONDS
         still = stopping and slow_seconds >= limits.slow_seconds - 1e-3
 
-        # A goal that has been passed through, and that none follows, holds nobody.
+        # A passed goal that no goal follows does not hold the agent.
         holds = goals.given[row] and not (through and arrived)
         missed = holds and not arrived
         strayed = holds and distance > max(radius, braking) + limits.resume_margin
-        # An agent that comes to rest within reach is there; at a slower pace it would only sway.
+        # An agent that comes to rest within reach has arrived; at a slower pace it would only sway.
         paused = mode == WALKING and speed < limits.pausing * min(float(goals.speed[row]), PACE)
         far = distance > braking and not (arrived and (is_slow or paused))
         at_rest = still or standing or turning or (walking and is_slow)
@@ -196,7 +197,7 @@ def aim_rows(
     turns: Float,
     found: Targets,
 ) -> None:
-    """See `Steering.targets`."""
+    """Writes aims into `found`; see `Steering.targets`."""
     last = hips.shape[1] - 1
     for row in range(len(gait.mode)):
         mode = gait.mode[row]
@@ -204,8 +205,8 @@ def aim_rows(
         facing_x, facing_y = float(gait.stop_facing[row, 0]), float(gait.stop_facing[row, 1])
         speed = 0.0
         if mode in (WALKING, STRAFING):
-            # the goal or, near one to pass through, a point beyond it: so nobody slows to meet it;
-            # where the path turns the point is nearer: no corner is cut
+            # the goal or, near a goal to pass through, a point beyond it, so that nobody slows to
+            # meet it; where the path turns the point is nearer, so that no corner is cut
             place_x, place_y = float(goals.position[row, 0]), float(goals.position[row, 1])
             asked = float(goals.speed[row])
             if goals.through[row]:
@@ -240,7 +241,7 @@ def aim_rows(
 
 @compiled
 def observe_rows(goals: GoalArrays, hips: Float, start: Float, gait: GaitArrays) -> None:
-    """Into the speeds, trims and arrivals of `gait`."""
+    """Writes speeds, trims and arrivals into `gait`."""
     last = hips.shape[1] - 1
     for row in range(len(hips)):
         radius, there = float(goals.radius[row]), False
@@ -266,7 +267,7 @@ def observe_rows(goals: GoalArrays, hips: Float, start: Float, gait: GaitArrays)
 
 @cache
 def prepare() -> None:
-    """Compile the rules, or load them, before anybody walks."""
+    """Compiles the rules, or loads them, before agents walk."""
     limits, seed = SteeringNumbers(*[0.0] * len(SteeringNumbers._fields)), Seeds.empty(1)
     goals, gait = columns(GoalArrays, GoalColumns.empty(1)), columns(GaitArrays, Gait.empty(1))
     hips, turns, ready = seed.translation, seed.rotations, np.ones(1, np.bool_)

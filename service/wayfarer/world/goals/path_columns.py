@@ -1,9 +1,9 @@
-"""The goals that agents have ahead of them: for each slot a ring of rows, in order.
+"""The goals ahead of agents: for each slot a ring of rows, in order.
 
-Goals of a path are numbered from 0 as they were given, and keep their numbers when more are
-added to its end: *waypoint* n of a path stays waypoint n, and lies at row n modulo the ring. Those
-that the agent has passed are overwritten. Which one it is on the way to is in its gait, so it is
-thrown away with the frames that were planned for it.
+Goals of a path are numbered from 0 in order, and keep their numbers when more are added to its end:
+*waypoint* n of a path stays waypoint n, and lies at row n modulo the ring. Passed goals are
+overwritten. The waypoint that an agent walks to is in its gait, so it is discarded together with
+the frames that were planned for it.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ class PathColumns:
     """The paths of all slots of a table."""
 
     def __init__(self, slots: Slots, limit: int) -> None:
-        """At most `limit` goals per slot are known at a time."""
+        """`limit`: maximum number of goals per slot that are known at a time."""
         self._slots = slots
         self.limit = limit
         self._goals = GoalColumns.empty(len(slots.active) * limit)
@@ -29,9 +29,10 @@ class PathColumns:
     def put(
         self, slot: int, goals: Sequence[Goal], start: tuple[float, float], first: int = 0
     ) -> None:
-        """Replace a slot's path by one whose goal `first` is walked to from `start`, and so on.
+        """Replaces a slot's path. The agent walks to goal `first` from `start`, and then to the
+        others.
 
-        No goals: it has none.
+        Without goals, it has no path.
         """
         self._reserve()
         waypoints = first + np.arange(max(len(goals), 1))
@@ -44,21 +45,21 @@ class PathColumns:
         return self._goals.take(self._place(slots, waypoints))
 
     def places(self, slots: Index, waypoints: Index) -> NDArray[np.float32]:
-        """Where the goals of some slots at these places of their paths are [A, 3]."""
+        """Places [A, 3] of the goals of some slots at these places of their paths."""
         self._reserve()
         return self._goals.position[self._place(slots, waypoints)]
 
     def move(self, slot: int, waypoint: int, place: NDArray[np.floating[Any]]) -> None:
-        """Put a goal of a slot's path elsewhere, place [3]."""
+        """Moves a goal of a slot's path to place [3]."""
         self._goals.position[slot * self.limit + waypoint % self.limit] = place
 
     def rewrite(self, slot: int, waypoint: int, row: GoalColumns) -> None:
-        """Put another goal, one row, in the place of one of a slot's path."""
+        """Replaces a goal of a slot's path with another one, one row."""
         self._reserve()
         self._goals.put(self._place(np.array([slot]), np.array([waypoint])), row)
 
     def is_last(self, slots: Index, waypoints: Index) -> Flags:
-        """Whether no goal follows after these."""
+        """Whether no goal follows these."""
         self._reserve()
         return ~self._goals.more[self._place(slots, waypoints)]
 

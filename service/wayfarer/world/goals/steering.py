@@ -5,11 +5,11 @@
                                                              └─faces its heading─ TURNING
 
 An agent at rest (stopping or standing) that does not face its heading is TURNING until it does.
-Goals to pass through cause no braking. STRAFING is walking that faces its heading on the way. How
-a body sets off, slows down, turns and steps is the model's: it is asked for a place, a speed and a
-facing, of which `motion/trajectory.py` makes the way and the facings of the next second.
+Goals to pass through cause no braking. STRAFING is walking that faces its heading on the way. The
+model decides how a body sets off, slows down, turns and steps: it receives a place, a speed and a
+facing, from which `motion/trajectory.py` makes the way and the facings of the next second.
 
-Pure functions of columns, an agent at a time, compiled. Everything that is tuned stands in the two
+These are pure functions of columns, one agent at a time, compiled. All tuned numbers are in the two
 tables at the top.
 """
 
@@ -52,7 +52,7 @@ class Search:
 def default_searches() -> dict[Mode, Search]:
     """The search of each mode: K = 1, so each primitive is what people did, drawn by the policy.
 
-    Noise that stays makes who stands lean ever more to one side: there is less of it.
+    Constant noise makes standing agents lean ever more to one side, so they have less of it.
     """
     return {
         Mode.STANDING: Search(STAND, candidates=1, own=0.2),
@@ -87,26 +87,28 @@ class Tables(NamedTuple):
 
 @dataclass(frozen=True)
 class Steering:
-    """Distances in metres, horizontal; speeds in m/s; times in s; angles in radians."""
+    """Numbers of steering. Distances are horizontal, in metres, speeds in m/s, times in s, angles
+    in radians.
+    """
 
     searches: Mapping[Mode, Search] = field(default_factory=default_searches)
     braking_seconds: float = 0.1  # braking distance = min(radius / 2, 0.15) + this × speed
     braking_margin: float = 0.15
     coasting_seconds: float = 0.35  # without a goal an agent comes to rest in this × speed
-    pausing: float = 0.5  # share of the asked speed below which a walker at its goal stops there
+    pausing: float = 0.5  # share of the requested speed below which a walker stops at its goal
     slow: float = 0.15  # below this an agent counts as slow
     slow_seconds: float = 0.4  # an agent that has been slow for this long stands
-    resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
+    resume_margin: float = 0.3  # metres outside the goal's radius beyond which it walks again
     lookahead: float = 1.0  # metres ahead of a point to pass through at which it is aimed at
-    lookahead_seconds: float = 0.8  # seconds of walking that replace it, where they are more
+    lookahead_seconds: float = 0.8  # seconds of walking that replace it, if they are more
     faced: float = radians(8)  # a turn ends within this of the heading
     astray: float = radians(14)  # a turn begins beyond this
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
     turn_radius: float = 0.35  # metres from the spot to the aim of a turn, halfway to the heading
     turn_speed: float = 0.5  # m/s of its steps: without a way, a body turns like a turntable
-    climbing: float = 1.5  # steps a second on stairs, where each is as long as a tread
+    climbing: float = 1.5  # steps per second on stairs, where each is as long as a tread
     strafe_speed: float = 1.2  # maximum speed of side steps and steps backward
-    strafe_slowest: float = 0.8  # minimum speed of these: asked for less, a body glides
+    strafe_slowest: float = 0.8  # minimum speed of these: with less, a body glides
 
     def with_search(
         self,
@@ -114,17 +116,17 @@ class Steering:
         policy: float | None = None,
         temperature: float | None = None,
     ) -> "Steering":
-        """The same with another search in every mode; None leaves a setting as it is."""
+        """The same steering with another search in every mode; None keeps a setting."""
         asked = {"candidates": candidates, "policy": policy, "temperature": temperature}
         given: dict[str, Any] = {k: value for k, value in asked.items() if value is not None}
         searches = {mode: replace(s, **given) for mode, s in self.searches.items()}
         return replace(self, searches=searches)
 
     def advance(self, gait: Gait, goals: GoalColumns) -> Gait:
-        """Send those on who are done with their goal and have another one after it.
+        """Sends agents that are done with their goal on to the next one.
 
-        A goal to pass through is done with once it is reached; otherwise an agent has to come to a
-        stand there, and to dwell.
+        A goal to pass through is done once it is reached; otherwise an agent has to come to a stand
+        there, and to dwell.
         """
         dwelt = gait.slow_seconds >= self.slow_seconds + goals.dwell - 1e-3
         done = goals.through | ((gait.mode == Mode.STANDING) & dwelt)
@@ -142,7 +144,7 @@ class Steering:
     ) -> Gait:
         """The gait of the next step, from the gait so far and the seed that it starts from.
 
-        Who stands and is not `ready` [A] stands on; None: all are.
+        Standing agents that are not `ready` [A] remain standing; None: all are ready.
         """
         all_ready = np.ones(len(gait.mode), np.bool_)
         after = replace(
@@ -165,7 +167,7 @@ class Steering:
         return after
 
     def targets(self, gait: Gait, seed: Seeds, goals: GoalColumns) -> Targets:
-        """What the next step, which `gait` is for, aims at."""
+        """The aims of the next step, which has the gait `gait`."""
         count = len(gait.mode)
         place, facing = np.empty((count, 2), np.float32), np.empty((count, 2), np.float32)
         found = Targets(place, np.empty(count, np.float32), facing)
@@ -192,8 +194,8 @@ class Steering:
         return self._tables.policy[mode]
 
     def noise(self, mode: NDArray[np.int8], drawn: Float, own: Float) -> Float:
-        """Noise [A, K, 128] at each mode's temperature, of what is drawn for the step [A, K, 128]
-        and what is each agent's own [A, 128], both ~ N(0, I).
+        """Noise [A, K, 128] at each mode's temperature, from the step's draws [A, K, 128] and the
+        agents' own noise [A, 128], both ~ N(0, I).
         """
         share, scale = self._tables.own[mode], self._tables.temperature[mode]
         new, kept = scale * np.sqrt(1 - share), scale * np.sqrt(share)
@@ -211,8 +213,8 @@ class Steering:
 def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) -> Gait:
     """The gait after the step, with its speed and whether the goal has been reached.
 
-    Walkers do not go exactly as fast as the model is asked for, and each has an individual error:
-    the *trim* follows the error of those who walk steadily, and `Steering` asks for so much more.
+    Walkers do not go exactly at the requested speed, and each has an individual error. The *trim*
+    follows the error of agents that walk steadily, and `Steering` raises its requests by it.
 
     start [A, 3] is the last frame before the step, translation [A, F, 3] the new frames.
     """

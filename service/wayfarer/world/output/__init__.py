@@ -1,1 +1,1 @@
-"""What is changed in the frames that are sent: feet on the floor, legs on the ground."""
+"""Changes of the frames that are sent: feet on the floor, legs on the ground."""

@@ -12,14 +12,14 @@ that two-bone inverse kinematics carries out; while the foot swings, the shift f
     height    while in contact the lowest sole point settles on the floor, z = 0
 
 The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
-rolls over its ball, and pivots about it. Only motion is taken off, never a place set, so nothing
-jumps when the bearing point changes, at contact, or at a seam. A shift that grows beyond a *leash*,
-or a foot that is pulled away or turned fast, loosens the grip by degrees. A foot turns about the
-point that bears, and freely once its heel is up.
+rolls over its ball, and pivots about it. Only motion is subtracted, and no place is set, so nothing
+jumps when the bearing point changes, at contact, or at a seam. A shift beyond a *leash*, or a foot
+that is pulled away or turned fast, gradually loosens the grip. A foot turns about the point that
+bears, and freely once its heel is up.
 
-The next step starts from what the lock has made: the markers of a leg go along with its knee and
-ankle. So a body that would glide is held by its feet until it steps, and a lock has nothing to
-remember: the two frames before a seam show whether a foot bears there.
+The next step starts from the lock's result: the markers of a leg move with its knee and ankle. So
+the feet of a gliding body hold it until it steps. The lock needs no memory: the two frames before a
+seam show whether a foot bears there.
 
 Pure functions; world space, metres, 40 frames per second.
 """
@@ -48,47 +48,50 @@ from wayfarer.world.output.twobone import Moved, move_ankle, put_leg
 from wayfarer.world.rows import Double, Flags, Float
 
 TOUCH_HEIGHT: Final = 0.03
-"""Metres: a lower and slower foot comes into contact."""
+"""Metres; a lower and slower foot comes into contact."""
 
 TOUCH_SPEED: Final = 0.4
-"""Metres per second, horizontal, of the bearing point."""
+"""Metres per second, horizontal, of the bearing point, below which a foot comes into contact."""
 
 LIFT_HEIGHT: Final = 0.05
-"""A foot in contact that rises above this has left the floor."""
+"""Metres; a foot in contact that rises above this has left the floor."""
 
 LIFT_SPEED: Final = 0.7
-"""And so has one that is faster than this."""
+"""Metres per second; a foot in contact that is faster has left the floor."""
 
 TOLD_HEIGHT: Final = 0.02
-"""Metres: a foot whose lowest point is sent higher than this is not told to be in contact."""
+"""Metres; a foot whose lowest point is sent higher is not reported as in contact."""
 
 RISE: Final = 1 / 3
-"""Per frame: over 3 frames a hold rises, and falls."""
+"""Change of a hold per frame: it rises, and falls, over 3 frames."""
 
 SLIPPING: Final = (0.25, LIFT_SPEED)
-"""Metres per second: between these a foot tears itself loose by degrees."""
+"""Metres per second between which a foot gradually breaks loose."""
 
 SWIVELLING: Final = (2.0, 6.0)
-"""Radians per second: and between these a foot that turns."""
+"""Radians per second between which a turning foot gradually breaks loose."""
 
 TILTED: Final = (0.01, 0.025)
-"""Metres from heel to balls, up or down, between which a foot is no longer flat."""
+"""Metres from heel to balls, up or down, between which a foot ceases to be flat."""
 
 LEASH: Final = (0.09, 0.14)
-"""Metres of horizontal shift between which the grip lets go by degrees: a foot that is pulled on
-for long slides along with the body instead of snapping back."""
+"""Metres of horizontal shift between which the grip gradually releases: a foot that is pulled for
+long slides along with the body instead of snapping back.
+"""
 
 FADE: Final = 1 / (0.15 * FPS)
 """Share of its shift that a free foot loses in a frame: three quarters of it in 0.2 s."""
 
 SETTLE: Final = 0.25
-"""Share of a height error that is taken off in a frame. With 1, straight knees would shake."""
+"""Share of a height error that is removed per frame. With 1, straight knees would shake."""
 
 DROP: Final = 0.02
-"""Metres: a foot in contact is pulled down less, the higher it is; from here on, not at all."""
+"""Height in metres from which a foot in contact is not pulled down; below, it is pulled less the
+higher it is.
+"""
 
 SOFTNESS: Final = 0.006
-"""Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
+"""Metres above the lowest sole point at which a point bears 1/e of that point's load."""
 
 LEAST_LOAD: Final = -40
 """Exponent of the smallest load that counts; a smaller one is lost in rounding."""
@@ -107,7 +110,7 @@ _SHARES: Final = {
 
 
 class Planted(NamedTuple):
-    """What of a step's new frames the lock changes."""
+    """The parts of a step's new frames that the lock changes."""
 
     rotations: Float  # [A, F, 22, 4] hips, knees and ankles of both legs
     markers: Float  # [A, S, M, 3] of the last S frames
@@ -131,10 +134,10 @@ def lock_feet(
     translation: Float,
     step: Planted,
 ) -> Planted:
-    """The next F frames of A agents, with feet locked where they are `wanted` [A].
+    """The next F frames of A agents, with feet locked for agents in `wanted` [A].
 
     translation [A, F, 3]. `seed` has translation [A, 2, 3] and rotations [A, 2, 22, 4] of the two
-    frames before, `shares` are the markers' (`leg_shares`). Every agent's result is its own.
+    frames before; `shares` are the markers' (`leg_shares`). Agents do not influence each other.
     """
     made = Planted(
         np.array(step.rotations, np.float32, order="C"),
@@ -148,7 +151,7 @@ def lock_feet(
 
 @cache
 def prepare() -> None:
-    """Compile the lock, or load it, before anybody walks."""
+    """Compiles the lock, or loads it, before agents walk."""
     hips, turns = np.zeros((1, 2, 3), np.float32), np.ones((1, 2, POSED_JOINTS, 4), np.float32)
     markers = np.zeros((1, SEED_FRAMES, MARKERS, 3), np.float32)
     step = Planted(turns, markers, np.zeros((1, 2, 2), np.bool_))
@@ -229,7 +232,7 @@ def _put_soles(
     rotations: Float,
     soles: Double,
 ) -> Leg:
-    """The leg in a frame, and its points of the sole [P, 3] into `soles`."""
+    """The leg in a frame; writes its sole points [P, 3] into `soles`."""
     leg = pose_leg(legs, row, frame, foot, rotations)
     root = vector(translation, (row, frame))
     for point in range(SOLES):
@@ -250,7 +253,7 @@ def _follow(
     ankle_was: tuple[float, float],
     markers: Float,
 ) -> None:
-    """Let markers [A, S, M, 3] go along with a leg that has been moved, and its foot turned."""
+    """Moves markers [A, S, M, 3] along with a moved leg and its turned foot."""
     hip_turn = multiply(leg.root_turn, made.hip)
     knee = rotate(hip_turn, vector(legs.knee, (row, foot)))
     knee_turn = multiply(hip_turn, made.knee)
@@ -272,8 +275,8 @@ def _follow(
 
 @inner
 def _swivel(was: Double, now: Double) -> tuple[float, float]:
-    """Radians that a foot has turned since the last frame, of sole points [P, 3] from heel to toe;
-    and metres that its heel is above or below its balls.
+    """Radians that a foot has turned since the last frame, from sole points [P, 3] from heel to
+    toe, and the height of its heel above its balls in metres.
     """
     before_x, before_y = _along(was)
     x, y = _along(now)
@@ -292,7 +295,7 @@ def _along(soles: Double) -> tuple[float, float]:
 
 @inner
 def _turned_off(yaw: float, x: float, y: float) -> tuple[float, float]:
-    """How far the end of an arm is moved that turns by `yaw`."""
+    """Displacement of the end of an arm that turns by `yaw`."""
     sine, less_cosine = sin(yaw), cos(yaw) - 1
     return less_cosine * x - sine * y, sine * x + less_cosine * y
 
@@ -304,8 +307,8 @@ def _speed(slide_x: float, slide_y: float) -> float:
 
 @inner
 def _slide(was: Double, now: Double) -> tuple[float, float, float, float, float]:
-    """Horizontal way of the bearing point since the last frame, of sole points [P, 3]; its height,
-    which is the lowest one's, and its place.
+    """Horizontal way of the bearing point since the last frame, from sole points [P, 3], its
+    height, which is the lowest point's, and its place.
     """
     height, total, x, y, at_x, at_y = now[0, 2], 0.0, 0.0, 0.0, 0.0, 0.0
     for point in range(1, SOLES):

@@ -1,4 +1,4 @@
-"""Uneven ground: what is sent stands on the floor of its scene; motion itself knows a flat one.
+"""Uneven ground: sent bodies stand on their scene's floor, whereas planned motion has a flat one.
 
     feet    raised so that their soles keep the distance to the floor that they have to z = 0, and
             turned with its slope; a swinging foot looks ahead to where it is about to be, so it is
@@ -7,9 +7,9 @@
             one tread, and stays moved while it stands
     hips    raised smoothly, a little less than the feet where these are at different heights
 
-and two-bone inverse kinematics bends the legs between them. Everything follows its target by
-degrees, frame by frame, over the seams of chunks, too. As the foot lock it cleans what is sent and
-nothing else. World space, metres, 40 frames per second.
+Two-bone inverse kinematics bends the legs between them. Everything follows its target gradually,
+frame by frame, also over the seams of chunks. Like the foot lock, it changes only what is sent.
+World space, metres, 40 frames per second.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,51 +45,53 @@ STIFFNESS: Final = 12.0 / FPS
 """Stiffness per frame of the critically damped spring that lifts the hips."""
 
 LEAD_SHARE: Final = 1 - np.exp(-1 / (0.05 * FPS))
-"""Share of the rest that the height which the hips follow makes up in a frame: that of the ground
-a little ahead of the feet, since the hips come after it."""
+"""Share of the remaining height difference that the hips' target makes up per frame. The target is
+the ground a little ahead of the feet, since the hips follow it with a delay.
+"""
 
 FOOT_STIFFNESS: Final = 34.0 / FPS
 """Stiffness per frame of the spring that lifts a foot."""
 
 CROUCH: Final = (0.12, 0.19)
 """Share of the height between the feet by which the hips stay below the feet's mean, up and down
-stairs: the foot that goes down first has to reach the ground."""
+stairs: the foot that goes down first must reach the ground.
+"""
 
 SPAN: Final = 0.06
 """Metres to either side of an ankle between which the slope is taken."""
 
 STEEP: Final = 1.0
-"""Rise over run: what is steeper is the edge of a step, and no slope."""
+"""Rise over run; anything steeper is the edge of a step rather than a slope."""
 
 ACROSS: Final = np.arange(-0.20, 0.33, 0.04, dtype=np.float32)
-"""Metres from the ankle, the way that the hips face, at which ends of treads are looked for."""
+"""Metres from the ankle, in the hips' facing, at which ends of treads are looked for."""
 
 SOLE: Final = (-0.09, 0.15)
-"""Of these, those that a sole covers."""
+"""Range of `ACROSS` that a sole covers, in metres."""
 
 AIM_RATE: Final = 0.8 / FPS
-"""Metres by which a foot in the air is moved more in a frame at most."""
+"""Maximum metres per frame by which the shift of a foot in the air grows."""
 
 EDGE: Final = 0.08
-"""Metres that the ground falls from one of these points to the next where a tread ends."""
+"""Metres that the ground falls between two of these points at the end of a tread."""
 
 DOWN: Final = (0.02, 0.2)
-"""Metres of its lowest point and metres per second below which a foot stands."""
+"""Metres of its lowest point, and metres per second, below which a foot stands."""
 
 
 @dataclass(slots=True, eq=False)
 class Footing(Rows):
-    """How an agent was shown last."""
+    """An agent's footing in the last frame shown."""
 
-    hips: Float  # metres that the hips are raised
-    rise: Float  # metres a frame by which they have just been raised more
-    feet: Annotated[Float, Shape(2)]  # and the feet, left and right
-    lift: Annotated[Float, Shape(2)]  # metres a frame by which these have just been raised more
-    slope: Annotated[Float, Shape(2, 2)]  # rise over run along x and y that each foot is turned to
-    ankles: Annotated[Float, Shape(2, 2)]  # metres: where they were
-    aim: Annotated[Float, Shape(2)]  # metres that each foot is moved ahead
-    lead: Annotated[Float, Shape(2)]  # metres that the ground a little ahead of each would raise it
-    begun: Flags  # `ankles` means something
+    hips: Float  # metres by which the hips are raised
+    rise: Float  # change of `hips` in the last frame, metres
+    feet: Annotated[Float, Shape(2)]  # metres by which the left and right foot are raised
+    lift: Annotated[Float, Shape(2)]  # change of `feet` in the last frame, metres
+    slope: Annotated[Float, Shape(2, 2)]  # rise over run along x and y to which each foot is turned
+    ankles: Annotated[Float, Shape(2, 2)]  # their places, metres
+    aim: Annotated[Float, Shape(2)]  # metres by which each foot is moved ahead
+    lead: Annotated[Float, Shape(2)]  # metres by which the ground a little ahead would raise each
+    begun: Flags  # whether `ankles` is valid
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,7 @@ class Grounded:
 
 
 def standing(floors: Sequence[float]) -> Footing:
-    """The footing of agents that stand on floors of these heights."""
+    """The footing of agents that stand on floors at these heights."""
     footing = Footing.empty(len(floors))
     footing.hips[:] = floors
     footing.feet[:] = footing.lead[:] = footing.hips[:, None]
@@ -118,8 +120,8 @@ def set_on_ground(
 ) -> Grounded:
     """The next F frames of A agents on their ground.
 
-    translation [A, F, 3], rotations [A, F, 22, 4], as they are on the flat floor.
-    Many frames at once or in pieces, the result is the same; every agent's is its own.
+    translation [A, F, 3] and rotations [A, F, 22, 4] are those on the flat floor. The result is the
+    same for many frames at once or in pieces, and agents do not influence each other.
     """
     pose = pose_legs(legs, translation, rotations)
     ankles = pose.ankle.T[:2] + translation.transpose(2, 1, 0)[:2, None]  # [2, 2, F, A]
@@ -139,7 +141,7 @@ def set_on_ground(
     feet, lift = _sprung(before.feet.T, before.lift.T, each, FOOT_STIFFNESS)
     feet = feet.transpose(1, 0, 2)
     lead = _followed(before.lead.T, ahead, LEAD_SHARE)
-    # downstairs the hips have to be as soon as the feet; upstairs these go first
+    # downstairs the hips must be as fast as the feet; upstairs the feet go first
     down = lead.mean(0) < feet.mean(0)
     crouch = np.where(down, CROUCH[1], CROUCH[0]) * np.abs(feet[0] - feet[1])
     wanted = np.minimum(feet.mean(0), lead.mean(0)) - crouch
@@ -167,8 +169,8 @@ def set_on_ground(
 def _offsets(landing: Array, facing: Array, floor: Floor) -> Array:
     """Metres ahead [2, F, A] at which a foot that lands there [2, 2, F, A] is on one tread.
 
-    The nearest such place; 0 without one, and where no tread ends. Only downstairs: upstairs a foot
-    that has no room sticks out behind, as people's do.
+    This is the nearest such place, or 0 if there is none or no tread ends. It applies only
+    downstairs: upstairs a foot without room sticks out behind, as people's do.
     """
     along = landing[:, None] + ACROSS[:, None, None, None] * facing[:, None]
     edges = np.diff(_sampled(along, floor), axis=0) < -EDGE  # [P - 1, 2, F, A]
@@ -193,7 +195,7 @@ _WINDOWS: Final = _windows()
 
 
 def _aimed(before: Array, offsets: Array, stands: Flags) -> Array:
-    """Metres [2, F, A] that feet are moved ahead: towards `offsets`, of those that do not stand."""
+    """Metres [2, F, A] by which feet are moved ahead: towards `offsets`, unless they stand."""
     found, aim = np.empty(offsets.shape, np.float32), before
     for frame in range(offsets.shape[1]):
         change = bounded(offsets[:, frame] - aim, -AIM_RATE, AIM_RATE)
@@ -203,7 +205,7 @@ def _aimed(before: Array, offsets: Array, stands: Flags) -> Array:
 
 
 def _followed(before: Array, wanted: Array, share: float) -> Array:
-    """Values that go after `wanted` [..., F, A], a share of the way each frame, from `before`."""
+    """Values that follow `wanted` [..., F, A] from `before`, by a share of the way each frame."""
     found, value = np.empty(wanted.shape, np.float32), before
     for frame in range(wanted.shape[-2]):
         value = value + share * (wanted[..., frame, :] - value)
@@ -212,7 +214,7 @@ def _followed(before: Array, wanted: Array, share: float) -> Array:
 
 
 def _sprung(height: Array, rise: Array, wanted: Array, stiffness: float) -> tuple[Array, Array]:
-    """Heights [F, ...] that a damped spring pulls to those `wanted`, and the last rise [...]."""
+    """Heights [F, ...] that a damped spring pulls to `wanted`, and the last rise [...]."""
     found = np.empty(wanted.shape, np.float32)
     for frame, target in enumerate(wanted):
         rise = (rise + stiffness**2 * (target - height)) / (1 + stiffness) ** 2
@@ -253,7 +255,7 @@ def _tilted(
 
 
 def _lowest(soles: Array, ahead: Array, floor: Floor) -> Array:
-    """Least height [2, F, A] of soles [3, P, 2, F, A] above the floor, moved on [2, 2, F, A]."""
+    """Minimum height [2, F, A] of soles [3, P, 2, F, A] above the floor, moved by [2, 2, F, A]."""
     found: Array = (soles[2] - _sampled(soles[:2] + ahead[:, None], floor)).min(0)
     return found
 

@@ -1,4 +1,4 @@
-"""Legs of a body: what is fixed by its shape, and where joints and soles are in posed frames.
+"""Legs of bodies: properties of their shapes, and joints and soles in posed frames.
 
 Metres, world, Z up. Left comes before right. Joints are those of the skeleton (SMPL-H order).
 """
@@ -43,13 +43,13 @@ HIPS, KNEES, ANKLES, BALLS = (_pair(part) for part in ("hip", "knee", "ankle", "
 
 @dataclass(slots=True)
 class Legs(Rows):
-    """Both legs of bodies in the T-pose: each joint seen from the one above it."""
+    """Both legs of bodies in the T-pose: each joint relative to the one above it."""
 
     hip: Annotated[Float, Shape(2, 3)]  # from the root
     knee: Annotated[Float, Shape(2, 3)]
     ankle: Annotated[Float, Shape(2, 3)]
     ball: Annotated[Float, Shape(2, 3)]
-    # Points of the sole are skinned to two bones: where each has them, times its share of them.
+    # Points of the sole are skinned to two bones: their offset from each, times its share of them.
     sole_of_ankle: Annotated[Float, Shape(2, SOLES, 3)]
     sole_of_ball: Annotated[Float, Shape(2, SOLES, 3)]
     ball_share: Annotated[Float, Shape(2, SOLES)]
@@ -69,7 +69,7 @@ def measure_legs(body: BodyModel, betas: NDArray[np.floating[Any]]) -> Legs:
     share = (body.skin_weights[vertices] * on_ball).sum(-1)
 
     def seen_from(joint: list[int] | tuple[int, int], points: Array) -> Array:
-        """Points [2, P, 3] of the pose that the body is modelled in, as the T-pose has them."""
+        """Converts points [2, P, 3] from the pose in which the body is modelled to the T-pose."""
         return (points - joints[list(joint)][:, None]) @ body.bind_to_rest[list(joint)].swapaxes(
             -1, -2
         )
@@ -86,7 +86,7 @@ def measure_legs(body: BodyModel, betas: NDArray[np.floating[Any]]) -> Legs:
 
 
 class LegPose(NamedTuple):
-    """Posed legs of A agents in F frames. World turns; places off the root."""
+    """Posed legs of A agents in F frames. Rotations in the world; places relative to the root."""
 
     root_turn: Float  # [A, F, 4]
     hip_turn: Float  # [A, F, 2, 4]
@@ -99,7 +99,7 @@ class LegPose(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """One posed leg in one frame. World turns; places off the root."""
+    """One posed leg in one frame. Rotations in the world; places relative to the root."""
 
     root_turn: Turn
     hip_turn: Turn
@@ -125,7 +125,7 @@ class Bones(NamedTuple):
 
 
 def packed(values: Array) -> Float:
-    """The same numbers as compiled rules take them: of another kind they are compiled again."""
+    """The same numbers in the form that compiled rules take; others would be compiled again."""
     return np.ascontiguousarray(values, np.float32)
 
 
@@ -152,7 +152,7 @@ def pose_leg(legs: Bones, row: int, frame: int, foot: int, rotations: Float) -> 
 
 @inner
 def sole_point(legs: Bones, row: int, foot: int, point: int, leg: Leg, root: Vector) -> Vector:
-    """Where a point of a sole is in the world."""
+    """Place of a sole's point in the world."""
     of = row, foot, point
     share = float(legs.ball_share[of])
     by_ankle = rotate(leg.ankle_turn, vector(legs.sole_of_ankle, of))
@@ -187,7 +187,7 @@ def _room_for(root_turn: Float) -> LegPose:
 
 @cache
 def prepare() -> None:
-    """Compile the kinematics, or load them, before anybody walks."""
+    """Compiles the kinematics, or loads them, before agents walk."""
     turns = np.ones((1, 1, POSED_JOINTS, 4), np.float32)
     hips = np.zeros((1, 1, 3), np.float32)
     warm(_pose, bones(Legs.empty(1)), hips, turns, _room_for(packed(turns[:, :, 0])))

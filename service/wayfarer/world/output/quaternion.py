@@ -13,7 +13,7 @@ Array = NDArray[np.floating[Any]]
 
 
 def stacked(*components: Array) -> Array:
-    """Components of one shape as one array: `np.stack`, without its looking at each of them."""
+    """Components of one shape as one array: `np.stack` without inspecting each of them."""
     first = components[0]
     made = np.empty((len(components), *first.shape), first.dtype)
     for place, component in enumerate(components):
@@ -22,13 +22,13 @@ def stacked(*components: Array) -> Array:
 
 
 def bounded(values: Array, low: float, high: float) -> Array:
-    """As `np.clip`, which takes several times as long for arrays of this size."""
+    """Like `np.clip`, which takes several times as long for arrays of this size."""
     found: Array = np.minimum(np.maximum(values, low), high)
     return found
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """First turn by b, then by a."""
+    """The rotation by b, then by a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return stacked(
@@ -40,12 +40,12 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 def inverse(q: Array) -> Array:
-    """The turn back."""
+    """The inverse rotation."""
     return stacked(-q[0], -q[1], -q[2], q[3])
 
 
 def rotate_points(q: Array, points: Array) -> Array:
-    """Several points [3, P, ...] turned by each q [4, ...]: by its matrix, cheaper for several."""
+    """Several points [3, P, ...] rotated by each q [4, ...], by its matrix, which is cheaper."""
     x, y, z, w = q
     x2, y2, z2 = 2 * x, 2 * y, 2 * z
     xx, yy, zz, wx, wy, wz = x * x2, y * y2, z * z2, w * x2, w * y2, w * z2

@@ -1,6 +1,6 @@
 """Vectors and turns of one body at a time, for compiled rules; `quaternion.py` has them for arrays.
 
-A vector is (x, y, z), a turn the unit quaternion (x, y, z, w): of floats, as Python's are.
+A vector is (x, y, z), a rotation the unit quaternion (x, y, z, w), both of Python floats.
 """
 
 from math import sqrt
@@ -15,13 +15,13 @@ Matrix = tuple[Vector, Vector, Vector]
 
 @inner
 def vector(values: Float | Double, at: tuple[int, ...]) -> Vector:
-    """That of an array [..., 3] at an index. Not of a part of it: each is made, and counted."""
+    """The vector of an array [..., 3] at an index. A slice would be allocated, and counted."""
     return float(values[(*at, 0)]), float(values[(*at, 1)]), float(values[(*at, 2)])
 
 
 @inner
 def turn(values: Float, at: tuple[int, ...]) -> Turn:
-    """That of an array [..., 4] at an index."""
+    """The rotation of an array [..., 4] at an index."""
     return (
         float(values[(*at, 0)]),
         float(values[(*at, 1)]),
@@ -32,19 +32,19 @@ def turn(values: Float, at: tuple[int, ...]) -> Turn:
 
 @inner
 def put_vector(values: Float | Double, at: tuple[int, ...], made: Vector) -> None:
-    """Into an array [..., 3] at an index."""
+    """Writes a vector into an array [..., 3] at an index."""
     values[(*at, 0)], values[(*at, 1)], values[(*at, 2)] = made
 
 
 @inner
 def put(values: Float, at: tuple[int, ...], made: Turn) -> None:
-    """Into an array [..., 4] at an index."""
+    """Writes a rotation into an array [..., 4] at an index."""
     values[(*at, 0)], values[(*at, 1)], values[(*at, 2)], values[(*at, 3)] = made
 
 
 @inner
 def multiply(a: Turn, b: Turn) -> Turn:
-    """First turn by b, then by a."""
+    """The rotation by b, then by a."""
     return (
         a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
         a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
@@ -55,13 +55,13 @@ def multiply(a: Turn, b: Turn) -> Turn:
 
 @inner
 def inverse(a: Turn) -> Turn:
-    """The turn back."""
+    """The inverse rotation."""
     return -a[0], -a[1], -a[2], a[3]
 
 
 @inner
 def about(axis: Vector, sine: float, cosine: float) -> Turn:
-    """About an axis, by half the angle's sine and cosine."""
+    """The rotation about an axis, by half the angle's sine and cosine."""
     return sine * axis[0], sine * axis[1], sine * axis[2], cosine
 
 
@@ -73,7 +73,7 @@ def add(a: Vector, b: Vector) -> Vector:
 
 @inner
 def less(a: Vector, b: Vector) -> Vector:
-    """The way from b to a."""
+    """The vector from b to a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -97,7 +97,7 @@ def length(a: Vector) -> float:
 
 @inner
 def matrix(a: Turn) -> Matrix:
-    """The rows of its matrix: to turn several vectors."""
+    """The rows of its matrix, for rotating several vectors."""
     x2, y2, z2 = 2 * a[0], 2 * a[1], 2 * a[2]
     xx, yy, zz = a[0] * x2, a[1] * y2, a[2] * z2
     xy, xz, yz = a[0] * y2, a[0] * z2, a[1] * z2
@@ -111,26 +111,26 @@ def matrix(a: Turn) -> Matrix:
 
 @inner
 def turned(rows: Matrix, a: Vector) -> Vector:
-    """A vector turned by a matrix."""
+    """A vector rotated by a matrix."""
     return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
 
 
 @inner
 def rotate(by: Turn, a: Vector) -> Vector:
-    """A vector turned."""
+    """A vector rotated by a quaternion."""
     return turned(matrix(by), a)
 
 
 @inner
 def apart(a: Float, row: int, b: Float, other: int) -> float:
-    """How far two points are from each other, of arrays [N, 2], in their precision."""
+    """Distance of two points of arrays [N, 2], in the arrays' precision."""
     x, y = a[row, 0] - b[other, 0], a[row, 1] - b[other, 1]
     return sqrt(x * x + y * y)
 
 
 @inner
 def bounded(value: float, low: float, high: float) -> float:
-    """The nearest number that is between two."""
+    """The number clipped to a range."""
     return min(max(value, low), high)
 
 

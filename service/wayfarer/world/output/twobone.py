@@ -1,8 +1,8 @@
-"""Two-bone inverse kinematics: ankles are moved, knees bend about a hinge, feet keep their turn.
+"""Two-bone inverse kinematics: ankles move, knees bend about a hinge, feet keep their rotation.
 
-The hinge lies across the thigh. What the model bends a knee sideways by stays as it is: to
-straighten that, too, would take the knee beyond straight. A knee that is beyond straight is bent
-the right way, and none is quite straight.
+The hinge lies across the thigh. A sideways bend of the model's knee stays as it is, since
+straightening it would take the knee beyond straight. A knee beyond straight is bent the right way,
+and no knee is quite straight.
 """
 
 from functools import cache
@@ -37,27 +37,29 @@ MOVED: Final = [*HIPS, *KNEES, *ANKLES]
 """Joints whose rotations change."""
 
 STRETCH: Final = 0.999
-"""A leg is stretched to this share of its length at most: beyond, a straight knee would snap."""
+"""Maximum length of a leg, as a share of its full length: beyond, a straight knee would snap."""
 
 FOLD: Final = 0.3
-"""And folded to this share at most."""
+"""Minimum length of a leg, as a share of its full length."""
 
 SOFT: Final = radians(4)
-"""Radians that a straight knee is bent by; one that is bent by twice as much stays as it is. A bend
-grows with the root of what its leg is shortened by: knees that were quite straight when their foot
-was lifted bent by 19 degrees in a frame. The foot comes up to half a millimetre short of its place.
+"""Radians by which a straight knee is bent; a knee that is bent by twice this stays as it is. A
+bend grows with the root of a leg's shortening: without this, quite straight knees bent by 19
+degrees in a frame when their foot was lifted. The foot comes up to half a millimetre short of its
+place.
 """
 
 TINY: Final = 1e-9
 """Square metres: a leg without length is not swung."""
 
 FREE: Final = 0.5
-"""Share of the way from a leg's length to its full one that it is stretched by at once; the rest is
-approached ever more slowly, so that a knee does not snap straight."""
+"""Share of the way from a leg's length to its full length by which it is stretched freely. The rest
+is approached ever more slowly, so that a knee does not snap straight.
+"""
 
 
 class Moved(NamedTuple):
-    """Local turns of a leg's joints."""
+    """Local rotations of a leg's joints."""
 
     hip: Turn
     knee: Turn
@@ -74,10 +76,10 @@ def move_ankle(
     shin: Vector,
     shift: Vector,
 ) -> Moved:
-    """A leg with its ankle `shift` off: world turns in, and the ways from hip to knee to ankle.
+    """A leg with its ankle moved by `shift`; rotations in the world, and vectors hip–knee–ankle.
 
-    An ankle that is out of reach goes as far as `reach` lets it in the direction of its target.
-    The foot keeps its turn in the world.
+    An ankle out of reach goes as far as `reach` allows in the direction of its target. The foot
+    keeps its rotation in the world.
     """
     straight = add(thigh, shin)
     target = add(straight, shift)
@@ -112,7 +114,7 @@ def move_ankle(
 
 @inner
 def put_leg(rotations: Float, row: int, frame: int, foot: int, made: Moved) -> None:
-    """A leg's joints into rotations [A, F, 22, 4]."""
+    """Writes a leg's joints into rotations [A, F, 22, 4]."""
     put(rotations, (row, frame, HIPS[foot]), made.hip)
     put(rotations, (row, frame, KNEES[foot]), made.knee)
     put(rotations, (row, frame, ANKLES[foot]), made.ankle)
@@ -120,7 +122,9 @@ def put_leg(rotations: Float, row: int, frame: int, foot: int, made: Moved) -> N
 
 @compiled
 def move_ankles(pose: LegPose, shift: Float, rotations: Float) -> None:
-    """Both legs of A agents in F frames, `shift` [A, F, 2, 3], into rotations [A, F, 22, 4]."""
+    """Moves both legs of A agents in F frames by `shift` [A, F, 2, 3]; writes into rotations [A, F,
+    22, 4].
+    """
     for row in range(len(rotations)):
         for frame in range(rotations.shape[1]):
             root = turn(pose.root_turn, (row, frame))
@@ -141,7 +145,7 @@ def move_ankles(pose: LegPose, shift: Float, rotations: Float) -> None:
 
 @cache
 def prepare() -> None:
-    """Compile the kinematics, or load them, before anybody walks."""
+    """Compiles the kinematics, or loads them, before agents walk."""
     turns = np.ones((1, 1, POSED_JOINTS, 4), np.float32)
     pose = pose_legs(Legs.empty(1), np.zeros((1, 1, 3), np.float32), turns)
     warm(move_ankles, pose, np.zeros_like(pose.ankle), turns)
@@ -149,9 +153,9 @@ def prepare() -> None:
 
 @compiled
 def reach(before: float, wanted: float, leg: float) -> float:
-    """Metres from hip to ankle that a leg takes when it is `wanted`.
+    """Metres from hip to ankle that a leg takes for a `wanted` distance.
 
-    Of the way from `before` to the full length a share is free, see `FREE`.
+    A share of the way from `before` to the full length is free; see `FREE`.
     """
     way = STRETCH * leg - before
     near, rest = max(FREE * way, 1e-6), max((1 - FREE) * way, 1e-6)

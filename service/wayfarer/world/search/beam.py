@@ -1,14 +1,14 @@
 """Offline tree search over primitives: of N children per node, the K best of every level are kept
 (paper Sec. 3.3.2), for many agents at once.
 
-The scheduler's search, online, chooses among candidates inside one step and never takes a choice
-back. A beam does: a primitive that looked best may lead nowhere, and a second best is still there.
-Each child is a separate row in the engine's batch, with one candidate; steering (mode, targets,
-weights) and gait are a node's own. With `keep=1` a plan is what the online search makes of the same
-seed with K = `children`.
+The scheduler's online search chooses among candidates within one step and never revises a choice. A
+beam does: a primitive that looked best may lead nowhere, and a second best is still available. Each
+child is a separate row in the engine's batch, with one candidate; each node has its own steering
+(mode, targets, weights) and gait. With `keep=1` a plan equals the online search's result for the
+same seed with K = `children`.
 
-Reproducible: a node's noise is drawn by its agent's seed, its level and its rank, so the plan of an
-agent does not depend on others in the search.
+It is reproducible: a node's noise is drawn by its agent's seed, its level and its rank, so an
+agent's plan does not depend on others in the search.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,10 +40,10 @@ from wayfarer.world.stepping.mirror import mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.noise import latents
 
 Watch = Callable[[int, int], None]
-"""Called before each level with the number of levels done and of agents still under way."""
+"""Called before each level with the number of completed levels and of agents in progress."""
 
 BLOCK: Final = 64
-"""Rows of one engine call: larger ones are no faster on a CPU and take more memory."""
+"""Maximum rows of one engine call: larger ones are no faster on a CPU and take more memory."""
 
 
 def plan(
@@ -53,7 +53,7 @@ def plan(
     steering: Steering | None = None,
     watch: Watch = lambda level, agents: None,
 ) -> list[MotionPlan]:
-    """The best path found for each agent of the problem."""
+    """Finds the best path for each agent of the problem."""
     return [tree.plan() for tree in grow(engine, problem, settings, steering, watch)]
 
 
@@ -64,7 +64,7 @@ def grow(
     steering: Steering | None = None,
     watch: Watch = lambda level, agents: None,
 ) -> list[Tree]:
-    """A tree for each agent of the problem, with all leaves that were kept.
+    """Grows a tree for each agent of the problem, with all leaves that were kept.
 
     A tree ends as soon as one of its kept nodes is at its goal; such leaves come first.
     """
@@ -78,7 +78,7 @@ class Nodes(Rows):
 
     agent: Int  # row of `PlanningProblem.starts`
     row: Int  # row of the last `BeamLevel`
-    rank: Int  # within its agent, 0 is the best
+    rank: Int  # within its agent; 0 is the best
     cost: Double  # of the path, as far as it is remembered
     done: Flags  # at its goal
     motion: Motion
@@ -126,7 +126,7 @@ class _Search:
         )
 
     def _grow(self, nodes: Nodes) -> tuple[BeamLevel, Nodes]:
-        """Try children of all nodes and keep the best of each agent."""
+        """Tries children of all nodes and keeps the best of each agent."""
         starts = self._problem.starts.take(nodes.agent)
         seed, gait, goals = self._steer(nodes)
         noise = self._noise(starts, nodes)
@@ -175,7 +175,7 @@ class _Search:
         return level, following
 
     def _steer(self, nodes: Nodes) -> tuple[Seeds, Gait, GoalColumns]:
-        """Seed, gait and goal of each node's next step, as the scheduler finds them."""
+        """Seed, gait and goal of each node's next step, as in the scheduler."""
         seed, gait = nodes.motion.seed, nodes.motion.gait
         gait = self._steering.advance(gait, self._problem.goals_of(nodes.agent, gait))
         goals = self._problem.goals_of(nodes.agent, gait)
@@ -193,15 +193,15 @@ class _Search:
     def _weights(self, nodes: Nodes, asked: StepInputs) -> Float:
         """Weights [N, T] of the ranking.
 
-        An agent's best node lends its table to the others: costs of different tables do not
-        compare, and a walk would always look better than the stop that it has to end in.
+        All nodes of an agent use the table of its best node: costs of different tables are not
+        comparable, and a walk would always look better than the stop in which it must end.
         """
         if self._settings.weights is not None:
             return np.broadcast_to(_row(self._settings.weights, 0.0), asked.term_weights.shape)
         return asked.term_weights[np.searchsorted(nodes.agent, nodes.agent)]
 
     def _done(self, gait: Gait, frames: Float, goals: GoalColumns) -> Flags:
-        """Nodes at their last goal; frames [N, F, 3] are the hips of the last primitive."""
+        """Whether nodes are at their last goal; frames [N, F, 3] are the last primitive's hips."""
         last = goals.given & ~goals.more
         if self._settings.until == "depth":
             return np.zeros_like(last)
@@ -211,7 +211,7 @@ class _Search:
         return last & (way <= self._settings.reach).any(-1)
 
     def _close_done(self, nodes: Nodes) -> Nodes:
-        """End the trees of which a node is done; returns the nodes of the others."""
+        """Ends the trees that have a finished node; returns the nodes of the others."""
         ends = np.isin(nodes.agent, nodes.agent[nodes.done])
         self._close(nodes.where(ends), Ending(self._settings.until))
         return nodes.where(~ends)
@@ -237,8 +237,8 @@ def select(
 ) -> tuple[Index, Index]:
     """Rows to keep, agent after agent and cheapest first, and their ranks.
 
-    At most `keep` of each agent that are not rejected; the cheapest alone, where all are. Rows of
-    infinite cost are never kept. Ties go to the row that comes first.
+    At most `keep` of each agent that are not rejected, or only the cheapest if all are rejected.
+    Rows of infinite cost are never kept. Ties go to the first row.
     """
     lost = np.isinf(cost)
     order = np.lexsort([cost, rejected, lost, agent])
@@ -256,7 +256,7 @@ def fan_out(inputs: StepInputs) -> StepInputs:
 
 
 def _step(engine: Engine, gender: NDArray[np.int8], inputs: StepInputs) -> StepOutputs:
-    """Step all rows, gender by gender and in blocks; the outputs are in the order of the inputs."""
+    """Steps all rows, gender by gender and in blocks; outputs are in the order of the inputs."""
     order, done = [], []
     for number, name in enumerate(GENDERS):
         rows = np.flatnonzero(gender == number)

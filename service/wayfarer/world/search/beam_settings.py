@@ -24,10 +24,10 @@ With `HARD` as tolerances the first three are -log of the contact score.
 """
 
 Until = Literal["reached", "standing", "depth"]
-"""Where a tree ends: within `reach` of the last goal, at a stand there, or at its depth alone."""
+"""The end of a tree: within `reach` of the last goal, at a stand there, or at its depth alone."""
 
 MOST_ROWS: Final = 4096
-"""Nodes of one agent and level that are tried at most: beyond lies a slip of the keyboard."""
+"""Maximum nodes of one agent and level that are tried; more must be a typing error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,17 +39,17 @@ class BeamSettings:
 
     children: int = 4  # N
     keep: int = 4  # K
-    roots: int | None = None  # children of the first node; None: N × K, as many as later levels try
-    depth: int = 60  # primitives at most
+    roots: int | None = None  # children of the first node; None: N × K, as in later levels
+    depth: int = 60  # maximum primitives
     until: Until = "reached"
     reach: float = REACHED  # metres, horizontal, hips to the last goal
     memory: float = 0.0  # share of its parent's cost that a node inherits; 0: judged by itself
     weights: Mapping[str, float] | None = None  # of the ranking; None: steering's, by mode
-    tolerances: Mapping[str, float] = field(default_factory=dict)  # of a term, that cost nothing
+    tolerances: Mapping[str, float] = field(default_factory=dict)  # values of terms without cost
     limits: Mapping[str, float] = field(default_factory=dict)  # a child above one is rejected
-    policy: float | None = None  # share of the policy in the latents; None: as steering says
-    temperature: float | None = None  # scale of the noise; None: as steering says
-    own: float | None = None  # share of the noise that is an agent's own; None: as steering says
+    policy: float | None = None  # share of the policy in the latents; None: as in steering
+    temperature: float | None = None  # scale of the noise; None: as in steering
+    own: float | None = None  # share of the noise that is an agent's own; None: as in steering
 
     def __post_init__(self) -> None:
         for name, least in (("children", 1), ("keep", 1), ("depth", 0)):
@@ -95,9 +95,9 @@ class BeamSettings:
     def paper(cls, top: int = 0, **changes: Any) -> Self:
         """The rows of the paper's Table 1: 32 nodes tried per level, latents from the policy.
 
-        `top` 0: "policy (α)", 32 motions of one body side by side, none of which is thrown away;
-        k: "& top k", of 32 children in all the k best by contact and distance are kept. α is the
-        KL weight of the policy's training (Eq. 10): it chooses the model, not the search.
+        `top` 0: "policy (α)", 32 motions of one body side by side, none of which is discarded. k:
+        "& top k", of 32 children in all the k best by contact and distance are kept. α is the KL
+        weight of the policy's training (Eq. 10): it chooses the model, not the search.
         """
         if top and CLONES % top:
             raise InvalidArgument(

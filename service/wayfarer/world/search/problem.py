@@ -1,7 +1,7 @@
 """The problem of an offline search and its result: a tree of primitives, and its paths.
 
-A tree shares its levels with the trees that were grown beside it. Nodes point back to their parent
-and hold nothing but their own new frames; a path is put together when it is asked for.
+A tree shares its levels with the other trees of the same search. Nodes point back to their parent
+and hold only their own new frames; a path is assembled on request.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class PlanningStart(Rows):
 
 @dataclass(frozen=True)
 class PlanningProblem:
-    """Agents, each with the goals that it shall visit in turn."""
+    """Agents, each with the goals that it should visit in turn."""
 
     starts: PlanningStart
     goals: GoalColumns  # of all agents, agent after agent; one without goals has a row of zeros
@@ -50,9 +50,10 @@ class PlanningProblem:
         first_chunk: int = 0,
         mirrors: bool = True,
     ) -> Self:
-        """`motions` as of `World.prepare` or `MotionPlan.end`; an agent with an empty path stands.
+        """`motions` as from `World.prepare` or `MotionPlan.end`; an agent with an empty path
+        stands.
 
-        `first_chunk` goes on with the agents' noise where an earlier plan ended
+        `first_chunk` continues the agents' noise where an earlier plan ended
         (`MotionPlan.next_chunk`). `mirrors`: whether the bodies have a mirror image
         (`has_mirror_image`). Raises InvalidArgument for bad goals and lists of unequal length.
         """
@@ -94,22 +95,22 @@ class PlanningProblem:
 
 
 class Ending(StrEnum):
-    """Why a tree grew no further."""
+    """The reason why a tree grew no further."""
 
     REACHED = "reached"  # a node came within reach of the last goal
     STANDING = "standing"  # a node has arrived there and stands
-    DEPTH = "depth"  # as many primitives as were allowed
+    DEPTH = "depth"  # the maximum number of primitives
     BROKEN = "broken"  # no primitive after these nodes could be shown
 
 
 @dataclass(slots=True)
 class BeamLevel(Rows):
-    """Kept nodes of one depth, all agents: each a primitive's new frames."""
+    """Kept nodes of one depth, of all agents: each has a primitive's new frames."""
 
     parent: Int  # row in the level before; in the first, of the problem
     mode: Int8  # Mode
     cost: Float  # of this primitive alone
-    rejected: Flags  # over a hard limit, kept because all of its agent's were
+    rejected: Flags  # over a hard limit; kept because all of its agent's nodes were
     translation: Annotated[Float, Shape(NEW_FRAMES, 3)]
     rotations: Annotated[Float, Shape(NEW_FRAMES, POSED_JOINTS, 4)]
     contacts: Annotated[Flags, Shape(NEW_FRAMES, 2)]
@@ -117,7 +118,7 @@ class BeamLevel(Rows):
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """One path from the root: L primitives, N = 8 L frames; world, as `engine.StepOutputs`."""
+    """One path from the root: L primitives, N = 8 L frames; world, like `engine.StepOutputs`."""
 
     translation: Float = field(repr=False)  # [N, 3] hips joint
     rotations: Float = field(repr=False)  # [N, 22, 4]
