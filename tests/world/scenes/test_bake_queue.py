@@ -181,8 +181,7 @@ def test_a_process_killed_in_mid_bake_is_replaced(baking):
     assert bake_queue.bake(cubes_field()).islands == 1
 
 
-def test_a_process_killed_between_bakes_is_replaced_unnoticed(make):
-    bake_queue = make()
+def test_a_process_killed_between_bakes_is_replaced_unnoticed(bake_queue):
     bake_queue.bake(cubes_field())
     pid = bake_queue.pid
     os.kill(pid, signal.SIGKILL)
@@ -220,32 +219,28 @@ def test_a_process_that_does_not_start_is_told(make, monkeypatch):
         make().bake(cubes_field())
 
 
-@pytest.mark.parametrize("busy", [False, True])
-def test_no_process_is_left_when_its_parent_is_killed(busy):
-    parent = subprocess.Popen(
-        [sys.executable, "-c", PARENT, "busy" if busy else "idle"], stdout=subprocess.PIPE
-    )
-    pid = int(parent.stdout.readline())
+def test_no_process_is_left_when_its_parent_is_killed():
+    """Neither one that waits nor one that bakes."""
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE)
+    pids = [int(pid) for pid in parent.stdout.readline().split()]
     time.sleep(0.3)
-    assert lives(pid)
+    assert len(pids) == 2 and all(map(lives, pids))
     parent.kill()
     parent.wait()
     parent.stdout.close()
-    until(lambda: not lives(pid), 10.0)
+    until(lambda: not any(map(lives, pids)), 10.0)
 
 
 PARENT = """
-import sys, time
 from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.limits import Limits
 from wayfarer.navigation.examples import cubes_field
 from tests.world.scenes.test_bake_queue import HUGE
-bake_queue = BakeQueue(Limits(bake_s=600, bake_mb=8192))
-bake_queue.bake(cubes_field())
-print(bake_queue.pid, flush=True)
-if sys.argv[1] == "busy":
-    bake_queue.bake(HUGE)
-time.sleep(600)
+idle, busy = (BakeQueue(Limits(bake_s=600, bake_mb=8192)) for _ in range(2))
+idle.bake(cubes_field())
+busy.bake(cubes_field())
+print(idle.pid, busy.pid, flush=True)
+busy.bake(HUGE)
 """
 
 
