@@ -70,7 +70,7 @@ class Lane(NamedTuple):
     way: Array  # [A, 2] unit vector
 
 
-class Everybody(NamedTuple):
+class PeopleColumns(NamedTuple):
     """Columns of `People` [N], and where the session of each begins and ends."""
 
     first: Index
@@ -103,7 +103,7 @@ def lanes(
     halves = (high - low) / 2
     half = halves.max(1)
     first, last = own or (np.zeros(count, np.int64), np.full(count, count))
-    everybody = Everybody(
+    everybody = PeopleColumns(
         first,
         last,
         people.position,
@@ -139,7 +139,7 @@ def _walls(points: Array, right: Array, distance: Callable[[Array], Array]) -> t
 
 
 @compiled
-def meet(them: Everybody, rows: Index, way: Double, comes: Flags, passes: Flags) -> None:
+def meet(them: PeopleColumns, rows: Index, way: Double, comes: Flags, passes: Flags) -> None:
     """Before whom of `rows` [A] on ways [A, 2] others come the other way, and pass soon."""
     for row in range(len(rows)):
         me, x, y = rows[row], way[row, 0], way[row, 1]
@@ -165,5 +165,5 @@ def meet(them: Everybody, rows: Index, way: Double, comes: Flags, passes: Flags)
 def prepare() -> None:
     """Compile the rule, or load it, before anybody walks."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
-    everybody = Everybody(row, row, place, place[0, :1], place, flag, place)
+    everybody = PeopleColumns(row, row, place, place[0, :1], place, flag, place)
     warm(meet, everybody, row, np.float64(place), flag, flag)
