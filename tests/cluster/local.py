@@ -52,6 +52,7 @@ class LocalCluster:
 
         self.nodes = RayNodes()
         self._redis = self._head = None
+        self._others = processes()  # of tests before, in the same process
         with pytest.MonkeyPatch.context() as patch:
             if self._store:
                 port = free_port()
@@ -69,7 +70,7 @@ class LocalCluster:
 
     async def __aexit__(self, *_):
         await self.entry.stop()
-        below = processes()
+        below = [one for one in processes() if one not in self._others]
         self._ray.close()
         own = [one for one in (self._head, self._redis) if one is not None]
         for one in own:
