@@ -96,13 +96,13 @@ def reflect(
 ) -> None:
     """See `_reflected`; values [A, M, P, D]."""
     for row in range(len(rows)):
-        if not rows[row]:
-            found[row] = values[row]
-            continue
         for group in range(values.shape[1]):
             for k in range(len(other)):
+                at = other[k] if rows[row] else k
                 for part in range(len(signs)):
-                    found[row, group, k, part] = signs[part] * values[row, group, other[k], part]
+                    found[row, group, k, part] = values[row, group, at, part]
+                    if rows[row]:
+                        found[row, group, k, part] *= signs[part]
 
 
 @cache
