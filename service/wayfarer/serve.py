@@ -105,7 +105,7 @@ async def serve(
         if node and tenancy:
             beside = node.joined(tenancy, gateway, server.ports, stop.set)
         async with beside:
-            if shows_page:  # it says that the server is starting, and goes on by itself
+            if shows_page:  # the page says that the server is starting, and continues by itself
                 open_page(server.http_url)
             await server.until_ready()
             settle()

@@ -112,11 +112,12 @@ def stand_before(
     near: Double,
     by: Flags,
 ) -> None:
-    """Finds who of their sessions stands in the ways of people `me` [A]: writes this into `by` [A,
-    S], and metres to the nearest into `near` [A].
+    """Finds the people that stand in the ways of people `me` [A] of their sessions. Writes them to
+    `by` [A, S], and the metres to the nearest one to `near` [A].
 
     hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: first and last rows of their sessions.
-    `standing` [N]: places, heights, and who stands. `beside`: metres from a way that belong to it.
+    `standing` [N]: places, heights, and whether each stands. `beside`: metres from a way that
+    belong to it.
     """
     place, height, stand = standing
     for row in range(len(me)):

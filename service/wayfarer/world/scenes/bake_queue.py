@@ -1,4 +1,4 @@
-"""Bakes in a separate process: limited in time and memory, and without delaying anything else.
+"""Bakes in a separate process: limited in time and memory, and without delaying other work.
 
 A client's geometry decides the cost of a bake. In the server's own process a hostile one would keep
 the motion thread from running Python, and take memory that is not returned.
@@ -197,6 +197,6 @@ class BakeWorker:
 
     def _close(self) -> None:
         self.kill()
-        with contextlib.suppress(OSError):  # what was not taken
+        with contextlib.suppress(OSError):  # unread input
             self._to.close()
         self._from.close()

@@ -247,7 +247,7 @@ class SceneRegistry:
     def _baked(self, spec: SceneSpec, prepared: bool = False) -> Scene:
         with self._turn():
             scene = self._alike(spec) or self._bake(spec)
-            if prepared:  # before the next one's turn, who may wait for the same
+            if prepared:  # before the next caller's turn, which may need the same scene
                 self._prepared[spec.content_hash] = scene
                 while len(self._prepared) > self._limits.scenes:
                     self._prepared.popitem(last=False)
