@@ -115,7 +115,7 @@ def stand_before(
     """Finds the people that stand in the ways of people `me` [A] of their sessions. Writes them to
     `by` [A, S], and the metres to the nearest one to `near` [A].
 
-    hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: first and last rows of their sessions.
+    hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: ranges [start, end) of their sessions.
     `standing` [N]: places, heights, and whether each stands. `beside`: metres from a way that
     belong to it.
     """

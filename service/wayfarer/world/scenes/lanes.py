@@ -93,7 +93,7 @@ def lanes(
 
     `points` [A, S, 2]: their ways in the next metres, of which the last point is headed for.
     `distance`: metres to the nearest wall at points [A, P, 2] of these rows, [A, P]. `own` [N]: the
-    first and last person of each one's session in `people`; None: all are of one.
+    range [start, end) of each one's session in `people`; None: all are of one.
     """
     place, count = people.position[rows], len(people.number)
     way = points[:, -1] - points[:, 0]

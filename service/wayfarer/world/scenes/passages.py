@@ -57,8 +57,8 @@ def turns(
     """Which of the people at `rows` wait before a narrow place, and where.
 
     `points` [A, S, 2]: their ways ahead, the nearest first. `distance`: metres to the nearest wall
-    at points [A, P, 2] of these rows, [A, P]. `own` [N]: the first and last
-    person of each one's session in `people`; None: all are of one.
+    at points [A, P, 2] of these rows, [A, P]. `own` [N]: the range [start, end) of
+    each one's session in `people`; None: all are of one.
     """
     place = people.position[rows]
     room = distance(np.concatenate([place[:, None], points], 1))
