@@ -69,7 +69,7 @@ def _kept_in(rule: Callable[..., Any]) -> Path | None:
 
 
 def _text(rule: Callable[..., Any]) -> bytes:
-    """All that the code of a file's rules follows from."""
+    """Everything that determines the code of a file's rules."""
     parts, files, rules = [Path(__file__).read_bytes()], set[str](), [rule]
     while rules:
         rule = rules.pop()

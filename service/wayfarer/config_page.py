@@ -47,7 +47,7 @@ def _plain(value: Any) -> str:
 
 
 def as_toml(settings: Settings, origins: Mapping[str, str]) -> str:
-    """A settings file that gives the same, with the origin of each; passwords are hidden."""
+    """A settings file with these values, and the origin of each; passwords are hidden."""
     values = settings.model_dump(mode="json")
     width = max(map(len, origins))
     return "\n".join(
@@ -66,5 +66,5 @@ def _at(values: Mapping[str, Any], key: str) -> Any:
 
 
 def _literal(value: Any) -> str:
-    """JSON's numbers, texts, lists and booleans are TOML's."""
+    """A value in TOML: numbers, texts, lists and booleans are written as in JSON."""
     return hidden(json.dumps(value, ensure_ascii=False))

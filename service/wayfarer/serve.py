@@ -61,7 +61,7 @@ OPTIONS: Final = (
     *("candidates", "state_dir", "models_dir", "auth.keys_file", "insecure_no_auth", "tls_cert"),
     *("tls_key", "tls_client_ca", "log_level", "log_format"),
 )
-"""Settings that the command line knows."""
+"""Settings that are also options of the command line."""
 
 
 async def serve(
@@ -105,7 +105,7 @@ async def serve(
         if node and tenancy:
             beside = node.joined(tenancy, gateway, server.ports, stop.set)
         async with beside:
-            if shows_page:  # it says that the server is starting, and goes on by itself
+            if shows_page:  # the page says that the server is starting, and continues by itself
                 open_page(server.http_url)
             await server.until_ready()
             settle()
@@ -128,7 +128,7 @@ async def serve(
 
 
 def serve_node(node: "NodeActor") -> None:
-    """Be one node of several."""
+    """Run as one node of a cluster."""
     run(serve(node.plan.settings, node))
 
 

@@ -31,7 +31,7 @@ class KeptNetwork:
 
     def __init__(self, file: IO[bytes]) -> None:
         """The file may be closed, and removed. Raises OSError, or ValueError for an empty file."""
-        # OpenVINO takes none that it may not write to, and writes nothing
+        # OpenVINO accepts only writable memory, though it never writes
         self._mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
         content = np.frombuffer(self._mapped, np.uint8)
         self._hash = content[:HASH_BYTES].tobytes()
@@ -72,7 +72,7 @@ class CompiledNetworks:
             log.warning("a compiled network is damaged, and compiled again", file=str(path))
             return None
         with suppress(OSError):
-            os.utime(path)  # it was used
+            os.utime(path)  # marks the file as used
         return found
 
     def keep(self, body: bytes, *about: object) -> KeptNetwork | None:

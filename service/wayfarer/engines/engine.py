@@ -76,7 +76,7 @@ class Engine(Protocol):
     def scoring(self) -> "Engine":
         """The same engine, whose `terms` can be relied on.
 
-        Others may leave them out, [A, 0], where there is one candidate: there is no choice.
+        Other engines may omit the terms, [A, 0], if there is one candidate: nothing is chosen.
         """
         return self
 

@@ -24,7 +24,7 @@ NICENESS: Final = 10
 
 
 class ModelStore:
-    """Folders that hold model folders."""
+    """The folders that hold model folders."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class ModelStore:
         self._candidates = candidates
 
     def find(self, name: str) -> Path:
-        """Where a model lies. Raises InvalidArgument, NotFound."""
+        """The folder of a model. Raises InvalidArgument, NotFound."""
         if not NAME.fullmatch(name):
             raise InvalidArgument(
                 f"model name is {name[:64]!r}; allowed: up to 64 letters, digits, '.', '_' and "
@@ -57,7 +57,7 @@ class ModelStore:
         raise NotFound(f"no model {name!r}; there are {', '.join(self.names()) or 'none'}")
 
     def names(self) -> list[str]:
-        """All that could be loaded."""
+        """The names of all models in the folders."""
         manifests = [file for folder in self._folders for file in folder.glob(f"*/{MANIFEST}")]
         return sorted({m.parent.name for m in manifests if NAME.fullmatch(m.parent.name)})
 
@@ -67,7 +67,7 @@ class ModelStore:
         Raises InvalidArgument, NotFound, ArtifactError.
         """
         engine = self._open_engine(self._check(self.find(name)))
-        # Only now: the threads that the engine has just made would have inherited it.
+        # Only now: the engine's threads would have inherited the priority.
         give_way(NICENESS)
         engine.warm_up(engine.sizes_for(self._agents), self._candidates, _pause)
         return engine

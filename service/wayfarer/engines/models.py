@@ -24,7 +24,7 @@ class ModelInfo:
     """A loaded motion model."""
 
     name: str
-    genders: tuple[str, ...]  # that it can drive
+    genders: tuple[str, ...]  # of the bodies that it can move
     seed_frames: int
     primitive_frames: int
     sha256: tuple[str, ...]  # of each graph, in the order of `genders`
@@ -33,7 +33,7 @@ class ModelInfo:
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A model that agents can be moved by."""
+    """A model that can move agents."""
 
     number: int
     engine: Engine
@@ -41,7 +41,7 @@ class Loaded:
 
     @classmethod
     def of(cls, number: int, engine: Engine) -> "Loaded":
-        """Stamp it."""
+        """The model of an engine, with its stamp."""
         graphs = sha256("".join(engine.graphs).encode()).hexdigest()
         return cls(number, engine, f"{engine.name}@{graphs[:16]}")
 
@@ -102,7 +102,7 @@ class LoadedModels:
         raise FailedPrecondition(f"no model {stamp} is loaded; loaded are {', '.join(self.stamps)}")
 
     def copy(self) -> "LoadedModels":
-        """The models of now, whatever comes and goes later: for worlds that end soon."""
+        """A copy that later changes do not affect, for worlds that end soon."""
         with self._lock:
             other = LoadedModels(self._in_use.engine)
             other._loaded, other._in_use = self._loaded, self._in_use
@@ -116,20 +116,20 @@ class LoadedModels:
             raise ResourceExhausted(f"{MOST} models are loaded, and no more can be; unload one")
 
     def add(self, engine: Engine) -> None:
-        """Adds it. Raises AlreadyExists, ResourceExhausted."""
+        """Adds an engine. Raises AlreadyExists, ResourceExhausted."""
         with self._lock:
             self.check_new(engine.name)
             self._last_number += 1
             self._loaded = (*self._loaded, Loaded.of(self._last_number, engine))
 
     def use(self, name: str) -> Loaded:
-        """Moves new agents with it. Raises NotFound."""
+        """Moves new agents with this model. Raises NotFound."""
         with self._lock:
             self._in_use = self.named(name)
             return self._in_use
 
     def remove(self, name: str) -> None:
-        """Raises NotFound, FailedPrecondition while it is in use or moves an agent."""
+        """Raises NotFound, and FailedPrecondition while the model is in use or moves an agent."""
         with self._lock:
             model = self.named(name)
             if model is self._in_use:
@@ -142,7 +142,7 @@ class LoadedModels:
             self._loaded = tuple(other for other in self._loaded if other is not model)
 
     def roster(self) -> "Roster":
-        """An empty one, for a world."""
+        """Makes an empty roster for a world."""
         with self._lock:
             roster = Roster()
             self._rosters.add(roster)
@@ -169,7 +169,7 @@ class LoadedModels:
             roster.agents[number] -= 1
 
     def change(self, roster: "Roster", number: int, model: Loaded) -> None:
-        """An agent of the model of this number is moved by another now. Raises NotFound."""
+        """Gives an agent of model `number` another model. Raises NotFound."""
         with self._lock:
             if model not in self._loaded:
                 raise NotFound(f"model {model.name!r} is not loaded any more")
@@ -178,7 +178,7 @@ class LoadedModels:
 
 
 class Roster:
-    """How many agents of one world each model moves. Forgotten with its world."""
+    """The number of agents of one world for each model. Forgotten with its world."""
 
     def __init__(self) -> None:
         self.agents: Counter[int] = Counter()  # by number of the model

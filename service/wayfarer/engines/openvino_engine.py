@@ -138,7 +138,7 @@ class OpenVinoEngine(WarmEngine):
         return StepOutputs(**(found if is_scored else found | unscored(rows)))
 
     def _request(self, *key: Any) -> "openvino.InferRequest":
-        """The calling thread's own."""
+        """The inference request of the calling thread."""
         requests = vars(self._requests)
         name = repr(key)
         if name not in requests:
@@ -238,14 +238,14 @@ def ends(rows: int) -> list[int]:
 
 
 def version() -> str:
-    """OpenVINO's own."""
+    """The version of OpenVINO."""
     from openvino import get_version
 
     return str(get_version())
 
 
 def open_core() -> "openvino.Core":
-    """Raises InvalidArgument where OpenVINO is not installed."""
+    """Opens OpenVINO. Raises InvalidArgument where it is not installed."""
     try:
         from openvino import Core
     except ImportError as error:

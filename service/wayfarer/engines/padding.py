@@ -44,7 +44,7 @@ def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
 
 
 def pick(columns: Columns, rows: NDArray[np.int64]) -> Columns:
-    """Some rows, copied."""
+    """A copy of some rows."""
     return type(columns)(**{f.name: getattr(columns, f.name)[rows] for f in fields(columns)})
 
 
@@ -61,7 +61,7 @@ def part(inputs: StepInputs, start: int, end: int) -> StepInputs:
 
 
 def join(parts: Sequence[StepOutputs]) -> StepOutputs:
-    """One after the other; one alone is not copied."""
+    """The rows of all parts, one part after the other; a single part is not copied."""
     if len(parts) == 1:
         return parts[0]
     return StepOutputs(

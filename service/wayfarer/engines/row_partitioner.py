@@ -1,8 +1,8 @@
-"""A batch on several cores: its rows are parted, and every part is computed by one thread.
+"""A batch on several cores: its rows are divided, and every part is computed by one thread.
 
-A step is two thousand small operators. Threads that share each of them meet two thousand times,
-and a thread that loses its core for a moment holds up the others; threads that have rows of their
-own meet once. Rows do not depend on their batch, so the result is the same, bit for bit.
+A step is two thousand small operators. Threads that share each operator meet two thousand times,
+and a thread that loses its core for a moment holds up the others; threads with separate rows meet
+once. Rows do not depend on their batch, so the result is the same, bit for bit.
 """
 
 import os
@@ -25,10 +25,10 @@ LEAST: Final = 8
 
 
 class RowPartitioner:
-    """`threads` threads; with one, the caller's own thread does the work."""
+    """Works on `threads` threads; with one, on the caller's own."""
 
     def __init__(self, threads: int) -> None:
-        """0: one per core that the process may use."""
+        """`threads` 0: one per core that the process may use."""
         self.count = threads or cores()
         self._pool = ThreadPoolExecutor(self.count, "engine") if self.count > 1 else None
 
@@ -51,11 +51,11 @@ class RowPartitioner:
         parts = [part(inputs, a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
         if self._pool is None or len(parts) == 1:
             return join([run(p) for p in parts])
-        # In order of the calls: the parts of a second one begin as threads come free of the first.
+        # In order of the calls: a second call's parts begin as the first call's threads get free.
         return join(list(self._pool.map(run, parts)))
 
     def sizes(self, of_one: tuple[int, ...]) -> tuple[int, ...]:
-        """Sizes of batches, ascending, where these suit one thread."""
+        """Sizes of batches, ascending, from the sizes that suit one thread."""
         return (*of_one, *(of_one[-1] * count for count in range(2, self.count + 1)))
 
 

@@ -302,8 +302,7 @@ class World:
     def give(
         self, agent_id: str, command: GoalCommand, now: float, expected: int | None = None
     ) -> int:
-        """Carries out a goal command, also one that a `WorldObserver` received; returns the
-        revision.
+        """Carries out a goal command, also from a `WorldObserver`; returns the revision.
 
         In a scene, goals off free ground are moved to the nearest reachable place. Raises NotFound,
         InvalidArgument that names the field, FailedPrecondition (a behaviour that cannot work in

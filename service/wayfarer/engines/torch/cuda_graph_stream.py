@@ -40,7 +40,7 @@ class CudaGraphStream:
         return torch.cuda.stream(self._stream) if self.on_gpu else nullcontext()
 
     def wait(self) -> None:
-        """Until all work is done."""
+        """Waits until all work is done."""
         if self.on_gpu:
             self._stream.synchronize()
 

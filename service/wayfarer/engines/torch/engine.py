@@ -33,7 +33,7 @@ SUFFIX: Final[Mapping[Precision, str]] = {"float32": "", "tf32": "-tf32", "bfloa
 
 @dataclass(frozen=True)
 class Networks:
-    """A model on a device: engines may share it."""
+    """A model on a device, which engines may share."""
 
     name: str
     graphs: tuple[str, ...]  # SHA-256 of the graphs that hold its weights

@@ -27,7 +27,7 @@ FULL: Final = "ieee"
 
 @contextmanager
 def products(kind: str) -> Iterator[None]:
-    """How float32 matrices are multiplied on a GPU: "ieee" or "tf32". It holds for all threads."""
+    """Sets how float32 matrices are multiplied on a GPU, for all threads: "ieee" or "tf32"."""
     backend: Any = torch.backends.cuda.matmul
     before = backend.fp32_precision
     backend.fp32_precision = kind

@@ -83,13 +83,13 @@ def _open(path: Path) -> onnx.GraphProto:
 
 
 def of_network(weights: Weights, name: str) -> dict[str, Tensor]:
-    """Those of one network, by its own names."""
+    """The weights of one network, by its own names."""
     begin = f"{name}."
     return {k.removeprefix(begin): v for k, v in weights.items() if k.startswith(begin)}
 
 
 def count_networks(weights: Weights) -> int:
-    """How many networks the regressor has that these are the weights of."""
+    """The number of the regressor's networks in these weights."""
     return len({k.split(".")[2] for k in weights if k.startswith(NETWORKS)})
 
 

@@ -32,7 +32,7 @@ STEEPEST: Final = 70.0
 GRAIN: Final = 0.01
 """Metres."""
 MOST: Final = 8
-"""Most barriers of a kind that are reported."""
+"""Maximum number of reported barriers of a kind."""
 SPOTS: Final = 40
 """Number of places that stand for a part of the ground."""
 
@@ -234,7 +234,7 @@ def _parts(places: Stands, which: Mask) -> Ints:
 
 
 def _that_matter(part: Ints, share: float) -> Ints:
-    """Numbers of the large parts, the largest first."""
+    """The numbers of the large parts, the largest first."""
     sizes = np.bincount(part[part >= 0])
     matter = np.flatnonzero(sizes >= share * sizes.max(initial=1))
     return matter[np.argsort(-sizes[matter], kind="stable")]

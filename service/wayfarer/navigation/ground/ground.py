@@ -189,7 +189,7 @@ def triangles(spec: SceneSpec) -> NDArray[np.float64]:
 
 
 def _corners_of(spec: SceneSpec) -> tuple[NDArray[np.float64], tuple[Text, ...]]:
-    """The same, and remarks about the level's mesh."""
+    """All triangles of a scene, and remarks about the level's mesh."""
     level, notes = (
         read_level(spec.mesh, spec.walkable, spec.entries)
         if spec.mesh

@@ -33,7 +33,7 @@ class Stands:
     links: "csr_array"
 
     def pick(self, which: Mask | Ints) -> "Stands":
-        """A selection of them."""
+        """Some of the places."""
         return Stands(self.grid, self.cell[which], self.z[which], self.links[which][:, which])
 
     def components(self) -> Ints:
@@ -56,7 +56,7 @@ class Floors:
     triangle: Ints
 
     def stands(self, which: Mask, step: float) -> Stands:
-        """A selection of them, as places to stand."""
+        """Some of the surfaces, as places to stand."""
         cell, z = self.cell[which], self.z[which]
         return Stands(self.grid, cell, z, _links(cell, z, self.grid, step + TOLERANCE))
 

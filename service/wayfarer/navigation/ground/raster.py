@@ -13,7 +13,7 @@ Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
 MAX_SAMPLES: Final = 8_000_000
-"""Most cells touched by all triangles: limits memory and time of a bake."""
+"""Maximum number of cells touched by all triangles: limits memory and time of a bake."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from wayfarer.navigation.meshes.transforms import local, placed
 
 _MAX_NODES: Final = 50_000
 _MAX_JOINTS: Final = 8
-"""Sets of four joints of a vertex."""
+"""Maximum number of sets of four joints per vertex."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ class _Document:
         return found
 
     def _mesh(self, number: int, skin: int) -> Array:
-        """Corners of all the mesh's primitives; lines and points are passed over."""
+        """Corners of all the mesh's primitives, without lines and points."""
         if (number, skin) in self._meshes:
             return self._meshes[number, skin]
         pieces, total = [np.empty((0, 3, 3))], 0

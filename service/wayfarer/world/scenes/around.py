@@ -1,4 +1,4 @@
-"""A way on a small grid around what stands there, compiled; see detours.py.
+"""A way on a small grid around obstacles, compiled; see detours.py.
 
 The web client's local mode has the same functions by the same names.
 """
@@ -13,17 +13,17 @@ from wayfarer.compiled import compiled, inner, warm
 from wayfarer.world.rows import Double, Flags, Float, Index
 
 ROUNDS: Final = 16
-"""Sweeps over the grid at most: each one carries costs around another bend."""
+"""Maximum sweeps over the grid: each one carries costs around another bend."""
 
 STEPS: Final = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
-"""Rows and columns to the cells beside a cell."""
+"""Offsets (rows, columns) of a cell's neighbours."""
 
 DIAGONAL: Final = sqrt(2.0)
 
 
 @inner
 def _sweep(room: Double, least: float, cost: Double) -> bool:
-    """Carries costs of cells on to neighbours, in four orders; returns whether any changed."""
+    """Carries costs of cells to neighbours, in four orders; returns whether any changed."""
     rows, columns = cost.shape
     changed = False
     for order in range(4):
@@ -46,7 +46,7 @@ def _sweep(room: Double, least: float, cost: Double) -> bool:
 
 @inner
 def _sees(room: Double, least: float, r0: int, c0: int, r1: int, c1: int) -> bool:
-    """Whether a straight line between two cells keeps the room, taken between cells."""
+    """Whether a straight line between two cells keeps the room, interpolated between cells."""
     rows, columns = room.shape
     steps = ceil(2 * sqrt(float((r1 - r0) ** 2 + (c1 - c0) ** 2)))
     for k in range(steps + 1):
@@ -63,11 +63,11 @@ def _sees(room: Double, least: float, r0: int, c0: int, r1: int, c1: int) -> boo
 
 @compiled
 def way_around(room: Double, start: Index, end: Index, corners: Index) -> int:
-    """A short way from a cell to another through cells with room; 0 where there is none.
+    """Finds a short way between two cells through cells with room.
 
     room [R, C], R, C ≥ 2: metres more than a body needs. start, end: row and column. The corners,
-    both ends among them, go into `corners` [P, 2]; returns how many they are. A start with too
-    little room is left by cells with no less.
+    including both ends, are written into `corners` [P, 2]; returns their number, 0 without a way. A
+    start with too little room is left through cells with no less.
     """
     rows, columns = room.shape
     least = min(room[start[0], start[1]], 0.0)
@@ -89,7 +89,7 @@ def way_around(room: Double, start: Index, end: Index, corners: Index) -> int:
             y, x = r + STEPS[k][0], c + STEPS[k][1]
             if 0 <= y < rows and 0 <= x < columns:
                 whole = cost[y, x] + (1.0 if k < 4 else DIAGONAL)
-                if whole < best - 1e-9:  # of two as short the first: rounding must not choose
+                if whole < best - 1e-9:  # of equal ones the first: rounding must not choose
                     best, best_r, best_c = whole, y, x
         if cost[best_r, best_c] >= cost[r, c] or count >= len(corners) - 1:
             return 0
@@ -112,11 +112,12 @@ def stand_before(
     near: Double,
     by: Flags,
 ) -> None:
-    """Who of their sessions stands in the ways of people `me` [A], into `by` [A, S], and metres to
-    the nearest into `near` [A].
+    """Finds the people that stand in the ways of people `me` [A] of their sessions. Writes them to
+    `by` [A, S], and the metres to the nearest one to `near` [A].
 
-    hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: first rows and last of their sessions;
-    `standing` [N]: places, heights, and who stands; `beside`: metres from a way that are in it.
+    hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: ranges [start, end) of their sessions.
+    `standing` [N]: places, heights, and whether each stands. `beside`: metres from a way that
+    belong to it.
     """
     place, height, stand = standing
     for row in range(len(me)):
@@ -139,7 +140,7 @@ def stand_before(
 
 @cache
 def prepare() -> None:
-    """Compile the search, or load it, before anybody walks."""
+    """Compiles the search, or loads it, before agents walk."""
     one, places = np.zeros(1, np.int64), np.zeros((1, 2))
     standing = np.zeros((1, 2), np.float32), np.zeros(1, np.float32), np.zeros(1, np.bool_)
     by = np.zeros((1, 1), np.bool_)

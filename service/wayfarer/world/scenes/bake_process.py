@@ -28,9 +28,9 @@ EVERYTHING: Final = SceneSpec((Floor(SQUARE), Floor(SQUARE, height=3.0)))
 
 
 def main(megabytes: int, seconds: float) -> None:
-    """Bake what comes in until the other end is closed."""
+    """Bakes each spec that comes until the other end is closed."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nothing a library prints is an answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # a library's output must not be an answer
     step_back()
     bound_memory(megabytes)
     specs: SimpleQueue[SceneSpec] = SimpleQueue()
@@ -44,15 +44,15 @@ def main(megabytes: int, seconds: float) -> None:
 
 
 def step_back() -> None:
-    """Let everything else run first, and let it live when the system is short of memory."""
+    """Gives way to all other processes, and dies first when the system is short of memory."""
     if hasattr(os, "nice"):
         os.nice(NICE)
-    with contextlib.suppress(OSError):  # Linux has it
+    with contextlib.suppress(OSError):  # only Linux has it
         Path("/proc/self/oom_score_adj").write_text("1000")
 
 
 def bound_memory(megabytes: int) -> None:
-    """Let allocations beyond it fail. Linux counts all memory that is written to, others less."""
+    """Makes allocations beyond the limit fail. Linux counts all written memory, others less."""
     try:
         import resource
     except ImportError:  # Windows
@@ -63,7 +63,7 @@ def bound_memory(megabytes: int) -> None:
 
 
 def bound_time(seconds: float) -> None:
-    """Makes the process end by SIGXCPU once it has been busy for that much longer."""
+    """Makes the process end by SIGXCPU once it has been busy for this much longer."""
     try:
         import resource
     except ImportError:  # Windows
@@ -74,7 +74,7 @@ def bound_time(seconds: float) -> None:
 
 
 def baked(spec: SceneSpec) -> bytes:
-    """The scene or the error, pickled; MemoryError itself when memory does not suffice."""
+    """The scene or the error, pickled; MemoryError itself if memory does not suffice."""
     try:
         return pickle.dumps(bake(spec), pickle.HIGHEST_PROTOCOL)
     except WayfarerError as error:
@@ -86,7 +86,7 @@ def baked(spec: SceneSpec) -> bytes:
 
 
 def _listen(stream: BinaryIO, specs: "SimpleQueue[SceneSpec]") -> None:
-    """End the process with its parent, whatever it is doing."""
+    """Ends the process together with its parent, at any time."""
     while True:
         try:
             specs.put(pickle.load(stream))

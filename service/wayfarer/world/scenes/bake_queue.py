@@ -1,7 +1,7 @@
-"""Bakes in a separate process: bounded in time and memory, and nothing else waits for them.
+"""Bakes in a separate process: limited in time and memory, and without delaying other work.
 
-A client's geometry decides the cost of a bake. In the server's own process a hostile one
-would keep the motion thread from running Python, and take memory that is not given back.
+A client's geometry decides the cost of a bake. In the server's own process a hostile one would keep
+the motion thread from running Python, and take memory that is not returned.
 """
 
 import contextlib
@@ -26,11 +26,11 @@ log = structlog.get_logger(__name__)
 
 COMMAND: Final = (sys.executable, "-m", "wayfarer.world.scenes.bake_process")
 START_S: Final = 60.0
-"""Seconds until the process can begin, on a machine that is busy."""
+"""Seconds until the process can begin, on a busy machine."""
 PATIENCE: Final = 3
 """Ratio of the wall time a bake may take to its CPU time: it has the lowest priority."""
 ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Memory of threads would count."""
+"""Environment of the process: the memory of threads would count."""
 ADVICE: Final = (
     "leave out what nobody can stand on or bump into, use fewer and simpler outlines, or make "
     "several scenes of it"
@@ -53,10 +53,10 @@ class BakeQueue:
         return self._worker.pid if self._worker else None
 
     def bake(self, spec: SceneSpec) -> Scene:
-        """What `navigation.scene.bake` gives. Takes time.
+        """Returns the result of `navigation.scene.bake`. Takes time.
 
-        Raises as that does; ResourceExhausted when it takes too much time or memory, Unavailable
-        after `stop`.
+        Raises the same; ResourceExhausted if it takes too much time or memory, Unavailable after
+        `stop`.
         """
         with self._turn:
             answer = self._baked(spec)
@@ -65,7 +65,7 @@ class BakeQueue:
         return replace(answer, spec=spec)
 
     def stop(self) -> None:
-        """End the process, and so the bake that is under way."""
+        """Ends the process, and so the bake in progress."""
         with self._starting:
             self._closed = True
             if self._worker:
@@ -78,7 +78,7 @@ class BakeQueue:
         except BakeWorkerError as ended:
             return self._why(ended)
         if isinstance(answer, MemoryError):
-            worker.kill()  # its memory is given back
+            worker.kill()  # its memory is returned
             return self._too_large()
         return answer
 
@@ -125,7 +125,7 @@ class BakeQueue:
 
 
 class BakeWorkerError(Exception):
-    """The process is gone. `late`: because it took too long."""
+    """The process has ended. `late`: because it took too long."""
 
     def __init__(self, code: int, late: bool) -> None:
         super().__init__(f"signal {-code}" if code < 0 else f"exit code {code}")
@@ -141,7 +141,7 @@ class BakeWorker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, **ONE_THREAD},
-            process_group=0,  # a terminal's Ctrl-C is for this process alone
+            process_group=0,  # a terminal's Ctrl-C is only for the parent
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         self._to, self._from = self._process.stdin, self._process.stdout
@@ -153,19 +153,19 @@ class BakeWorker:
 
     @property
     def is_running(self) -> bool:
-        """Whether it lives."""
+        """Whether the process runs."""
         return self._process.poll() is None
 
     def ask(self, question: object, seconds: float) -> Any:
-        """Its answer. Raises OvenError."""
+        """The answer of the process. Raises BakeWorkerError."""
         return self._within(seconds, lambda: self._put(question))
 
     def await_answer(self, seconds: float) -> Any:
-        """The next message of the process. Raises OvenError."""
+        """The next message of the process. Raises BakeWorkerError."""
         return self._within(seconds, lambda: None)
 
     def kill(self) -> None:
-        """End it, if it lives."""
+        """Ends the process, if it runs."""
         self._process.kill()
         self._process.wait()
 
@@ -197,6 +197,6 @@ class BakeWorker:
 
     def _close(self) -> None:
         self.kill()
-        with contextlib.suppress(OSError):  # what was not taken
+        with contextlib.suppress(OSError):  # unread input
             self._to.close()
         self._from.close()

@@ -23,27 +23,27 @@ from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
-"""Metres ahead of an agent that it heads for when it leaves its way."""
+"""Metres ahead of an agent of the point to which it heads when it leaves its way."""
 
 PASSED: Final = 0.3
-"""Metres: radius of a point to pass through."""
+"""Radius in metres of a point to pass through."""
 
 TURNED: Final = 0.1
-"""Radians that avoidance may turn an agent away from its way without its leaving it."""
+"""Radians by which avoidance may turn an agent away from its way without its leaving it."""
 
 
 class CollisionAvoidance:
-    """The people of a world's sessions, and who of them gives way."""
+    """The people of a world's sessions, and which of them give way."""
 
     def __init__(self, slots: Slots, scenery: WorldScenes) -> None:
         self._slots = slots
         self._scenery = scenery
         self.crowd = crowd_of(slots, np.empty(0, np.int64))
-        """Those among whom the rows of the present step that avoid others walk."""
+        """The people among whom the rows of the present step that avoid others walk."""
         self._seen: dict[int, SessionPeople] = {}
 
     def look(self, rows: Index) -> None:
-        """A new step of `rows` begins: everybody may have moved."""
+        """Begins a new step of `rows`: all people may have moved."""
         avoiding = rows[self._slots.avoids[rows]]
         if len(avoiding):
             self.crowd = crowd_of(self._slots, avoiding)
@@ -58,10 +58,10 @@ class CollisionAvoidance:
         ahead: GoalColumns,
         half: Float,
     ) -> None:
-        """Let rows `led` of `ahead` walk around others, or wait for them.
+        """Makes rows `led` of `ahead` walk around others, or wait for them.
 
-        `rows` are their slots, `hips` [A, 2] where they are, `half` [A] half the width of their
-        ways. They will stop at their `goals`.
+        `rows` are their slots, `hips` [A, 2] their places, `half` [A] half the width of their ways.
+        They will stop at their `goals`.
         """
         crowd, count = self.crowd, len(rows)
         which, left = np.empty(count, np.int64), np.empty(count, np.float32)
@@ -94,7 +94,7 @@ class CollisionAvoidance:
         turn_aside(arrays, led[which], hips[which], preferred, course.velocity, course.waits)
 
     def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
-        """Of some of the rows, those of each session, and everybody of it."""
+        """Yields for each session its rows among `which`, and all of its people."""
         numbers = self._slots.session[rows[which]]
         for number in set(numbers.tolist()):
             mine = which[numbers == number]
@@ -132,11 +132,11 @@ def prefer(
     preferred: Float,
     left: Float,
 ) -> int:
-    """Which of `rows` walk on among others, at what velocities, and metres until they stop. How
-    many they are.
+    """Finds which of `rows` walk on among others, at which velocities, and metres until they stop.
+    Returns their number.
 
-    `crowd`: of all slots who avoids others, and their places among those; first and last of the
-    session of each. `goals`: their positions and who passes through.
+    `crowd`: whether each slot avoids others, its place among the people, and the range [first, last)
+    of its session. `goals`: their positions, and whether they are passed through.
     """
     count, (avoids, places, first, last), (goal, through) = 0, crowd, goals
     for row in range(len(rows)):
@@ -158,12 +158,12 @@ def prefer(
 def turn_aside(
     ahead: GoalArrays, led: Index, hips: Float, preferred: Float, chosen: Float, waits: Flags
 ) -> None:
-    """Let rows `led` [A] of `ahead` walk at the velocities that were chosen for them, or wait."""
+    """Makes rows `led` [A] of `ahead` walk at the chosen velocities, or wait."""
     for row in range(len(led)):
         at, x, y = led[row], chosen[row, 0], chosen[row, 1]
         if waits[row]:
             ahead.given[at] = False
-        elif x != preferred[row, 0] or y != preferred[row, 1]:  # else not even by rounding
+        elif x != preferred[row, 0] or y != preferred[row, 1]:  # otherwise not even by rounding
             ahead.speed[at] = speed = np.float32(sqrt(x * x + y * y))
             wish_x, wish_y = preferred[row, 0], preferred[row, 1]
             wish = max(np.float32(sqrt(wish_x * wish_x + wish_y * wish_y)), np.float32(1e-6))
@@ -176,7 +176,7 @@ def turn_aside(
 
 @inner
 def _pass(ahead: GoalArrays, row: int, x: float, y: float) -> None:
-    """Let a position be passed through, on a way in the direction of (x, y)."""
+    """Makes a position a point to pass through, on a way in the direction (x, y)."""
     far = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
     ahead.through[row], ahead.radius[row], ahead.bend[row] = True, PASSED, 0.0
     ahead.onward[row, 0], ahead.onward[row, 1] = x / far, y / far
@@ -186,7 +186,7 @@ def _pass(ahead: GoalArrays, row: int, x: float, y: float) -> None:
 
 @cache
 def prepare() -> None:
-    """Compile the rules, or load them, before anybody walks."""
+    """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.ones((1, 2), np.float32)
     goal, goals = np.ones((1, 3), np.float32), columns(GoalArrays, GoalColumns.empty(1))
     crowd = flag, row, row, row
@@ -195,7 +195,7 @@ def prepare() -> None:
 
 
 def pass_through(ahead: GoalColumns, rows: Index, way: Array) -> None:
-    """Let positions of some rows be passed through, the way there [R, 2] being straight on."""
+    """Makes positions of some rows points to pass through, on the straight way [R, 2] there."""
     ahead.through[rows] = True
     ahead.radius[rows] = PASSED
     ahead.heading[rows] *= ahead.strafe[rows, None]

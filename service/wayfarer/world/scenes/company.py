@@ -1,4 +1,4 @@
-"""What others mean for an agent's goal and way: where it stops, and who stands in its way."""
+"""The effect of other people on an agent's goal and way: where it stops, and who blocks its way."""
 
 from typing import Any, Final
 
@@ -26,31 +26,31 @@ from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
-"""Metres along its way around others to the point that an agent on the flat floor heads for."""
+"""Distance, along its way around others, of the point that an agent on the flat floor heads for."""
 
 TOLD: Final = 4.0
-"""Seconds for which people have closed a way when the event `BLOCKED` says so."""
+"""Seconds for which people must close a way before the event `BLOCKED` reports it."""
 
 NAMED: Final = 8
-"""People that the event names, the nearest to the agent."""
+"""Maximum number of people that the event names, the nearest to the agent."""
 
 BESIDE: Final = 0.7
 """Metres from where an agent waits for its turn within which it stops."""
 
 SHUFFLE: Final = 0.3
-"""Metres by which an agent that waits does not come nearer: it stands where it came to rest."""
+"""Metres added to the stopping distance of an agent that stands: it stays where it came to rest."""
 
 PATIENCE: Final = 2.5
-"""Seconds for which an agent near its goal gets no nearer until it stops where it is."""
+"""Seconds without progress after which an agent near its goal stops where it is."""
 
 BEFORE: Final = np.array([0.1, 0.4, 0.7, 1.0])
-"""Metres along its way at which an agent looks how wide it is."""
+"""Metres along its way at which an agent measures the width of the way."""
 
 TURNED: Final = 0.25
-"""Radians from which shoulders are turned at all."""
+"""Radians from which shoulders count as turned."""
 
 GOAL_MOVES: Final = 0.3
-"""Metres by which a goal moves when the way around others leads there no more."""
+"""Metres between the goal and the end of a way around others, from which that way is dropped."""
 
 
 class Company:
@@ -72,9 +72,9 @@ class Company:
         self._detours = Detours(slots, routes, scenery)
 
     def place(self, rows: Index, hips: Float, arrived: Flags, goals: GoalColumns) -> None:
-        """Put the goals of rows [A] at `hips` [A, 2] at their spots.
+        """Puts the goals of rows [A] at `hips` [A, 2] at their spots.
 
-        An agent that can get to no spot near enough waits there: its goal is not `given`.
+        An agent that can reach no spot near enough waits there: its goal is not `given`.
         """
         slots = self._slots
         if slots.avoids[rows].any():
@@ -87,7 +87,7 @@ class Company:
     def bar(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
-        """Lead rows `led` around people who stand in their ways, or let them wait before those.
+        """Leads rows `led` around people who stand in their ways, or stops them in front.
 
         `rows` are their slots, `hips` [A, 2] where they are. Call it before `ahead` is bent.
         """
@@ -112,7 +112,7 @@ class Company:
     def take_turns(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
-        """Let rows `led` wait before narrow places that others come out of; see `bar`."""
+        """Makes rows `led` wait before narrow places that others come out of; see `bar`."""
         slots, crowd = self._slots, self._avoidance.crowd
         which = self._in_scenes(rows, ahead.given[led])
         which = which[crowd.in_company(rows[which])]
@@ -134,7 +134,7 @@ class Company:
     def keep_lanes(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> Float:
-        """Let rows `led` keep to the right in narrow ways, and turn their shoulders there.
+        """Keeps rows `led` to the right in narrow ways, and turns their shoulders there.
 
         Returns half the width of their ways [A]; inf where nothing is known. See `bar`.
         """
@@ -151,8 +151,8 @@ class Company:
         keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
         ahead.position[led[which[keeps]], :2] = lane.place[keeps]
         facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
-        # an agent with turned shoulders turns them back before it walks on: a body goes where
-        # it faces, and that is the wall
+        # an agent with turned shoulders turns them back before it walks on: a body drifts to
+        # where it faces, which is the wall
         turned = slots.planned.gait.mode[some] == Mode.STRAFING
         turned &= angle_between(facing, lane.way) > TURNED
         sideways = (turned | (lane.turn > TURNED)) & ~ahead.strafe[led[which]]
@@ -167,7 +167,7 @@ class Company:
     def lead_on_floor(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
-        """Write into rows `led` of `ahead`, on the flat floor, where ways around others lead."""
+        """Writes next points of ways around others to rows `led` of `ahead`, on the flat floor."""
         route = self._slots.route
         around = np.flatnonzero(self._routes.is_led(rows))
         if not len(around):
@@ -190,19 +190,19 @@ class Company:
     # Within
 
     def _in_scenes(self, rows: Index, given: Flags) -> Index:
-        """Which of some rows walk in scenes among others."""
+        """Indices of the rows that walk in scenes among others."""
         slots = self._slots
         return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
 
     def _settle(self, rows: Index, hips: Float, barred: Flags, through: Flags) -> None:
-        """Rows [A] that get no nearer to their goals, and are near, stop where they are."""
+        """Stops rows [A] that are near their goals and make no progress where they are."""
         aims, waited = self._slots.aims, self._slots.memory.waited[rows]
         off = np.linalg.norm(aims.asked[rows] - hips, axis=-1)
         stays = ~through & (off < FARTHEST) & (barred | (waited > PATIENCE))
         aims.spot[rows[stays]] = hips[stays]
 
     def _wait(self, slot: int, everybody: SessionPeople) -> None:
-        """An agent waits at a spot that is too far from its goal; the first time it is told."""
+        """Counts how long an agent waits at a spot too far from its goal, and reports the start."""
         aims = self._slots.aims
         if aims.barred[slot] <= 0:
             gaps = np.linalg.norm(everybody.people.position - aims.asked[slot], axis=-1)
@@ -211,7 +211,7 @@ class Company:
         aims.barred[slot] += STEP_SECONDS
 
     def _walls(self, slot: int) -> tuple[Clear, float]:
-        """What tells metres to the nearest wall on a slot's storey, and how many it keeps."""
+        """The metres to the nearest wall on a slot's storey, as a function, and those it keeps."""
         number, floor = int(self._slots.scene[slot]), self._slots.footing.hips[slot]
         if number == NOWHERE:
             return (lambda points: np.full(len(points), np.inf)), 0.0

@@ -1,4 +1,4 @@
-"""Everything of scenes that belongs to one world, put together."""
+"""Everything about scenes that belongs to one world."""
 
 from collections.abc import Sequence
 from math import dist
@@ -23,7 +23,7 @@ from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.settings import WorldSettings
 
 MOST_EVENTS: Final = 10_000
-"""Events that wait to be taken; the latest are kept, for there may be no taker."""
+"""Maximum number of waiting events; the latest are kept, since nobody may take them."""
 
 
 class Move(NamedTuple):
@@ -65,7 +65,7 @@ class SceneContext:
         self.guide = SceneGuide(slots, routes, self.scenery, planner, self.tell)
 
     def refresh(self) -> None:
-        """Take up what has changed in scenes; ways are looked at again as agents come to step."""
+        """Applies changes of scenes; ways are checked again as agents come to step."""
         self._slots.route.doubt[self.scenery.refresh(self._faults.scene)] = True
 
     def scene_of(self, slot: int) -> Scene | None:
@@ -76,7 +76,7 @@ class SceneContext:
     def fitted(self, slot: int, command: GoalCommand) -> tuple[GoalCommand, list[Move]]:
         """The command with goals that the agent of a slot can reach, and the goals that were moved.
 
-        Goals off free ground are moved to the nearest that is free. Raises Unreachable.
+        Goals off free ground are moved to the nearest free place. Raises Unreachable.
         """
         if not self._slots.scene[slot]:
             return command, []
@@ -91,7 +91,7 @@ class SceneContext:
                 return command, []
 
     def tell_moves(self, slot: int, moves: Sequence[Move], waypoints: int) -> None:
-        """Report moves of the last goals of a path, which has `waypoints` goals now."""
+        """Reports moves of the last goals of a path, which has `waypoints` goals now."""
         for move in moves:
             waypoint, text = waypoints - move.from_end, moved_text(move.metres, move.place)
             self.tell(slot, EventKind.GOAL_MOVED, waypoint, text)
@@ -114,7 +114,7 @@ class SceneContext:
         return found, moves
 
     def tell(self, slot: int, kind: EventKind, waypoint: int, text: Text) -> None:
-        """An agent has met with something on the way to a goal of its path."""
+        """Reports an event of an agent on the way to a goal of its path."""
         slots = self._slots
         frame = int(slots.start_frame[slot] + NEW_FRAMES * slots.planned_chunks[slot])
         event = Event(

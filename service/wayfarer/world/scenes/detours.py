@@ -1,4 +1,4 @@
-"""Ways around people who stand in the way, and who they are where no way leads around them."""
+"""Ways around people in the way, and the people that block if there is no such way."""
 
 from typing import Any, Final, NamedTuple
 
@@ -17,19 +17,19 @@ from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 Array = NDArray[np.floating[Any]]
 
 AHEAD: Final = np.arange(0.2, 4.01, 0.2)
-"""Metres along its way at which an agent looks for people who stand in it."""
+"""Metres along its way at which an agent looks for standing people."""
 
 IN_WAY: Final = 0.36
-"""Metres from the way within which somebody stands in it."""
+"""Metres from the way within which a person stands in it."""
 
 PASSES: Final = 0.45
 """Metres between a way around and a standing person: shoulders are .42 m wide."""
 
 AROUND: Final = 8.0
-"""Metres along its way after which a way around is on it again, or at its end."""
+"""Metres along its way within which a way around returns to it or to its end."""
 
 ASIDE: Final = 5.0
-"""Metres beside that stretch within which it is looked for."""
+"""Metres to the sides of that stretch within which a way around is looked for."""
 
 CELL: Final = 0.15
 """Metres between the places that are tried."""
@@ -38,7 +38,7 @@ SLACK: Final = 0.05
 """Metres by which they may be nearer to a wall than the walker's radius: they are `CELL` apart."""
 
 MOST: Final = 512
-"""Corners of a way around."""
+"""Maximum corners of a way around."""
 
 LONGER: Final = 2.0
 """Maximum length of a way around, as a multiple of the way that it replaces."""
@@ -47,15 +47,15 @@ BIT: Final = 1.0
 """Metres added to that maximum."""
 
 STOPS: Final = 1.2
-"""Metres from somebody in its way at which an agent without a way around brakes: .75 m are left."""
+"""Metres from a person in its way at which an agent without a way around brakes: .75 m remain."""
 
 
 class Barred(NamedTuple):
-    """What stands in the ways of some rows [A]."""
+    """The people in the ways of some rows [A]."""
 
     is_barred: Flags
-    near: Array  # metres to the nearest of them; inf: nobody
-    by: NDArray[np.bool_]  # [A, S] who of their session: rows from its first on
+    near: Array  # metres to the nearest of them; inf: none
+    by: NDArray[np.bool_]  # [A, S] which people of their session: rows from its first on
 
 
 class Detours:
@@ -67,10 +67,10 @@ class Detours:
         self._scenery = scenery
 
     def update(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
-        """Let rows that want to go to `goals` [A, 3] walk around people who stand.
+        """Makes rows that want to go to `goals` [A, 3] walk around standing people.
 
-        A way around is laid as the route. One is looked for in a call, in each session by whoever
-        waits longest.
+        A way around becomes the route. One is looked for per call and session, for the agent that
+        has waited longest.
         """
         slots, route, aims = self._slots, self._slots.route, self._slots.aims
         barred = self._barred(rows, hips, goals, crowd)
@@ -89,7 +89,7 @@ class Detours:
                 barred.is_barred[row] = False
         return barred
 
-    # Within
+    # Private
 
     def _barred(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
         me, (first, last) = crowd.places[rows], crowd.own
@@ -102,7 +102,7 @@ class Detours:
         return Barred(np.isfinite(near), near, by)
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
-        """Look for a way around, and lay it; returns whether there is one."""
+        """Looks for a way around, and lays it; returns whether there is one."""
         people, me = everybody.people, int(everybody.rows(np.array([slot]))[0])
         row, level = np.array([slot]), np.abs(people.height - people.height[me]) < 1.0
         level[me] = False
@@ -130,7 +130,7 @@ class Detours:
         return True
 
     def _room(self, slot: int, points: Array) -> Array:
-        """Metres that a slot has to walls beyond what it needs at points [R, C, 2]. [R, C]"""
+        """Metres between a slot and walls, beyond its needs, at points [R, C, 2]. [R, C]"""
         number = int(self._slots.scene[slot])
         if number == NOWHERE:
             return np.full(points.shape[:2], np.inf)
@@ -140,7 +140,7 @@ class Detours:
         return room.astype(np.float64) - (scene.spec.walkable.radius - SLACK)
 
     def _lay(self, slot: int, points: Array, goal: Array) -> None:
-        """Leads a slot by points [P, 2], and then by the rest of its way to `goal`."""
+        """Leads a slot through points [P, 2], and then along the rest of its way to `goal`."""
         slots = self._slots
         number, floor = int(slots.scene[slot]), float(slots.footing.hips[slot])
         whole = np.column_stack([points, np.full(len(points), floor)])
@@ -154,7 +154,7 @@ class Detours:
         self._routes.lay(slot, whole, int(slots.goal_revision[slot]), waypoint)
 
     def _left(self, rows: Index, hips: Array, goals: Array) -> Array:
-        """Metres of the ways of rows that lie ahead [A]."""
+        """Metres of the rows' ways that lie ahead [A]."""
         route = self._slots.route
         straight = np.linalg.norm(goals[:, :2] - hips, axis=-1)
         return np.where(

@@ -17,7 +17,7 @@ Array = NDArray[np.floating[Any]]
 
 
 def ground(slots: Slots, scenery: WorldScenes, sent: Sent) -> None:
-    """Raise the chunks of `sent` to the floors of their agents' scenes; all, or none on errors."""
+    """Raises the chunks of `sent` to the floors of their agents' scenes: all, or none on errors."""
     scenes = slots.scene[sent.slots]
     if not scenes.any():
         return
@@ -38,7 +38,7 @@ def ground(slots: Slots, scenery: WorldScenes, sent: Sent) -> None:
 
 
 def is_level(scene: Scene) -> bool:
-    """The floor is at one height everywhere."""
+    """Whether the floor has one height everywhere."""
     heights = [layer.heights for layer in scene.ground.layers]
     return all(h.values is None and h.level == heights[0].level for h in heights)
 
@@ -48,7 +48,7 @@ def _grounded(slots: Slots, scene: Scene, sent: Sent, rows: Index) -> Grounded:
     before = slots.footing.take(agents)
 
     def floor(points: Array) -> Array:
-        """The storey that each agent is on."""
+        """The height of the storey that each agent is on."""
         storey = np.broadcast_to(before.hips[:, None, None], (*points.shape[:2], 1))
         return scene.floor(np.concatenate([points, storey], -1))
 

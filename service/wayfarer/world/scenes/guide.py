@@ -1,4 +1,4 @@
-"""The guide of a world: ways around walls, and around each other."""
+"""The guide of a world: ways around walls, and of people around each other."""
 
 from dataclasses import replace
 from typing import Any, Final
@@ -59,28 +59,28 @@ CURVE: Final = (0.4, 1.6)
 
 BENDS: Final = np.radians([25.0, 80.0])
 CORNER_SPEED: Final = (1.5, 0.75)
-"""m/s at these bends, linear in between: sharp turns are taken slowly."""
+"""Maximum m/s at these bends, linear in between: sharp turns are taken slowly."""
 
 NARROW: Final = (0.02, 0.15)
 NARROW_SPEED: Final = (0.8, 1.5)
-"""m/s, by the room (m) that the way leaves beside the radius: gaps are passed slowly."""
+"""Maximum m/s, by the room (m) that the way leaves beside the radius: gaps are passed slowly."""
 
 
 STAIRS: Final = np.arange(-0.45, 0.86, 0.05)
-"""Metres along the way, from behind an agent on, in which stairs are looked for."""
+"""Metres along the way, starting behind the agent, at which stairs are looked for."""
 
 RISER: Final = (0.08, 0.35)
-"""Metres that a floor rises or falls by between two of these points where there is a riser."""
+"""Height difference (m) between two of these points where there is a riser."""
 
 TREAD: Final = (0.2, 0.6)
-"""Metres from riser to riser that make stairs."""
+"""Metres from riser to riser where risers form stairs."""
 
 STAIRS_SPEED: Final = 0.9
-"""m/s that an agent is asked for on them at most."""
+"""Maximum m/s on stairs."""
 
 SLOPES: Final = (0.15, 0.45)
 SLOPE_SPEED: Final = (1.5, 0.8)
-"""m/s on ways as steep, rise over run, up or down: nobody hurries there."""
+"""Maximum m/s on slopes as steep (rise over run, up or down), linear in between."""
 
 
 class SceneGuide:
@@ -141,7 +141,7 @@ class SceneGuide:
     # Within
 
     def _on_floor(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
-        """The same for rows on the flat floor without a scene."""
+        """The targets of rows on the flat floor without a scene; see `course`."""
         ahead = goals.take(np.arange(len(rows)))
         wanted = goals.given & ~gait.arrived
         self._slots.aims.wants[rows] = wanted
@@ -161,7 +161,7 @@ class SceneGuide:
         self.avoidance.bend(rows, hips, led, goals, ahead, half)
 
     def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
-        """The same for rows that are all in scenes."""
+        """The targets of rows that are all in scenes; see `course`."""
         route = self._slots.route
         away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
         back = ~goals.through & (away > goals.radius + STRAYED)
@@ -183,7 +183,7 @@ class SceneGuide:
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:
-        """Write into rows `led` of `ahead` the points of their ways to head for."""
+        """Writes the next points of their ways to rows `led` of `ahead`."""
         route = self._slots.route
         progress, length = route.progress[rows][:, None], route.length[rows][:, None]
         metres = np.minimum(progress + REACH * SHARES, length)
@@ -205,7 +205,7 @@ class SceneGuide:
         self._slow_on_stairs(rows, led, ahead)
 
     def _slow_on_stairs(self, rows: Index, led: Index, ahead: GoalColumns) -> None:
-        """Write into rows `led` of `ahead` how stairs and slopes on their ways are taken."""
+        """Writes treads, and speeds on stairs and slopes, to rows `led` of `ahead`."""
         route, numbers = self._slots.route, self._slots.scene[rows]
         for number in set(numbers.tolist()):
             scene = self._scenery.scene(number)

@@ -1,8 +1,8 @@
-"""Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders.
+"""Narrow ways: their width, lanes in which two people keep apart, and turned shoulders.
 
-A way that is narrow for a metre has two lanes; a door has none. An agent that meets somebody there
-keeps to the right lane. Where both do not fit with their shoulders across, each turns the left
-shoulder forward, and so its back to the other: a body drifts to where it faces, and that is away.
+A way that is narrow for a metre has two lanes; a door has none. An agent that meets another one
+there keeps to the right lane. If both do not fit with their shoulders across, each turns the left
+shoulder forward, and so its back to the other: a body drifts to where it faces, which is away.
 """
 
 from collections.abc import Callable
@@ -23,10 +23,10 @@ ACROSS: Final = np.arange(-1.2, 1.21, 0.1)
 """Metres to the right of a way at which walls are looked for."""
 
 LANES: Final = 0.9
-"""Half of a way's width within which it has lanes: in wider ones avoidance finds its own."""
+"""Half of a way's width within which it has lanes; in wider ones avoidance finds its own."""
 
 LANE: Final = 0.4
-"""Share of the half width by which a lane is off the middle."""
+"""Distance of a lane from the middle, as a share of the half width."""
 
 STEERS: Final = 2.0
 """Metres farther aside that it heads for, for each metre by which it is off its lane."""
@@ -35,43 +35,43 @@ REACTION: Final = 0.35
 """Seconds until a body follows."""
 
 DRIFT: Final = 0.5
-"""Metres that it heads to the other side for a radian of its turn: a body goes where it faces."""
+"""Metres that it heads to the other side per radian of turn: a body drifts to where it faces."""
 
 SEES: Final = 7.0
-"""Metres: an agent keeps to its lane while an oncoming one is less far ahead."""
+"""Metres ahead within which an oncoming agent makes an agent keep to its lane."""
 
 PAST: Final = -0.3
-"""Metres: an agent keeps to its lane until the other is this far behind."""
+"""Metres ahead (negative: behind) of the other until which an agent keeps to its lane."""
 
 AGAINST: Final = 0.5
-"""Cosine from which two go against each other."""
+"""Cosine from which two people walk against each other."""
 
 TURNS: Final = (0.46, 0.66)
 TURN: Final = np.radians(40.0)
-"""Half widths between which two who pass turn their shoulders, and by how much in the narrowest."""
+"""Half widths between which two people that pass turn their shoulders, and the maximum turn."""
 
 SQUEEZE: Final = (0.23, 0.29)
-"""The same for one alone."""
+"""Half widths between which a single person turns its shoulders."""
 
 TURN_SECONDS: Final = 1.4
-"""Seconds before two pass from which they turn."""
+"""Seconds before two people pass from which they turn."""
 
 SIDEWAYS: Final = 0.9
-"""m/s at most with turned shoulders."""
+"""Maximum m/s with turned shoulders."""
 
 
 class Lane(NamedTuple):
     """The demands of narrow ways on some people [A]."""
 
     half: Array  # metres: half of the way's width where it is widest in the next metre
-    keeps: Flags  # walks in its lane
-    place: Array  # [A, 2] where that leads
+    keeps: Flags  # whether it walks in its lane
+    place: Array  # [A, 2] where the lane leads
     turn: Array  # radians to the right of the way that it faces; 0: it does not turn
     way: Array  # [A, 2] unit vector
 
 
 class PeopleColumns(NamedTuple):
-    """Columns of `People` [N], and where the session of each begins and ends."""
+    """Columns of `People` [N], and the range of each one's session."""
 
     first: Index
     last: Index
@@ -91,9 +91,9 @@ def lanes(
 ) -> Lane:
     """Lanes of the people at `rows`.
 
-    `points` [A, S, 2]: their ways in the next metres; the last one is headed for. `distance`:
-    metres to the nearest wall at points [A, P, 2] of these rows, [A, P]. `own` [N]: where the
-    session of each begins and ends in `people`; None: all are of one.
+    `points` [A, S, 2]: their ways in the next metres, of which the last point is headed for.
+    `distance`: metres to the nearest wall at points [A, P, 2] of these rows, [A, P]. `own` [N]: the
+    range [start, end) of each one's session in `people`; None: all are of one.
     """
     place, count = people.position[rows], len(people.number)
     way = points[:, -1] - points[:, 0]
@@ -127,7 +127,7 @@ def lanes(
 
 
 def _walls(points: Array, right: Array, distance: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Metres to the right of points [A, S, 2] at which the walls beside them are: [A, S] each."""
+    """Metres to the right of points [A, S, 2] of the walls beside them: [A, S] for each side."""
     grid = points[:, :, None] + ACROSS[:, None] * right[:, None, None]
     room = distance(grid.reshape(len(points), -1, 2)).reshape(*points.shape[:2], len(ACROSS))
     free, middle = room > 0.0, len(ACROSS) // 2
@@ -140,7 +140,7 @@ def _walls(points: Array, right: Array, distance: Callable[[Array], Array]) -> t
 
 @compiled
 def meet(them: PeopleColumns, rows: Index, way: Double, comes: Flags, passes: Flags) -> None:
-    """Before whom of `rows` [A] on ways [A, 2] others come the other way, and pass soon."""
+    """Which of `rows` [A] on ways [A, 2] others meet from the other side, and pass soon."""
     for row in range(len(rows)):
         me, x, y = rows[row], way[row, 0], way[row, 1]
         for other in range(them.first[me], them.last[me]):
@@ -163,7 +163,7 @@ def meet(them: PeopleColumns, rows: Index, way: Double, comes: Flags, passes: Fl
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rule, or loads it, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     everybody = PeopleColumns(row, row, place, place[0, :1], place, flag, place)
     warm(meet, everybody, row, np.float64(place), flag, flag)

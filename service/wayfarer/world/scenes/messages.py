@@ -28,16 +28,16 @@ class SceneInfo:
     islands: int
     bounds: tuple[float, float, float, float]  # x0, y0, x1, y1 of the ground
     obstacles: Mapping[str, Obstacle]
-    sessions: int  # that are in it
+    sessions: int  # number of sessions in it
     created_at: float  # Unix seconds
-    bake_s: float  # seconds that its bake took
+    bake_s: float  # duration of its bake in seconds
     attributes: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[Text, ...] = ()  # what its level's author should know
+    notes: tuple[Text, ...] = ()  # remarks for its level's author
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Something that stands there, to be drawn: the outline of its top, and where its foot is."""
+    """A solid to be drawn: the outline of its top, and the height of its foot."""
 
     top: tuple[Point3, ...]  # level, except a ramp's
     bottom: float
@@ -45,19 +45,19 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Outlines:
-    """A scene to be drawn: what agents' middles may be on, and what stands there."""
+    """A scene to be drawn: the ground for agents' middles, and the solids."""
 
     walkable: tuple[tuple[Ring, ...], ...]  # polygons: the outline, then its holes
     vertices: tuple[Point3, ...]  # of the walkable ground's triangles, on the floor
     triangles: tuple[tuple[int, int, int], ...]
-    solids: tuple[Block, ...]  # static ones; of a mesh there are none
+    solids: tuple[Block, ...]  # static ones; a mesh has none
     obstacles: Mapping[str, Block]
     version: int
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A path that was asked for."""
+    """The result of a path query."""
 
     points: tuple[Point3, ...]  # from start to goal, on the floor
     length: float  # metres, in plan
@@ -70,23 +70,23 @@ class Way:
 class Crowd:
     """People who come to a session's scene, walk about all over it, and leave again."""
 
-    count: int  # that shall be there at a time
+    count: int  # wanted number of people at a time
     seed: int = 0  # genders, shapes, places and goals follow from it
     speed: tuple[float, float] = (0.9, 1.4)  # m/s, drawn from this range
     dwell: tuple[float, float] = (0.0, 4.0)  # seconds to stand at each place
-    spawn_rate: float = 0.0  # people a second; 0: as many as there is room for, at once
+    spawn_rate: float = 0.0  # people per second; 0: as many as there is room for, at once
     stay: float = 0.0  # mean seconds until one leaves and another comes; 0: they stay
 
 
 @dataclass(frozen=True, slots=True)
 class CrowdState:
-    """How a crowd is now."""
+    """The present state of a crowd."""
 
-    came: int  # of those wanted, the ones that are there
+    came: int  # number of wanted people that have come
     waiting: int  # people still to come
-    reason: str = ""  # why they have not, a sentence; empty: they are about to
+    reason: str = ""  # why they have not come, a sentence; empty: they are about to
 
     @property
     def is_settled(self) -> bool:
-        """Whether all are there, or none comes before something changes."""
+        """Whether all have come, or none comes before something changes."""
         return not self.waiting or bool(self.reason)

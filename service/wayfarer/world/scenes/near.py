@@ -25,7 +25,7 @@ NEAR: Final = 1.2
 """Metres from a probe beyond which walls are ignored."""
 
 PERSON: Final = 0.2
-"""Metres: radius of a person's trunk."""
+"""Radius of a person's trunk in metres."""
 
 PEOPLE_NEAR: Final = 2.0
 """Metres beyond which people are ignored."""
@@ -34,7 +34,7 @@ PEOPLE_NEAR: Final = 2.0
 def nearest_walls(scene: Scene, hips: Array, velocity: Array, floors: Array, count: int) -> Float:
     """Stretches of wall [A, count, 7] on both sides of agents, and on both sides ahead of them.
 
-    hips, velocity [A, 2]; floors [A]: heights that tell the storey.
+    hips, velocity [A, 2]; floors [A]: heights that identify the storey.
     """
     speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
     ahead = np.where(speed > 0, velocity / np.maximum(speed, 1e-6), (0.0, 1.0))
@@ -50,14 +50,14 @@ def nearest_walls(scene: Scene, hips: Array, velocity: Array, floors: Array, cou
     along = STRETCH * np.stack([-away[..., 1], away[..., 0]], -1)
     found = np.zeros((*probes.shape[:2], 7), np.float32)
     found[..., 0:2], found[..., 2:4] = wall - along, wall + along
-    # Between two walls the field has a ridge, where it does not say which way either is.
+    # Between two walls the field has a ridge, where it does not define their directions.
     found[..., 6] = np.where((distance < NEAR) & (length > 0.7), 0.0, -1.0)
     return found
 
 
 def nearest_people(people: People, rows: Index, places: Index, count: int, found: Float) -> None:
-    """The nearest others of `rows` [A] of people, moving on as they do now, into the last `count`
-    of each of `places` [A] of `found` [B, O, 7], where nobody is.
+    """Writes the nearest others of `rows` [A], in their present motion, into the last `count` of
+    each of `places` [A] of `found` [B, O, 7], as far as there are any.
     """
     _nearest(people.position, people.velocity, rows, places, count, found)
 
@@ -75,7 +75,7 @@ def _nearest(
                 continue
             known = min(known + 1, count)
             at = known - 1
-            while at > 0 and gaps[at - 1] > gap:  # of two as near the lower row is the first
+            while at > 0 and gaps[at - 1] > gap:  # of equally near ones the lower row is the first
                 gaps[at] = gaps[at - 1]
                 for k in range(7):
                     near[first + at, k] = near[first + at - 1, k]
@@ -89,6 +89,6 @@ def _nearest(
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rule, or loads it, before agents walk."""
     row, place = np.zeros(1, np.int64), np.zeros((1, 2), np.float32)
     warm(_nearest, place, place, row, row, 1, np.zeros((1, 2, 7), np.float32))

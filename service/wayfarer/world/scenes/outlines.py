@@ -1,4 +1,4 @@
-"""A scene as it is drawn."""
+"""The shapes of a scene for drawing."""
 
 from typing import Final
 
@@ -15,7 +15,7 @@ _UPHILL: Final = (0.0, 0.0, 1.0, 1.0)
 
 
 def outlines(scene: Scene) -> Outlines:
-    """Where agents' middles may be, and what stands there. Takes time in large scenes."""
+    """The ground for agents' middles, and the solids. Takes time in large scenes."""
     vertices, triangles = _floor(scene)
     return Outlines(
         walkable=_walkable(scene),
@@ -28,7 +28,7 @@ def outlines(scene: Scene) -> Outlines:
 
 
 def _walkable(scene: Scene) -> tuple[tuple[Ring, ...], ...]:
-    """Polygons: of each layer the union of its triangles."""
+    """Polygons: the union of the triangles of each layer."""
     triangles = shapely.polygons(scene.mesh.corners)
     found = []
     for number in np.unique(scene.mesh.layer):
@@ -41,7 +41,7 @@ def _walkable(scene: Scene) -> tuple[tuple[Ring, ...], ...]:
 
 
 def _floor(scene: Scene) -> tuple[tuple[Point3, ...], tuple[tuple[int, int, int], ...]]:
-    """The mesh on the floor: corners that triangles of a layer share are one vertex."""
+    """The mesh on the floor: corners shared by triangles of a layer are one vertex."""
     corners = scene.mesh.corners
     heights = np.empty(corners.shape[:2])
     for number in np.unique(scene.mesh.layer):

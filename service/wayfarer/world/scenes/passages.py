@@ -1,4 +1,4 @@
-"""Doors and other narrow places: who goes through first, and where the others wait meanwhile.
+"""Doors and other narrow places: the order of passing, and where the others wait meanwhile.
 
 One direction at a time: an agent enters while others go its way in the passage or nobody is in it,
 and else waits beside the way out of those who come. Of two who would enter, the nearer one goes.
@@ -16,19 +16,19 @@ from wayfarer.world.rows import Flags, Index
 Array = NDArray[np.floating[Any]]
 
 NARROW: Final = 0.55
-"""Metres from the way to the wall within which two do not pass each other."""
+"""Metres from the way to the wall below which two people do not pass each other."""
 
 OPEN: Final = 0.6
-"""Metres from an agent to the wall from which on it is not in a narrow place yet."""
+"""Metres from an agent to the wall from which it is not yet in a narrow place."""
 
 INSIDE: Final = 0.8
-"""Metres from a narrow stretch of the way within which somebody is in it."""
+"""Metres from a narrow stretch of the way within which a person is in it."""
 
 CONTEST: Final = 2.5
-"""Metres from a narrow place within which somebody is about to enter it."""
+"""Metres from a narrow place within which a person is about to enter it."""
 
 HESITATES: Final = 6.0
-"""Seconds after which the nearest of those that go one way enters an empty narrow place anyway."""
+"""Seconds of waiting after which the nearest of a direction enters an empty narrow place anyway."""
 
 MOUTH: Final = 1.3
 """Metres from a narrow place at which others wait …"""
@@ -37,14 +37,14 @@ ASIDE: Final = 0.9
 """… and metres to the right of the way there."""
 
 AGAINST: Final = 0.3
-"""Cosine from which two go against each other, or the same way."""
+"""Cosine from which two people walk against each other, or the same way."""
 
 
 class Turns(NamedTuple):
-    """What some people [A] do about the narrow places before them."""
+    """The response of some people [A] to the narrow places ahead of them."""
 
     waits: Flags
-    place: Array  # [A, 2] where those wait
+    place: Array  # [A, 2] where a waiting person stands
 
 
 def turns(
@@ -54,11 +54,11 @@ def turns(
     distance: Callable[[Array], Array],
     own: tuple[Index, Index] | None = None,
 ) -> Turns:
-    """Who of the people at `rows` waits before a narrow place.
+    """Which of the people at `rows` wait before a narrow place, and where.
 
     `points` [A, S, 2]: their ways ahead, the nearest first. `distance`: metres to the nearest wall
-    at points [A, P, 2] of these rows, [A, P]. `own` [N]: where everybody's session begins and ends
-    in `people`; None: all are of one.
+    at points [A, P, 2] of these rows, [A, P]. `own` [N]: the range [start, end) of
+    each one's session in `people`; None: all are of one.
     """
     place = people.position[rows]
     room = distance(np.concatenate([place[:, None], points], 1))
@@ -92,7 +92,7 @@ def turns(
             waits[row] = True
         elif not (same & inside).any():
             nearer = (gap < gap[me]) | (gap == gap[me]) & (number < number[me])
-            beyond = (position - mouth) @ way > 0  # who has come out does not enter
+            beyond = (position - mouth) @ way > 0  # a person that has come out does not enter
             first_of_mine = not (same & nearer & ~beyond).any()
             if not (first_of_mine and people.memory.waited[rows[row]] > HESITATES):
                 waits[row] = bool((oncoming & beyond & nearer & (gap < CONTEST)).any())

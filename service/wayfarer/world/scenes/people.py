@@ -1,4 +1,4 @@
-"""Agents as avoidance sees them: those of a session all at one moment."""
+"""Agents in the form that avoidance uses: those of a session, all at one moment."""
 
 from functools import cache
 from math import sqrt
@@ -16,25 +16,25 @@ from wayfarer.world.rows import Flags, Float, Index, Int, Int8
 from wayfarer.world.scenes.world_scenes import NOWHERE
 
 RADIUS: Final = 0.22
-"""Metres: of a person among others."""
+"""Radius of a person among others in metres."""
 
 OPEN, WALKING = int(Passage.OPEN), int(Mode.WALKING)
 
 
 class SessionPeople(NamedTuple):
-    """Everybody of a session."""
+    """All people of a session."""
 
     people: People
     slots: Index  # ascending
-    stand: Flags  # agents that stand and have nowhere to go
+    stand: Flags  # agents that stand and have no way to go
 
     def rows(self, slots: Index) -> Index:
-        """Where some of them stand in `people`."""
+        """Rows of some of them in `people`."""
         return np.searchsorted(self.slots, slots)
 
 
 class Gathering(NamedTuple):
-    """Everybody of some sessions, one after the other."""
+    """All people of some sessions, one session after the other."""
 
     people: People
     slots: Index  # ascending within a session

@@ -1,4 +1,4 @@
-"""Finds agents' ways through their scenes, and reports goals that no way leads to.
+"""Finds agents' ways through their scenes, and reports goals that cannot be reached.
 
 A way leads to one goal of the agent's path and is searched when that goal's turn comes. It is
 searched again when a change of the scene has closed it, when the agent has been pushed off it, and
@@ -29,21 +29,23 @@ OFF: Final = 1.2
 
 ASTRAY: Final = (0.5, 3.0)
 """Metres from its way and seconds of waiting from which it looks, too: others may have pushed it
-through a door, and a wall is now between it and its way."""
+through a door, so that a wall is now between it and its way.
+"""
 
 GOAL_MOVES: Final = 0.4
 GOAL_SHARE: Final = 0.15
-"""The way to a moving goal, as a follower has one, is looked for again when the goal has moved by
-this many metres, and by this share of the rest of the way."""
+"""Minimum movement of a goal, as a follower's, after which its way is looked for again: metres, and
+share of the rest of the way.
+"""
 
 RETRY: Final = 5
-"""Steps between two looks whether a closed way has opened."""
+"""Steps between two checks whether a closed way has opened."""
 
 MOVED: Final = 0.01
-"""Metres: a goal moved by less is where it was."""
+"""Metres of movement below which a goal counts as unmoved."""
 
 Tell = Callable[[int, EventKind, int, Text], None]
-"""(slot, kind, waypoint, text)"""
+"""Receives (slot, kind, waypoint, text)."""
 
 
 class Planner:
@@ -59,8 +61,8 @@ class Planner:
         at_once: int,
         faults: Faults,
     ) -> None:
-        """`move(slot, waypoint, place)` puts a goal of a path elsewhere. In one `update` `at_once`
-        ways are looked for, each of which takes about a millisecond; other agents wait a step.
+        """`move(slot, waypoint, place)` moves a goal of a path. One `update` looks for up to
+        `at_once` ways, each of which takes about a millisecond; other agents wait a step.
         """
         self._slots = slots
         self._routes = routes
@@ -73,7 +75,7 @@ class Planner:
     def update(
         self, rows: Index, places: Array, gait: Gait, goals: GoalColumns, wanted: Flags
     ) -> None:
-        """Look for ways of those rows that are `wanted` and need one: places [A, 2]."""
+        """Looks for ways of the rows that are `wanted` and need one: places [A, 2]."""
         route = self._slots.route
         known = (
             (route.passage[rows] != Passage.UNKNOWN)
@@ -94,7 +96,7 @@ class Planner:
             slot, waypoint = int(rows[row]), int(gait.waypoint[row])
             try:
                 self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
-            except Exception as error:  # it waits where it is, as if no way led to its goal
+            except Exception as error:  # it waits in place, as if no way led to its goal
                 self._faults.agents([slot], Stage.WAY, error, holds=False)
 
     def _lost(self, rows: Index, places: Array, goals: Array) -> Flags:

@@ -1,10 +1,10 @@
 """People who come to a session's scene, walk about all over it, and leave again.
 
-    crowds.set("s", Crowd(200), now)   # then, again and again:
+    crowds.set("s", Crowd(200), now)   # then, repeatedly:
     crowds.tend(now)
 
 Everything about the people follows from the crowd's seed and their number. A few come with every
-call, so that none takes long. Somebody leaves when they next stand, not in mid-stride.
+call, so that none takes long. A person leaves when it next stands, not in mid-stride.
 """
 
 from collections.abc import Sequence
@@ -36,42 +36,42 @@ from wayfarer.world.scenes.messages import Crowd, CrowdState
 from wayfarer.world.scenes.world_scenes import WorldScenes
 
 AT_ONCE: Final = 4
-"""People who come with one call: each takes about 2 ms."""
+"""Maximum number of people that come with one call: each takes about 2 ms."""
 
 APART: Final = 1.2
-"""Least metres between a newcomer and all others."""
+"""Minimum metres between a newcomer and all others."""
 
 FROM_WALLS: Final = 0.45
 """Metres between a newcomer and any wall."""
 
 TRIES: Final = 24
-"""Places that are looked at for each; then it is tried again with a later call."""
+"""Places that are checked for each person; then a later call tries again."""
 
 LOOKS_EVERY: Final = 0.05
-"""Seconds."""
+"""Seconds between checks of a crowd."""
 
 LATER: Final = 0.5
 """Seconds until a person for whom no place was found tries again."""
 
 NO_ROOM: Final = 2.0
-"""Seconds until a person whom the server has refused for want of room tries again."""
+"""Seconds until a person that the server has refused for lack of room tries again."""
 
 FAULT_PAUSE: Final = 0.5
-"""Seconds for which a crowd is left alone after an error; twice as many after each further one."""
+"""Seconds for which a crowd is not tended after an error; doubled after each further one."""
 
 LEAVES_WITHIN: Final = 60.0
 """Seconds after which a person leaves even if it has not stood since."""
 
 SHAPES: Final = 24
-"""Different bodies of each gender."""
+"""Number of different bodies of each gender."""
 
 MAX_RATE: Final = 50.0
 MAX_STAY: Final = 86_400.0
-_STREAM: Final = 0x43524F574443524F  # second half of the key: keeps these draws apart from others'
+_STREAM: Final = 0x43524F574443524F  # second half of the key: separates these draws from others
 
 
 class Whereabouts(NamedTuple):
-    """Agents of a session, as of what was sent."""
+    """Agents of a session, as of the sent motion."""
 
     agent_ids: tuple[str, ...]
     places: NDArray[np.float32]  # [N, 2] metres
@@ -79,7 +79,7 @@ class Whereabouts(NamedTuple):
 
 
 class CrowdWorld(Protocol):
-    """What crowds need of their world."""
+    """The part of a world that crowds need."""
 
     def create_agents(
         self, session_id: str, specs: Sequence[AgentSpec], now: float
@@ -88,23 +88,23 @@ class CrowdWorld(Protocol):
         ...
 
     def give(self, agent_id: str, command: GoalCommand, now: float) -> int:
-        """Tell an agent what to do."""
+        """Gives an agent a command."""
         ...
 
     def delete_agent(self, agent_id: str) -> None:
-        """It leaves."""
+        """Removes an agent."""
         ...
 
 
 @dataclass(slots=True)
 class CrowdPeople:
-    """A crowd as it is now; times are the world's."""
+    """A crowd's present people; times are the world's."""
 
     crowd: Crowd
-    next_at: float  # when somebody may come
-    looks_at: float = -np.inf  # when it is looked after again
-    come: int = 0  # so far: the number of the next one
-    waits: str = ""  # why the next one did not come when their time was there
+    next_at: float  # when the next person may come
+    looks_at: float = -np.inf  # when it is tended again
+    come: int = 0  # people so far: the number of the next one
+    waits: str = ""  # why the next one did not come in time
     leaves_at: dict[str, float] = field(default_factory=dict)  # by agent
 
 
@@ -114,7 +114,7 @@ class _Person:
 
     spec: AgentSpec
     wander: Wander
-    stay: float  # seconds; inf: without end
+    stay: float  # seconds; inf: endless
 
 
 class Crowds:
@@ -136,10 +136,10 @@ class Crowds:
         self._crowds: dict[str, CrowdPeople] = {}
 
     def set(self, session_id: str, crowd: Crowd, now: float) -> None:
-        """Replace an earlier crowd; its people stay as far as the new crowd needs them.
+        """Replaces an earlier crowd; its people stay as far as the new crowd needs them.
 
         People for whom there is no room wait. Raises NotFound, InvalidArgument; FailedPrecondition
-        when the session is in no scene.
+        if the session is in no scene.
         """
         check_crowd(crowd)
         here = set(self._whereabouts(session_id).agent_ids)
@@ -196,7 +196,7 @@ class Crowds:
             self._faults.succeeded(session_id, Stage.CROWD)
 
     def _fail(self, session_id: str, now: float, error: Exception) -> None:
-        """Nobody comes or leaves for a while; after many faults until the crowd is set anew."""
+        """Pauses a crowd for a while, or, after many faults, until it is set again."""
         times, people = self._faults.session(session_id, Stage.CROWD, error), self._crowds
         if session_id in people:
             people[session_id].looks_at = (
@@ -252,7 +252,7 @@ class Crowds:
         places: list[tuple[float, float]],
         now: float,
     ) -> tuple[float, float] | None:
-        """Creates the next person. Returns the place; None: there was no place or no room."""
+        """Creates the next person. Returns its place; None: there was no place or no room."""
         person = drawn_person(people.crowd, people.come, scene, places)
         if person is None:
             people.come += 1  # other draws the next time

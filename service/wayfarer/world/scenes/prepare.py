@@ -1,4 +1,4 @@
-"""Compiled rules of the world, before anybody walks."""
+"""Compiles the rules of the world before agents walk."""
 
 from wayfarer.navigation import sampling
 from wayfarer.world.avoidance import avoid
@@ -9,7 +9,7 @@ from wayfarer.world.stepping import batch, guards, mirror, noise, playback, righ
 
 
 def prepare() -> None:
-    """Compile what is compiled, or load it."""
+    """Compiles the rules, or loads them."""
     of_people = avoid, around, near, people, spots, routes, collision_avoidance, lanes
     of_bodies = legs, twobone, footlock, guards, righting, mirror
     for rule in (*of_people, *of_bodies, sampling, batch, noise, playback, gait_rules):

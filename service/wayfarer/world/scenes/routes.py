@@ -1,4 +1,4 @@
-"""Ways of agents through their scenes, as columns: how far each one is, and what lies ahead."""
+"""Ways of agents through their scenes, as columns: the progress on each, and the way ahead."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -16,17 +16,17 @@ from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8
 Array = NDArray[np.floating[Any]]
 
 BACK: Final = 0.5
-"""Metres by which an agent that was pushed or replanned may be behind where it was."""
+"""Metres that an agent that was pushed or replanned may be behind its former place."""
 
 WINDOW: Final = 2.0
-"""Metres: and is looked for so far ahead. So it does not jump to a stretch that passes close by."""
+"""Metres ahead within which it is looked for, so that it does not jump to a nearby stretch."""
 
 
 OPEN = int(Passage.OPEN)
 
 
 class Ways(NamedTuple):
-    """The ways of all slots, and what they were made for; see `Route`."""
+    """The ways of all slots, and the goals for which they were made; see `Route`."""
 
     points: Double  # [S, P, 3]
     along: Double  # [S, P] metres from the start
@@ -41,7 +41,7 @@ class Ways(NamedTuple):
 
 
 class Routes:
-    """Polylines of all slots of a table, padded by their last point. World space, metres."""
+    """Polylines of all slots of a table, padded with their last point. World space, metres."""
 
     def __init__(self, slots: Slots) -> None:
         self._slots = slots
@@ -49,7 +49,7 @@ class Routes:
         self._along = np.zeros((0, 16))
 
     def lay(self, slot: int, points: Array, revision: int, waypoint: int) -> None:
-        """Leads a slot by points [P, 3] to a goal of its path."""
+        """Leads a slot through points [P, 3] to a goal of its path."""
         self._reserve(len(points))
         steps = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
         along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -65,7 +65,7 @@ class Routes:
         route.doubt[slot] = False
 
     def follow(self, rows: Index, places: Float) -> Array:
-        """Go on to the points of the ways nearest to places [A, 2]; metres they are off [A]."""
+        """Advances to the points of the ways nearest to places [A, 2]; returns distances [A]."""
         off = np.empty(len(rows))
         follow_ways(self.ways, rows, places, off)
         return off
@@ -81,8 +81,8 @@ class Routes:
         return found
 
     def ahead(self, rows: Index, hips: Float, goals: Float, metres: Array) -> Array:
-        """Points [A, S, 2] at `metres` [S] ahead on the ways of rows to `goals` [A, 3]: straight on
-        from `hips` [A, 2] where there is no route.
+        """Points [A, S, 2] at `metres` [S] ahead on the ways of rows to `goals` [A, 3]; straight
+        from `hips` [A, 2] if there is no route.
         """
         found = np.empty((len(rows), len(metres), 2))
         points_ahead(self.ways, rows, hips, goals, metres, found)
@@ -90,7 +90,7 @@ class Routes:
 
     @property
     def ways(self) -> Ways:
-        """All ways as they are now."""
+        """All present ways."""
         self._reserve()
         slots, route = self._slots, self._slots.route
         gait = slots.planned.gait.waypoint
@@ -104,7 +104,7 @@ class Routes:
         return found
 
     def rest(self, slot: int, beyond: float = 0.0) -> Array:
-        """What of a way lies more than `beyond` metres ahead: points [P, 3], P ≥ 1."""
+        """The part of a way more than `beyond` metres ahead: points [P, 3], P ≥ 1."""
         route = self._slots.route
         begin, count = float(route.progress[slot]) + beyond, int(route.points[slot])
         here = self.at(np.array([slot]), np.array([[begin]]))[0]
@@ -112,7 +112,7 @@ class Routes:
         return np.concatenate([here, self._points[slot, :count][ahead]])
 
     def forget(self, rows: Index | Sequence[int]) -> None:
-        """These have no way."""
+        """Removes the ways of these rows."""
         self._slots.route.passage[rows] = Passage.UNKNOWN
 
     def _reserve(self, points: int = 0) -> None:
@@ -193,7 +193,7 @@ def follow_ways(ways: Ways, rows: Index, places: Float, off: Double) -> None:
         since = float(ways.progress[slot])
         for k in range(
             min(max(ways.corners[slot], 1), ways.along.shape[1] - 1)
-        ):  # the end is one, too
+        ):  # the end counts as one, too
             start, end = ways.along[slot, k], ways.along[slot, k + 1]
             low, high = max(start, since - BACK), min(end, since + WINDOW)
             x, y = ways.points[slot, k, 0], ways.points[slot, k, 1]
@@ -213,7 +213,7 @@ def follow_ways(ways: Ways, rows: Index, places: Float, off: Double) -> None:
 
 @cache
 def prepare() -> None:
-    """Compile the rules, or load them, before anybody walks."""
+    """Compiles the rules, or loads them, before agents walk."""
     routes, row = Routes(Slots.empty(1)), np.zeros(1, np.int64)
     place, goal, found = (
         np.zeros((1, 2), np.float32),

@@ -1,8 +1,8 @@
 """The scenes of a server: baked once for equal content, changed version by version.
 
 A scene never changes (`navigation/scene.py`); its name comes to stand for another version. So
-readers on any thread take the version there is and keep it for as long as they like. Bakes and
-changes take milliseconds to seconds: they belong on a worker thread.
+readers on any thread take the present version and keep it as long as they like. Bakes and changes
+take milliseconds to seconds, so they belong on a worker thread.
 """
 
 import time
@@ -28,10 +28,10 @@ from wayfarer.navigation.scene_spec import Obstacle, SceneSpec
 from wayfarer.world.scenes.messages import SceneInfo, SceneSource
 
 NAME: Final = 64
-"""Characters of the names of scenes and obstacles."""
+"""Maximum characters of the names of scenes and obstacles."""
 
 NAMED: Final = 3
-"""Sessions that the refusal to delete a scene names at most."""
+"""Maximum number of sessions named by the refusal to delete a scene."""
 
 RETRY_AFTER: Final = 2.0
 
@@ -46,14 +46,14 @@ class SceneEntry:
     scene_id: str
     source: SceneSource
     baked: Scene  # without obstacles
-    scene: Scene  # as it is now
+    scene: Scene  # the present version
     created_at: float
     bake_s: float
     sessions: list[str] = field(default_factory=list)  # ids of those in it, oldest first
     changing: Lock = field(default_factory=Lock)  # one change at a time
 
     def info(self) -> SceneInfo:
-        """As it is now."""
+        """Its present description."""
         scene = self.scene
         return SceneInfo(
             scene_id=self.scene_id,
@@ -73,10 +73,10 @@ class SceneEntry:
 
 
 class SceneListener(Protocol):
-    """Gets the changes of a registry, in order."""
+    """Receives the changes of a registry, in order."""
 
     def put_scene(self, kept: SceneEntry) -> None:
-        """A scene is new."""
+        """A scene was created."""
         ...
 
     def put_obstacles(self, kept: SceneEntry) -> None:
@@ -84,7 +84,7 @@ class SceneListener(Protocol):
         ...
 
     def drop_scene(self, scene_id: str) -> None:
-        """A scene is gone."""
+        """A scene was deleted."""
         ...
 
 
@@ -122,7 +122,7 @@ class SceneRegistry:
         return self._add(source, scene, now, time.perf_counter() - started)
 
     def prepare(self, spec: SceneSpec) -> None:
-        """Bake what may come soon, so that `restore` need not. Takes time. Raises as `create`."""
+        """Bakes a scene for a later `restore`. Takes time. Raises as `create`."""
         if self._alike(spec) is None:
             self._baked(spec, prepared=True)
 
@@ -136,10 +136,9 @@ class SceneRegistry:
         *,
         told: bool = True,
     ) -> None:
-        """Restores a kept scene, also beyond `limits.scenes`: people are in it.
-        Takes time. Raises as `create` and `put` do.
+        """Restores a kept scene, also beyond `limits.scenes`, since people are in it. Takes time.
 
-        Not `told`: the listener has not heard of it.
+        Not `told`: the listener does not know it yet. Raises as `create` and `put`.
         """
         started = time.perf_counter()
         baked = self._alike(source.spec) or self._baked(source.spec)
@@ -157,7 +156,7 @@ class SceneRegistry:
                 self._diary.put_obstacles(kept)
 
     def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
-        """Keep a scene that has been baked elsewhere. Raises ResourceExhausted."""
+        """Keeps a scene that has been baked already. Raises ResourceExhausted."""
         return self._add(SceneSource(scene.spec, name), scene, now, 0.0)
 
     def delete(self, scene_id: str) -> None:
@@ -176,7 +175,7 @@ class SceneRegistry:
                 self._diary.drop_scene(scene_id)
 
     def put(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Puts an obstacle there, or moves it there. Takes time.
+        """Adds an obstacle, or moves an existing one. Takes time.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
@@ -184,7 +183,7 @@ class SceneRegistry:
         return self._change(scene_id, lambda scene: scene.put(name, obstacle))
 
     def remove(self, scene_id: str, name: str) -> SceneInfo:
-        """Take an obstacle out. Takes time. Raises NotFound."""
+        """Removes an obstacle. Takes time. Raises NotFound."""
         return self._change(scene_id, lambda scene: scene.remove(name))
 
     # Readers
@@ -206,7 +205,7 @@ class SceneRegistry:
         return self._find(scene_id).info()
 
     def infos(self) -> list[SceneInfo]:
-        """All, oldest first."""
+        """All scenes, oldest first."""
         with self._lock:
             kept = list(self._kept.values())
         return [scene.info() for scene in kept]
@@ -214,18 +213,18 @@ class SceneRegistry:
     # Sessions
 
     def enter(self, scene_id: str, session_id: str) -> Scene:
-        """A session is opened in it: it cannot be deleted until that has left. Raises NotFound."""
+        """Notes that a session is opened in it, so that it cannot be deleted. Raises NotFound."""
         with self._lock:
             kept = self._find(scene_id)
             kept.sessions.append(session_id)
             return kept.scene
 
     def leave(self, scene_id: str, session_id: str) -> None:
-        """A session in it has ended."""
+        """Notes that a session in it has ended."""
         with self._lock:
             self._find(scene_id).sessions.remove(session_id)
 
-    # Within
+    # Private
 
     def _find(self, scene_id: str) -> SceneEntry:
         try:
@@ -240,7 +239,7 @@ class SceneRegistry:
             )
 
     def _alike(self, spec: SceneSpec) -> Scene | None:
-        """A scene of this content as it was baked, if there is one."""
+        """The baked scene of equal content, if there is one."""
         content, kept = spec.content_hash, list(self._kept.values())
         here = next((one.baked for one in kept if one.baked.content_hash == content), None)
         return here or self._prepared.get(content)
@@ -248,7 +247,7 @@ class SceneRegistry:
     def _baked(self, spec: SceneSpec, prepared: bool = False) -> Scene:
         with self._turn():
             scene = self._alike(spec) or self._bake(spec)
-            if prepared:  # before the next one's turn, who may wait for the same
+            if prepared:  # before the next caller's turn, which may need the same scene
                 self._prepared[spec.content_hash] = scene
                 while len(self._prepared) > self._limits.scenes:
                     self._prepared.popitem(last=False)

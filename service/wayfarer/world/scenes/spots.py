@@ -1,7 +1,7 @@
-"""Where agents stop that share a goal: each at a spot of its own, as near to it as others let it.
+"""The spots where agents that share a goal stop: each has one, as near to the goal as possible.
 
-An agent keeps its spot until somebody stands there, or somebody goes there who is nearer to it, or
-the goal becomes free before it has got to its spot.
+An agent keeps its spot until another one stands there, or a nearer one goes there, or the goal
+becomes free before the agent has reached its spot.
 """
 
 from collections.abc import Callable
@@ -23,19 +23,19 @@ from wayfarer.world.scenes.people import Gathering
 Array = NDArray[np.floating[Any]]
 
 NEAR: Final = 5.0
-"""Metres from its goal within which an agent looks whether it is taken."""
+"""Metres from its goal within which an agent checks whether the goal is taken."""
 
 APART: Final = 0.65
-"""Metres between two who share a goal: nearer their shoulders touch."""
+"""Metres between two agents that share a goal: nearer, their shoulders touch."""
 
 STRANGERS: Final = 0.4
-"""Metres to somebody with another goal: agents may be sent as near as bodies are wide."""
+"""Metres to people with another goal: agents may be sent as near as bodies are wide."""
 
 SHARED: Final = 0.3
-"""Metres between two goals that are one."""
+"""Metres within which two goals count as the same."""
 
 SLACK: Final = 0.1
-"""Metres that may be missing until another spot is taken."""
+"""Metres of missing distance that are tolerated before another spot is taken."""
 
 RADIUS: Final = 0.2
 """Metres from its spot within which an agent is there."""
@@ -47,16 +47,16 @@ WAITS: Final = 0.4
 """Metres from its spot within which an agent that is too far from its goal waits."""
 
 KEEPS: Final = 0.1
-"""Metres by which another one must be nearer to a spot to take it from whoever goes there."""
+"""Metres by which another agent must be nearer to a spot to take it from the one on its way."""
 
 WAY: Final = 0.35
-"""Cost of a metre to walk, beside that of one from the goal."""
+"""Cost of a metre to walk, relative to that of a metre from the goal."""
 
 TOO_FAR: Final = 10.0
 """Cost of a spot that does not count as arrived."""
 
 RINGS: Final = ((0.4, 8), (0.7, 12), (1.4, 18), (2.1, 24), (2.8, 30), (3.5, 36))
-"""Metres from the goal, and spots that are tried there."""
+"""Metres from the goal, and the number of spots that are tried at this distance."""
 
 SPOTS: Final = np.concatenate(
     [np.zeros((1, 2))]
@@ -66,10 +66,10 @@ SPOTS: Final = np.concatenate(
         for turn in [2 * pi * np.arange(count) / count]
     ]
 )
-"""They [S, 2], in a frame in which the agent lies on the +x side of its goal."""
+"""The spots [S, 2], in a frame in which the agent lies on the +x side of its goal."""
 
 AROUND: Final = RINGS[-1][0] + APART
-"""Metres from a goal beyond which nobody takes one of its spots."""
+"""Metres from a goal beyond which people do not take its spots."""
 
 _LINE: Final = np.linspace(0.0, 1.0, 8)[:, None]
 
@@ -78,14 +78,14 @@ Clear = Callable[[Array], Array]
 
 
 class Claims(NamedTuple):
-    """Those around one goal [N]: where each stands, or goes, and how far one keeps from there."""
+    """Claims around one goal [N]: where each person stands or goes, and the distance to keep."""
 
     places: Float  # [N, 2]
     apart: Double
 
 
 class Everyone(NamedTuple):
-    """Everybody [N]: columns of `People` and `Aims`, and where everybody's session is in them."""
+    """All people [N]: columns of `People` and `Aims`, and the range of each one's session."""
 
     first: Index
     last: Index
@@ -100,7 +100,7 @@ class Everyone(NamedTuple):
 
 
 class Walkers(NamedTuple):
-    """Columns of all slots, and those of the rows [A] that are about to be stepped."""
+    """Columns of all slots, and of the rows [A] that are about to be stepped."""
 
     avoids: Flags
     places: Index  # among everybody
@@ -124,11 +124,11 @@ def take_spots(
     goals: GoalColumns,
     walls: Callable[[int], tuple[Clear, float]],
 ) -> Flags:
-    """Choose where those of `rows` [A] stop that avoid others, and put their `goals` there.
+    """Chooses stops for those `rows` [A] that avoid others, and puts their `goals` there.
 
-    Spots are chosen for agents that walk to a goal; those at their spots keep them. `walls`: of the
-    scene of a slot, and the metres that it keeps from them there.
-    Returns who waits: at a spot that is farther from the goal than counts as arrived.
+    Spots are chosen for agents that walk to a goal; an agent at its spot keeps it. `walls`: the
+    walls of a slot's scene, and the metres that the slot keeps from them.
+    Returns whether each row waits at a spot that is too far from the goal to count as arrived.
     """
     others, aims, count = _everyone(crowd), slots.aims, len(crowd.stand)
     claims, waits = (
@@ -150,7 +150,7 @@ def take_spots(
 
 @cache
 def prepare() -> None:
-    """Compile what is compiled of it, or load it, before anybody walks."""
+    """Compiles its rules, or loads them, before agents walk."""
     one, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.zeros((1, 2), np.float32)
     others = Everyone(one, one, one, place, place[0, :1], flag, flag, flag, place, place)
     one_each = flag, one, place, place, place[0, :1], place, flag
@@ -183,9 +183,11 @@ def next_taken(
     claims: Claims,
     waits: Flags,
 ) -> tuple[int, int]:
-    """The first of rows `begin` to A whose spot is taken, or A; and how many claims it has met,
-    which are then in `claims`. The goals of those before are put at their spots. Who is far from
-    its goal gets that as its spot. `found`: another spot has been found for row `begin`.
+    """The first of rows `begin` to A whose spot is taken, or A; and the number of its claims.
+
+    The claims are written to `claims`, and the goals of the rows before it are put at their spots.
+    The spot of an agent far from its goal is the goal. `found`: another spot has been found for
+    row `begin`.
     """
     for row in range(begin, len(rows)):
         slot = rows[row]
@@ -219,7 +221,7 @@ def next_taken(
 
 @inner
 def _claimed(them: Everyone, those: Walkers, me: int, slot: int, claims: Claims) -> int:
-    """How many claims the spot of a person meets, if it is taken; -1: it is not."""
+    """The number of claims around a person's goal, if its spot is taken; -1: it is not."""
     taken, free, count, spot, asked = False, True, 0, those.spot, those.asked
     mine = apart(them.position, me, spot, slot)
     near = apart(them.position, me, asked, slot) <= NEAR
@@ -243,7 +245,7 @@ def _claimed(them: Everyone, those: Walkers, me: int, slot: int, claims: Claims)
         gap = apart(claim, other, spot, slot) - claims.apart[count]
         taken = taken or ((stands or before) and gap < -SLACK)
         count += 1
-    if not near or (free and mine > RADIUS):  # who stays where it is has settled
+    if not near or (free and mine > RADIUS):  # an agent that stays there has settled
         spot[slot, 0], spot[slot, 1] = asked[slot, 0], asked[slot, 1]
         return -1
     return count if taken else -1
@@ -266,5 +268,5 @@ def _free_spot(
     cost = np.where(free, cost, np.inf)
     if not free.any():
         return last
-    # of those that cost as much the first is taken: rounding must not choose
+    # of equal costs, the first is taken: rounding must not choose
     return spots[int((cost <= cost.min() + 1e-4).argmax())].astype(np.float32)

@@ -1,4 +1,4 @@
-"""The scenes that a world's sessions are in, as its present step sees them."""
+"""The scenes of a world's sessions, as its present step sees them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -14,11 +14,11 @@ from wayfarer.world.rows import Index
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 NOWHERE = 0
-"""Number of the flat floor without end, on which sessions are that name no scene."""
+"""Number of the endless flat floor, for sessions that name no scene."""
 
 
 class WorldScenes:
-    """Scenes by number; a number stands for one scene as long as the world lives."""
+    """Scenes by number; a number stands for one scene for the world's whole life."""
 
     def __init__(self, book: SceneRegistry, slots: Slots) -> None:
         self.book = book
@@ -27,7 +27,7 @@ class WorldScenes:
         self._scenes: dict[int, Scene] = {}
 
     def enter(self, spec: SessionSpec, session_id: str) -> None:
-        """A session is opened. Raises FailedPrecondition when its scene is not here."""
+        """Notes that a session is opened. Raises FailedPrecondition if its scene does not exist."""
         if not spec.scene:
             return
         if spec.record:
@@ -45,12 +45,12 @@ class WorldScenes:
         self._scenes[number] = scene
 
     def leave(self, spec: SessionSpec, session_id: str) -> None:
-        """A session has ended."""
+        """Notes that a session has ended."""
         if spec.scene:
             self.book.leave(spec.scene, session_id)
 
     def number(self, scene_id: str) -> int:
-        """The scene that a session is in; `NOWHERE` for the empty id."""
+        """The number of a session's scene; `NOWHERE` for the empty id."""
         return self._numbers[scene_id] if scene_id else NOWHERE
 
     def scene(self, number: int) -> Scene:
@@ -58,9 +58,9 @@ class WorldScenes:
         return self._scenes[number]
 
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
-        """Take up new versions; slots that are in scenes which have one.
+        """Applies new versions; returns the slots in scenes that have one.
 
-        `failed(number, error)`: agents continue in that scene as it was.
+        `failed(number, error)`: agents continue in that scene's former version.
         """
         changed = []
         for name, scene in self.book.current(self._numbers).items():
@@ -79,10 +79,10 @@ class WorldScenes:
     def _take_up(self, number: int, scene: Scene) -> None:
         self._scenes[number] = scene
 
-    # What callers name, as the scene has it. Thread-safe: scenes never change.
+    # Callers' places, moved to the scene. Thread-safe, since scenes never change.
 
     def placed(self, spec: SessionSpec, agents: Sequence[AgentSpec]) -> list[AgentSpec]:
-        """New agents on free ground: those off it stand on the nearest there is."""
+        """New agents on free ground: agents off it stand on the nearest."""
         if not spec.scene:
             return list(agents)
         scene = self.book.scene(spec.scene)
@@ -93,5 +93,5 @@ class WorldScenes:
         return found
 
     def reached(self, number: int, start: tuple[float, float, float], goal: Goal) -> Goal:
-        """The goal, or the nearest free ground. Raises Unreachable when no way leads there."""
+        """The goal, or the nearest free ground. Raises Unreachable if no way leads there."""
         return replace(goal, position=self._scenes[number].reach(start, goal.position))

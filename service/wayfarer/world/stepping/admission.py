@@ -1,10 +1,10 @@
-"""How many agents fit: from what engine calls take, and the rest of the loop, as measured.
+"""How many agents fit, by the measured costs of engine calls and of the rest of the loop.
 
-The engine and the motion thread work beside each other. Agents are admitted as long as neither, on
-the last degradation level that still steps everybody (one candidate), would be busy for more than
-a share of the time. In 0.2 s the engine has a call for each batch of one gender, which is filled
-with the agents that come next. The motion thread has a fixed cost per call and per chunk; sending
-a chunk costs about the same again. CPU used by these two is not available to the engine.
+The engine and the motion thread work concurrently. Agents are admitted as long as neither, on the
+last degradation level that still steps all agents (one candidate), would be busy for more than a
+share of the time. In 0.2 s the engine has a call for each batch of one gender, which is filled with
+the agents that come next. The motion thread has a fixed cost per call and per chunk; sending a
+chunk costs about the same again. CPU used by these two is not available to the engine.
 
     thread = (calls · a + chunks · b) / 0.2 s
     engine = excess · Σ over calls of their seconds in the warm-up / 0.2 s / (1 - 2 thread / cores)
@@ -29,14 +29,14 @@ REFRESH: Final = 1.0
 """Seconds after which the number of agents that fit is computed again."""
 
 MOST_REPORTED: Final = 10.0
-"""Largest projected load that is reported; the load itself may be infinite."""
+"""Maximum projected load that is reported; the load itself may be infinite."""
 
 BESIDE: Final = 2.0
-"""Ratio of the CPU that loop and transport use together to what the loop uses."""
+"""Ratio of the CPU that loop and transport use together to the loop's."""
 
 
 class Prices(NamedTuple):
-    """What things take at present."""
+    """Present costs."""
 
     excess: float  # ratio of measured to expected engine time
     turn: float  # seconds of the motion thread per engine call
@@ -44,10 +44,10 @@ class Prices(NamedTuple):
 
 
 class Admission:
-    """Decides whether more agents fit into the time there is. Thread-safe."""
+    """Decides whether more agents fit into the available time. Thread-safe."""
 
     def __init__(self, settings: WorldSettings) -> None:
-        """Until something is measured, nobody is refused."""
+        """Refuses nobody before something has been measured."""
         self._rules = settings.admission
         self._limit = settings.limits.agents
         largest, full = settings.batch_sizes[-1], settings.batch_multiple
@@ -62,11 +62,11 @@ class Admission:
         self.refused = 0  # agents so far
 
     def measured(self, rows: int, candidates: int, seconds: float) -> None:
-        """An engine call of this size took `seconds` in the warm-up."""
+        """Records that an engine call of this size took `seconds` in the warm-up."""
         self._warm.measured(rows, candidates, seconds)
 
     def spent(self, now: float, call: Call, stepped: int, seconds: float, agents: Weighted) -> None:
-        """A call for `stepped` of the agents took `seconds`."""
+        """Records that a call for `stepped` of the agents took `seconds`."""
         with self._lock:
             self._steps.add(now, seconds)
             if now - self._fitted_at >= REFRESH:
@@ -78,19 +78,20 @@ class Admission:
                 self._excess.add(now, seconds, of_all * stepped / sum(agents), usual)
 
     def worked(self, now: float, seconds: float, chunks: int) -> None:
-        """A turn took `seconds`, without waiting and stepping, and published `chunks`."""
+        """Records a turn's `seconds`, without waiting and stepping, and its published `chunks`."""
         with self._lock:
             self._rest.add(now, seconds, chunks)
 
     def load(self, now: float) -> float:
-        """Share of the last seconds for which the busier one of engine and thread was busy."""
+        """Share of the last seconds for which the busier of engine and thread was busy."""
         with self._lock:
             return max(sum(self._steps.values(now)), self._rest.total(now)) / WINDOW
 
     def check(self, agents: Weighted, coming: Sequence[int], now: float, late: bool) -> None:
-        """Agents of these genders are to be added. Raises ResourceExhausted when they do not fit.
+        """Checks room for more agents of these genders. Raises ResourceExhausted if they do not
+        fit.
 
-        `late`: the ladder is at its end, whatever is predicted.
+        `late`: the ladder is at its end, whatever the prediction.
         """
         busy = self._busy(with_more(agents, coming), self._prices(now))
         if not coming or (not late and busy <= self._rules.most_load):
@@ -100,7 +101,7 @@ class Admission:
         if late:
             why = f"{_used(agents)}, and steps come late with all that can give way"
         else:
-            # of these genders fewer fit than were asked for, whatever fits of both in turn
+            # fewer of these genders fit than were requested, even if a mix of both would fit
             fit = min(self.capacity(now), sum(agents) + len(coming) - 1)
             load = f"{busy:.0%}" if busy < MOST_REPORTED else f"more than {MOST_REPORTED:.0%}"
             why = (
@@ -111,7 +112,7 @@ class Admission:
         raise ResourceExhausted(f"cannot add {many}: {why}", retry_after=self._rules.retry_after)
 
     def capacity(self, now: float) -> int:
-        """Agents that fit, of both genders in turn; computed once a second. 0: not known."""
+        """Number of agents that fit, genders in turn; computed once a second. 0: unknown."""
         if not self._warm.known:
             return 0
         if now - self._counted_at >= REFRESH:
@@ -129,7 +130,7 @@ class Admission:
             return Prices(self._excess.value(now), *self._rest.line(now))
 
     def _busy(self, agents: Weighted, prices: Prices) -> float:
-        """Share of the time that the busier one of engine and thread needs."""
+        """Share of the time that the busier of engine and thread needs."""
         if not self._warm.known:
             return 0.0
         thread = self._thread(agents, prices.turn, prices.chunk)
@@ -140,13 +141,13 @@ class Admission:
         return (self._warm.count(agents) * turn + sum(agents) * chunk) / STEP_SECONDS
 
     def _engine(self, alone: float, thread: float) -> float:
-        """Share of the time that the engine needs beside the thread; `alone` without it."""
+        """Share of the time that the engine needs beside the thread; `alone` without the thread."""
         left = 1 - BESIDE * thread / self._cores
         return alone / left if left > 0 else inf
 
 
 def _used(agents: Weighted, of_all: str = "") -> str:
-    """Not a whole number: some are so far away that they count for less."""
+    """The number in use; not a whole number, since agents far away count for less."""
     count = sum(agents)
     if count % 1:
         return f"the agents in use count as {count:g}{of_all}"
@@ -154,7 +155,7 @@ def _used(agents: Weighted, of_all: str = "") -> str:
 
 
 def with_more(agents: Weighted, genders: Sequence[int]) -> list[float]:
-    """Counts with the further agents of these genders."""
+    """Counts including further agents of these genders."""
     return [count + genders.count(gender) for gender, count in enumerate(agents)]
 
 

@@ -30,7 +30,7 @@ def gather(
     steering: Steering,
     obstacles: Float,
 ) -> StepInputs:
-    """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
+    """Engine inputs of `rows`; `seed`, the next gait and the goals are those of the rows."""
     seeds, chunks = slots.noise_seed[rows], slots.planned_chunks[rows]
     noise = latents(seeds, chunks, candidates)
     return assemble(seed, slots.betas[rows], gait, goals, noise, seeds, steering, obstacles)
@@ -46,7 +46,7 @@ def assemble(
     steering: Steering,
     obstacles: Float | None = None,
 ) -> StepInputs:
-    """Engine inputs of the step that `gait` is for: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
+    """Engine inputs of the step with gait `gait`: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
     target = steering.targets(gait, seed, goals)
     place = np.zeros((len(betas), 3), np.float32)  # the floor, as in training: height 0
     place[:, :2] = target.place
@@ -79,7 +79,7 @@ def broken(start: Float, outputs: StepOutputs) -> NDArray[np.bool_]:
 
 @compiled
 def _break(start: Float, translation: Float, turns: Float, markers: Float, found: Flags) -> None:
-    """Of hips [A, F, 3] and the other numbers of each row [A, N]."""
+    """Finds broken rows from hips [A, F, 3] and the other numbers of each row [A, N]."""
     for row in range(len(found)):
         whole = _finite(turns, row) and _finite(markers, row)
         for frame in range(translation.shape[1]):
@@ -100,6 +100,6 @@ def _finite(values: Float, row: int) -> bool:
 
 @cache
 def prepare() -> None:
-    """Compile the check, or load it, before anybody walks."""
+    """Compiles the check, or loads it, before agents walk."""
     row = np.zeros((1, 3), np.float32)
     warm(_break, row, row[None], row, row, np.ones(1, np.bool_))

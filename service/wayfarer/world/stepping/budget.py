@@ -1,14 +1,14 @@
-"""What gives way when engine calls no longer fit before their deadlines: the ladder.
+"""The ladder: what is left out when engine calls no longer meet their deadlines.
 
-Frames must be there at their time whatever the load; quality gives way first:
+Frames must be ready in time under any load, so quality is reduced first:
 
-    by sight              those seen as a root, or not at all, coast: they go on without the model
-                          (REDUCED); of the others those come last who are not near
-    fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
-    hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
+    by sight              agents seen as a root, or not at all, coast: they continue without the
+                          model (REDUCED); among the others, distant agents come last
+    fewer candidates      the search tries 16, 8, 4, 2, 1 instead of the requested number (REDUCED)
+    hold idle agents      standing agents with nothing to do keep their pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
 
-One goes down a level at a time, and up again after a calm while. Time is an argument.
+The level goes down one at a time, and up again after a calm period. Time is an argument.
 """
 
 from dataclasses import dataclass, replace
@@ -18,24 +18,24 @@ from wayfarer.world.stepping.window import Window
 COUNTS = (16, 8, 4, 2, 1)
 
 BY_SIGHT = 1
-"""Number of the level that differs from the one above only where somebody is not near."""
+"""Number of the level that differs from the one above only if some agents are not near."""
 
 WINDOW = 1.0
-"""Seconds over which calls are looked at."""
+"""Seconds of calls that are considered."""
 
 
 @dataclass(frozen=True, slots=True)
 class DegradationLevel:
-    """What there is time for."""
+    """The work for which there is time."""
 
-    candidates: int  # the most to try
-    by_sight: bool = False  # near agents first; those seen as a root at most coast
+    candidates: int  # maximum to try
+    by_sight: bool = False  # near agents first; agents seen at most as a root coast
     hold_idle: bool = False
     refuse: bool = False
 
 
 def candidate_counts(most: int) -> tuple[int, ...]:
-    """Numbers of candidates to choose from where steering asks for `most`."""
+    """The candidate counts to choose from if steering requests `most`."""
     return (most, *(k for k in COUNTS if k < most))
 
 
@@ -52,22 +52,22 @@ def ladder(most: int) -> tuple[DegradationLevel, ...]:
 
 @dataclass(frozen=True, slots=True)
 class BudgetRules:
-    """When to go down the ladder, and when up again. Seconds."""
+    """When to go down the ladder, and when up again, in seconds."""
 
     late: float = 0.03  # an engine call may end this long after its deadline
-    settle: float = 0.2  # wait after a change before the next one down …
-    hurry: float = 0.1  # … half as long for a call that would end this long after its deadline
+    settle: float = 0.2  # wait after a change before the next one down
+    hurry: float = 0.1  # a call that would end this long after its deadline halves that wait
     patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
     most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
     headroom: float = 1.6  # ratio of a call's cost with the next level's candidates
-    most_busy: float = 1.25  # share of the time it may then take: more is not worth trying
+    most_busy: float = 1.25  # maximum share of the time it may then take to be worth trying
 
 
 class Budget:
-    """The ladder that one world stands on.
+    """One world's place on the ladder.
 
-    A busy engine is no reason to go down: it works beside all else, and while every call is over
-    in time all is well. Whether there is room one level up is known only by trying.
+    A busy engine is no reason to go down: it works concurrently, and all is well while every call
+    ends in time. Only a trial shows whether there is room one level up.
     """
 
     def __init__(self, most: int, rules: BudgetRules) -> None:
@@ -76,17 +76,17 @@ class Budget:
         self.number = 0  # of the level, from the top
         self._changed_at = float("-inf")
         self._climbed_at = float("-inf")
-        self._is_trial = False  # it has not gone down since
+        self._is_trial = False  # whether it has not gone down since the climb
         self._patience = rules.patience
         self._calls = Window(WINDOW)
 
     @property
     def level(self) -> DegradationLevel:
-        """Where it stands now."""
+        """The present level."""
         return self._levels[self.number]
 
     def spent(self, now: float, seconds: float) -> None:
-        """An engine call has ended that took `seconds`."""
+        """Records that an engine call took `seconds`."""
         self._calls.add(now, seconds)
 
     def allow(
@@ -94,12 +94,12 @@ class Budget:
     ) -> DegradationLevel:
         """The level for a call that begins now, `slack` seconds before its deadline.
 
-        `held` is the share of the agents, below 1, that are held at present; `ahead` calls are
-        under way before it; `distant`: there are agents that are not near.
+        `held`: share of the agents, below 1, that are held at present. `ahead`: calls in progress
+        before it. `distant`: whether some agents are not near.
         """
         rules, since = self._rules, now - self._changed_at
         calls = sorted(self._calls.values(now))
-        # calls have few rows or many: three in four take no longer
+        # calls have few rows or many: three quarters of them take no longer
         call, busy = (calls[len(calls) * 3 // 4], sum(calls)) if calls else (0.0, 0.0)
         slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
         if slack < call - rules.late:
@@ -115,7 +115,7 @@ class Budget:
         return self.level
 
     def _growth(self, held: float) -> tuple[float, float]:
-        """Factors of one level up: of the time of a call, and of the number of calls."""
+        """Factors of one level up: on the time of a call, and on the number of calls."""
         above = self._levels[self.number - 1]
         calls_distant = self.number == BY_SIGHT
         releases = calls_distant or (self.level.hold_idle and not above.hold_idle)
@@ -132,7 +132,7 @@ class Budget:
 
     def _fall(self, now: float, distant: bool) -> None:
         rules, since = self._rules, now - self._climbed_at
-        # a second fall that follows the first one tells nothing new of that climb
+        # a second fall right after the first one reveals nothing new about that climb
         if since >= rules.most_patience:
             self._patience = rules.patience
         elif self._is_trial:

@@ -1,10 +1,9 @@
-"""Coasting: agents that are seen as a root at most go on without the model.
+"""Coasting: agents that are seen at most as a root continue without the model.
 
 Nobody sees their poses, so when time is short they cost no engine call. The hips go straight to
-what steering aims at, at its speed, and the body turns to where it is to face. Only the thighs
-swing, for the phase of the gait that a root has (`service/streams/root_tracks.py`). The seed is
-moved along as a rigid body. So somebody who comes near is in mid-stride, and the model goes on from
-there.
+steering's aim, at its speed, and the body turns to the requested facing. Only the thighs swing, for
+the phase of the gait that a root has (`service/streams/root_tracks.py`). The seed is moved along as
+a rigid body, so an agent that comes nearer is in mid-stride, and the model continues from there.
 
 World space, metres. Pure functions of columns: rows do not influence each other.
 """
@@ -24,16 +23,16 @@ from wayfarer.world.output.quaternion import bounded, multiply
 from wayfarer.world.rows import Double, Flags, Float, Index
 
 TURN: Final = pi * STEP_SECONDS
-"""Radians that a body turns by in a step at most."""
+"""Maximum radians that a body turns in a step."""
 
 CADENCE: Final = (0.57, 0.27)
-"""Strides a second of who hardly moves, and further ones per m/s."""
+"""Stride frequency (1/s): intercept at rest, slope per m/s."""
 
 LEG: Final = 0.85
 """Metres from hip to ankle, for the swing of a thigh."""
 
 BEARS: Final = 0.6
-"""Share of a stride for which a foot is on the floor."""
+"""Share of a stride during which a foot is on the floor."""
 
 HIPS: Final = [joint_names().index(f"{side}_hip") for side in ("left", "right")]
 
@@ -44,14 +43,14 @@ def coast(
     seed: Seeds, gait: Gait, targets: Targets, goals: GoalColumns, chunks: Index
 ) -> tuple[Float, Float, Flags, Seeds]:
     """The next step of agents: translation [A, F, 3], rotations [A, F, 22, 4], contacts [A, F, 2]
-    (left, right), and where the step after it starts.
+    (left, right), and the seed of the step after it.
 
-    `gait`, `targets` and `goals` are those of the step, `chunks` [A] the numbers of its chunks.
+    `gait`, `targets` and `goals` are the step's, `chunks` [A] the numbers of its chunks.
     """
     hips = seed.translation[:, -1]
     way = targets.place - hips[:, :2]
     distance = np.linalg.norm(way, axis=-1)
-    speed = targets.speed / (1 + gait.trim)  # what the model is asked for makes up for its errors
+    speed = targets.speed / (1 + gait.trim)  # the request compensates for the model's errors
     metres = np.minimum(_evenly(gait.speed[:, None], speed[:, None])[..., 0], distance[:, None])
     translation = np.repeat(hips[:, None], NEW_FRAMES, axis=1)
     translation[..., :2] += metres[..., None] * (way / np.maximum(distance, 1e-6)[:, None])[:, None]
@@ -72,24 +71,24 @@ def coast(
 
 
 def _evenly(before: Float, after: Float) -> Float:
-    """Way [A, F, D] of what goes at `before` and, in the end, at `after` [A, D] m/s."""
+    """Way [A, F, D] of a body whose velocity goes from `before` to `after` [A, D], m/s."""
     rise = _RISE[:, None]
     way = STEP_SECONDS * rise * (before[:, None] + rise / 2 * (after - before)[:, None])
     return np.asarray(way, np.float32)
 
 
 def _turn(facing: Float, way: Float) -> Float:
-    """Radians [A] by which bodies turn in the step that face [A, 2] another way [A, 2]."""
+    """Radians [A] by which bodies that face [A, 2] turn towards another way [A, 2] in the step."""
     crossed = facing[:, 0] * way[:, 1] - facing[:, 1] * way[:, 0]
     angle: Float = bounded(np.arctan2(crossed, (facing * way).sum(-1)), -TURN, TURN)
     return angle.astype(np.float32)
 
 
 def _stride(speed: Float, usual: Float, chunks: Index) -> tuple[Double, Float]:
-    """The phase of each frame [A, F], 0 as the left foot strikes, and how far a thigh swings to
-    each side [A], radians, of who goes so fast [A] and usually goes at `usual` [A] m/s.
+    """The phase of each frame [A, F], 0 as the left foot strikes, and the swing of a thigh to each
+    side [A], radians, of agents at `speed` [A] whose usual speed is `usual` [A], m/s.
 
-    The phase follows from the number of the chunk: nothing is remembered.
+    The phase follows from the number of the chunk, so nothing is remembered.
     """
     cadence = CADENCE[0] + CADENCE[1] * usual
     frames = NEW_FRAMES * chunks[:, None] + np.arange(NEW_FRAMES)
@@ -100,7 +99,7 @@ def _stride(speed: Float, usual: Float, chunks: Index) -> tuple[Double, Float]:
 
 
 def _moved(seed: Seeds, angle: Float, way: Float) -> Seeds:
-    """Seeds turned by radians `angle` [A] about the vertical through the hips, and moved by `way`
+    """Seeds turned by `angle` [A], radians, about the vertical through the hips, and moved by `way`
     [A, 3].
     """
     centre, cos, sin = seed.translation[:, -1], np.cos(angle), np.sin(angle)

@@ -13,17 +13,20 @@ WINDOW: Final = 10.0
 """Seconds over which running calls are averaged."""
 
 ENOUGH: Final = 150
-"""Calls, or turns, of the window; as long as there are fewer, those that are missing count as if
-they took what is said here. What is measured while agents are created tells little."""
+"""Number of calls, or turns, in a full window. With fewer, the missing ones count with the costs
+below, since measurements while agents are created say little.
+"""
 
 FIRST_TURN, FIRST_CHUNK = 3e-4, 1e-4
-"""Seconds of a turn and of a chunk until there are enough measured. On a processor of 2.6 GHz that
-is idle but for it a chunk takes 4e-5 (`python -m benchmarks.runtime_overhead`); here the engine is
-taken to need the same cores."""
+"""Seconds of a turn and of a chunk until enough are measured. On an otherwise idle processor of 2.6
+GHz a chunk takes 4e-5 (`python -m benchmarks.runtime_overhead`); these values assume that the
+engine needs the same cores.
+"""
 
 FIRST_EXCESS: Final = 1.2
-"""`Excess` until there are enough measured: chosen so as to refuse rather than to be late, since
-who has been let in stays."""
+"""`Excess` until enough is measured: rather too high, so that agents are refused rather than late,
+since admitted agents stay.
+"""
 
 OUTLIER: Final = 3.0
 """Longest call that is believed, as a multiple of the usual time of its size."""
@@ -32,29 +35,29 @@ Counts = Sequence[int]
 """Agents by gender (index into `spec.GENDERS`)."""
 
 Weighted = Sequence[float]
-"""The same, of whom some count for less than one."""
+"""Agents by gender, some of which count for less than one."""
 
 
 class WarmCalls:
-    """What engine calls take in the warm-up, with nothing beside them."""
+    """Durations of engine calls in the warm-up, with no other work."""
 
     def __init__(self, full: int) -> None:
-        """`full`: rows to which batches are filled where there are enough agents."""
+        """`full`: rows to which batches are filled if there are enough agents."""
         self._full = full
         self._seconds: dict[int, dict[int, float]] = {}  # candidates → rows → seconds
 
     @property
     def known(self) -> bool:
-        """Something has been measured."""
+        """Whether something has been measured."""
         return bool(self._seconds)
 
     def measured(self, rows: int, candidates: int, seconds: float) -> None:
-        """A call of this size took `seconds`; the shortest counts."""
+        """Records that a call of this size took `seconds`; the shortest counts."""
         by_rows = self._seconds.setdefault(candidates, {})
         by_rows[rows] = min(seconds, by_rows.get(rows, inf))
 
     def call(self, rows: float, candidates: int) -> float:
-        """Seconds; between sizes that were measured, in proportion. Infinite where unknown."""
+        """Seconds of a call; interpolated between measured sizes, infinite if unknown."""
         by_rows = sorted(self._seconds.get(candidates, {}).items())
         if not by_rows or rows > by_rows[-1][0]:
             return inf
@@ -62,13 +65,13 @@ class WarmCalls:
         return float(np.interp(rows, known, seconds))
 
     def count(self, agents: Weighted) -> float:
-        """Calls for a step of them all: full batches, at least one for each gender."""
+        """Number of calls for a step of all agents: full batches, at least one per gender."""
         return sum(max(count / self._full, 1.0) for count in agents if count)
 
     def share(self, agents: Weighted, candidates: int | None = None) -> float:
         """Share of the time that steps of all agents take; None: the fewest measured candidates.
 
-        Infinite where this number of candidates, or batches as large, were not measured.
+        Infinite if this number of candidates, or batches as large, were not measured.
         """
         if candidates is None:
             candidates = min(self._seconds, default=0)
@@ -90,8 +93,8 @@ class Excess:
         self._seconds, self._expected = Window(WINDOW), Window(WINDOW)
 
     def add(self, now: float, seconds: float, expected: float, usual: float) -> None:
-        """Note the `seconds` of a call; `expected` are those of its agents in full batches, `usual`
-        those of a call of its size.
+        """Records the `seconds` of a call. `expected`: those of its agents in full batches;
+        `usual`: those of a call of its size.
         """
         self._seconds.add(now, min(seconds, OUTLIER * max(expected, usual)))
         self._expected.add(now, expected)
@@ -106,13 +109,13 @@ class Excess:
 
 
 class Rest:
-    """Time of the loop without stepping: a line, fitted to its turns of the last seconds."""
+    """Time of the loop without stepping: a line fitted to its turns of the last seconds."""
 
     def __init__(self) -> None:
         self._seconds, self._chunks = Window(WINDOW), Window(WINDOW)
 
     def add(self, now: float, seconds: float, chunks: int) -> None:
-        """A turn took `seconds`, without waiting and stepping, and published `chunks`."""
+        """Records a turn's `seconds`, without waiting and stepping, and its published `chunks`."""
         self._seconds.add(now, seconds)
         self._chunks.add(now, chunks)
 

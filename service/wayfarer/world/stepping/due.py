@@ -18,10 +18,10 @@ STATE_OF_MODE: Final = np.array([STATES.index(mode.state) for mode in Mode], np.
 
 
 class Due(NamedTuple):
-    """What of a session leaves now."""
+    """The chunks of a session that leave now."""
 
     session_id: str
-    chunks: MotionChunks  # one of an agent at most
+    chunks: MotionChunks  # at most one per agent
     slots: Index  # of their agents
 
 
@@ -35,7 +35,7 @@ def due_by_session(
 ) -> list[Due]:
     """Chunks that have just left, in their order within each session.
 
-    Arrays are of their own: who keeps a session's must not keep those of all the others.
+    The arrays are copies, so that keeping a session's does not keep those of all others.
     """
     session = slots.session[sent.slots]
     chunks = _columns(sent, slots, timeline)

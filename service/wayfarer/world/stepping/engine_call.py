@@ -1,4 +1,4 @@
-"""One engine call: the agents that are stepped by it, and what is known of it while it is made."""
+"""One engine call: the agents that it steps, and its data while it is made."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ class Batch:
     model: int  # number
     gender: str
     seed: Seeds
-    gait: Gait  # of the step to come
-    goals: GoalColumns  # as their being reached is judged
+    gait: Gait  # of the next step
+    goals: GoalColumns  # by which arrival is judged
     inputs: StepInputs
     candidates: int
-    reduced: Flags  # rows for which steering asks for more candidates
+    reduced: Flags  # rows for which steering requests more candidates
     mirrored: Flags  # rows whose mirror image the engine moves; see mirror.py
 
     def take(self, which: Index) -> "Batch":
@@ -41,30 +41,30 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One engine call, as far as its duration depends on it."""
+    """The properties of an engine call on which its duration depends."""
 
-    rows: int  # with the padding
+    rows: int  # including padding
     candidates: int
 
 
 @dataclass(frozen=True, slots=True)
 class PendingStep:
-    """An engine call that is under way."""
+    """An engine call in progress."""
 
     number: int
     batch: Batch
     call: Call
-    outputs: Callable[[], StepOutputs]  # waits for them; of all rows, the padding included
+    outputs: Callable[[], StepOutputs]  # waits for them; all rows, including padding
 
 
 Outputs = Callable[[], StepOutputs]
 Ready = tuple[Batch, StepInputs, Outputs]
-"""A batch, what the engine gets for it, and the call."""
+"""A batch, its engine inputs, and the call."""
 
 Launch = Callable[[Outputs], Outputs]
-"""Sets a call going, and gives another one that waits for its result."""
+"""Starts a call, and returns another one that waits for its result."""
 
 
 def at_once(call: Outputs) -> Outputs:
-    """The call is made when its result is asked for."""
+    """Makes the call when its result is requested."""
     return call

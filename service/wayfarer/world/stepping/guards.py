@@ -1,11 +1,11 @@
 """Guards: a step that no body could take is repaired before it is sent, or continued from.
 
-    knees   are kept within what a knee can do
+    knees   are kept within a knee's limits
     falls   a body that leans or squats as no walker does, or that cannot be shown at all, gets up
-            to a stand in the course of one step
+            to a stand within one step
 
-Repairs are rare; without one the output has the same bits. Pure functions of
-columns; rows do not influence each other. Angles in radians, frames at 40 per second.
+Repairs are rare; without one the output has the same bits. Pure functions of columns; rows do not
+influence each other. Angles in radians, frames at 40 per second.
 """
 
 from functools import cache
@@ -38,26 +38,26 @@ KNEE: Final = (radians(-5), radians(150))
 """Range of a knee's bend, from straight."""
 
 SIDEWAYS: Final = radians(30)
-"""Angle that a knee is turned by at most beside its bend: people reach 31 degrees."""
+"""Maximum angle by which a knee is turned beside its bend: people reach 31 degrees."""
 
 MOST_BESIDE: Final = sin(SIDEWAYS / 2) ** 2
-"""Square of the part of a knee's quaternion that is beside its bend, then."""
+"""Square of the part of a knee's quaternion beside its bend, at that angle."""
 
 FELL: Final = cos(radians(32))
-"""Cosine of the lean beyond which a body has fallen; walking people never lean as far."""
+"""Cosine of the lean beyond which a body has fallen; walking people never lean that far."""
 
 FOLDED: Final = 0.76
 """Share of its standing hips' height below which a body has fallen."""
 
 ARM_MOST: Final = radians(60)
-"""Angle by which a joint of an arm turns at most while a body gets up."""
+"""Maximum angle by which a joint of an arm turns while a body gets up."""
 
 SPINE: Final = tuple(joint_names().index(f"spine{k}") for k in (1, 2, 3))
 
 
 def _smoothest(path: Float) -> Float:
-    """Turns [N, F, 4] between the second and the last of a joint's path [N, 2 + F, 4]: the cubic
-    that begins and ends as fast as that path does.
+    """Rotations [N, F, 4] between the second and the last of a joint's path [N, 2 + F, 4]: the
+    cubic that begins and ends at the path's speeds.
     """
     turns = np.moveaxis(path, -1, 0).astype(np.float64)
     start = turns[:, :, 1]
@@ -80,7 +80,7 @@ def _smoothest(path: Float) -> Float:
 
 
 def _turn(vector: Array) -> Array:
-    """Rotations [4, ...] about vectors [3, ...] by as many radians as these are long."""
+    """Rotations [4, ...] about vectors [3, ...] by their lengths in radians."""
     angle = np.maximum(length(vector), 1e-12)
     return np.concatenate([vector / angle * np.sin(angle / 2), np.cos(angle / 2)[None]])
 
@@ -95,7 +95,7 @@ def _vector(turn: Array) -> Array:
 
 
 def bendable(rotations: Float, legs: Legs) -> Float:
-    """Rotations [A, F, 22, 4] of a step with knees bent within `KNEE`, and no more than `SIDEWAYS`
+    """Rotations [A, F, 22, 4] of a step with knees bent within `KNEE`, and at most `SIDEWAYS`
     beside it; the same array if all are.
     """
     seen = packed(rotations)
@@ -108,8 +108,8 @@ def bendable(rotations: Float, legs: Legs) -> Float:
 
 @compiled
 def _bend(rotations: Float, rest: Float, mends: bool) -> bool:
-    """Whether a knee is bent as no knee can be, from its place in the T-pose to that of the ankle
-    `rest` [A, 2, 3]; if it `mends`, no longer.
+    """Whether a knee is bent impossibly, from its place in the T-pose to that of the ankle `rest`
+    [A, 2, 3]; if `mends`, it is repaired.
     """
     any_beyond = False
     for row in range(len(rotations)):
@@ -137,8 +137,8 @@ def _bend(rotations: Float, rest: Float, mends: bool) -> bool:
 
 @inner
 def _straightened(knee: Turn, beside: float) -> Turn:
-    """A knee with as much of its turn about Y and Z left as it has; `beside` is the square of that
-    part, and too much.
+    """A knee whose rotation about Y and Z is limited; `beside` is the square of that part, and too
+    large.
     """
     less = sqrt(MOST_BESIDE / beside)
     more = sqrt((1 - MOST_BESIDE) / max(1 - beside, 1e-6))
@@ -153,8 +153,8 @@ def fallen(translation: Float, rotations: Float, legs: Legs) -> Flags:
 
 
 def bearing(translation: Float, rotations: Float, legs: Legs) -> tuple[Float, Float]:
-    """How upright bodies [A] are at the end of their step, as the cosine of their lean, and how
-    high their hips, as a share of what they are in a stand: [A, F, 3], [A, F, 22, 4].
+    """Posture of bodies [A] at the end of their step: cosine of their lean, and their hips' height
+    relative to that in a stand; [A, F, 3], [A, F, 22, 4].
     """
     found = np.empty((2, len(rotations)), np.float32)
     _bear(packed(translation), packed(rotations), bones(legs), found)
@@ -175,7 +175,7 @@ def _bear(translation: Float, rotations: Float, legs: Bones, found: Float) -> No
 
 @inner
 def spine_up(rotations: Float, row: int) -> Vector:
-    """Mean of where the joints of a row's spine point up in the last frame of [A, F, 22, 4]."""
+    """Mean up direction of the joints of a row's spine in the last frame of [A, F, 22, 4]."""
     frame = rotations.shape[1] - 1
     above, up = turn(rotations, (row, frame, 0)), (0.0, 0.0, 0.0)
     for joint in SPINE:
@@ -186,7 +186,7 @@ def spine_up(rotations: Float, row: int) -> Vector:
 
 @cache
 def prepare() -> None:
-    """Compile the guards, or load them, before anybody walks."""
+    """Compiles the guards, or loads them, before agents walk."""
     turns, legs = np.ones((1, 1, POSED_JOINTS, 4), np.float32), Legs.empty(1)
     warm(_bend, turns, legs.ankle, True)
     hips, found = np.zeros((1, 1, 3), np.float32), np.empty((2, 1), np.float32)
@@ -196,12 +196,12 @@ def prepare() -> None:
 def got_up(seed: Seeds, stand: Motion) -> tuple[Float, Float]:
     """Translation [A, F, 3] and rotations [A, F, 22, 4] from the end of `seed` to a `stand`.
 
-    Arms that have farther to go than `ARM_MOST` get there with the next step: `stand` is changed to
-    show them where they have come to.
+    Arms that must turn farther than `ARM_MOST` arrive with the next step: `stand` is changed to
+    show their intermediate pose.
     """
     t = (np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)[:, None]
     start, end = seed.translation[:, -1:], stand.seed.translation[:, -1:]
-    speed = start - seed.translation[:, -2:-1]  # nobody who falls stops at once
+    speed = start - seed.translation[:, -2:-1]  # a falling body does not stop at once
     translation = start + (3 * t**2 - 2 * t**3) * (end - start)
     translation += NEW_FRAMES * (t - 2 * t**2 + t**3) * speed
 

@@ -1,4 +1,4 @@
-"""How a scene and the people in it enter a step: all that an agent's own goal does not say."""
+"""The influence of a scene and its people on a step: all that an agent's own goal does not say."""
 
 from typing import NamedTuple, Protocol
 
@@ -9,7 +9,7 @@ from wayfarer.world.rows import Index
 
 
 class NextTarget(NamedTuple):
-    """What some rows do next."""
+    """The next targets of some rows."""
 
     ahead: GoalColumns
     """The goals that steering sees: in a scene, the next stretch of the way. A row that is not
@@ -21,12 +21,12 @@ class NextTarget(NamedTuple):
 
 
 class Guide(Protocol):
-    """Asked by the scheduler before every step, for the rows about to be stepped together."""
+    """Called by the scheduler before every step, for the rows about to be stepped together."""
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
-        """Where the way of these rows leads for now. Their goals are changed: they are judged."""
+        """The next targets of these rows. Changes `goals`: arrival is judged by the result."""
         ...
 
     def obstacles(self, rows: Index, seed: Seeds) -> Float:
-        """What bodies should keep clear of [A, OBSTACLES, 7]: see `StepInputs.obstacles`."""
+        """Obstacles to keep clear of [A, OBSTACLES, 7]: see `StepInputs.obstacles`."""
         ...

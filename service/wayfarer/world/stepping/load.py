@@ -1,4 +1,4 @@
-"""The load of a world: what is left out when time is short, and which new agents are refused."""
+"""The load of a world: work that is left out for lack of time, and refusals of new agents."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -14,8 +14,9 @@ from wayfarer.world.stepping.engine_call import PendingStep
 from wayfarer.world.stepping.settings import WorldSettings
 
 COASTING: Final = 0.25
-"""What agents that are seen as a root at most count for, in agents: when time is short they
-cost no engine call, but they have to be moved and sent, and some will come near."""
+"""Weight of agents that are seen at most as a root: when time is short they cost no engine call,
+but they must be moved and sent, and some will come near.
+"""
 
 
 class Load:
@@ -32,8 +33,8 @@ class Load:
         agents: Callable[[], Counts],
         distant: Callable[[], Counts] | None = None,
     ) -> None:
-        """`agents()` counts the agents of each gender, `distant()` those of them that are seen as a
-        root at most; None: there are none.
+        """`agents()` counts the agents of each gender, `distant()` those of them that are seen at
+        most as a root; None: there are none.
         """
         asked = max(search.candidates for search in settings.steering.searches.values())
         self._registry = registry
@@ -58,7 +59,7 @@ class Load:
 
     @property
     def refused_agents(self) -> int:
-        """Agents refused so far because they could not be stepped in time."""
+        """Number of agents refused so far because they could not be stepped in time."""
         return self._admission.refused
 
     def allow(
@@ -70,26 +71,26 @@ class Load:
         return self._budget.allow(now, slack, held_share, under_way, distant)
 
     def measured(self, agents: int, candidates: int, seconds: float) -> None:
-        """An engine call of this size took `seconds` during warm-up."""
+        """Records that an engine call of this size took `seconds` during warm-up."""
         self._admission.measured(agents, candidates, seconds)
 
     def spent(self, now: float, step: PendingStep, seconds: float) -> None:
-        """A step has ended that kept the engine busy for `seconds`."""
+        """Records that a step kept the engine busy for `seconds`."""
         self._admission.spent(now, step.call, len(step.batch.rows), seconds, self._weighted())
         if self._budget is not None:
             self._budget.spent(now, seconds)
 
     def worked(self, now: float, seconds: float, chunks: int) -> None:
-        """The thread itself worked `seconds` since the last step and published `chunks`."""
+        """Records the thread's own `seconds` since the last step, and its published `chunks`."""
         self._admission.worked(now, seconds, chunks)
 
     def share(self, now: float) -> float:
-        """Share of the last seconds for which the engine, or if busier the thread, was busy."""
+        """Share of the last seconds for which the engine, or the thread if busier, was busy."""
         return self._admission.load(now)
 
     def capacity(self, now: float) -> int:
-        """Agents that can be moved in time, present ones included, if the others are seen as well
-        as these; 0: not known yet.
+        """Number of agents, including present ones, that can be moved in time if the others are
+        seen as well as these; 0: unknown.
         """
         fit, counted, weighted = self._admission.capacity(now), self._agents(), self._weighted()
         if not any(weighted):
@@ -101,34 +102,35 @@ class Load:
         return self._reservations.all()
 
     def reserve(self, wanted: Reservation, now: float) -> AbstractContextManager[Reservation]:
-        """Hold room. Entering it raises NotFound, ResourceExhausted."""
+        """Reserves room. Entering it raises NotFound, ResourceExhausted."""
         return self._reservations.held(wanted, partial(self.check_room, wanted, now))
 
     def release(self, reservation: Reservation) -> None:
-        """The room is used, or not needed any more. Safe to call twice."""
+        """Releases room that is used, or no longer needed. Safe to call twice."""
         self._reservations.release(reservation)
 
     def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
-        """Raises NotFound, ResourceExhausted when the agents could not be stepped in time."""
+        """Raises NotFound, and ResourceExhausted if the agents could not be stepped in time."""
         self.check_room(Reservation.of(session_id, genders), now, self._reservations.all())
 
     def check_room(
         self, wanted: Reservation, now: float, held: Sequence[Reservation], admit: bool = True
     ) -> None:
-        """Whether these agents fit beside the present ones and the reservations `held`.
+        """Checks whether these agents fit in addition to the present ones and the reservations
+        `held`.
 
-        Not `admit`: only limits are checked, not time. Raises NotFound, ResourceExhausted.
+        Without `admit`, only limits are checked, not time. Raises NotFound, ResourceExhausted.
         """
         self._registry.check_room(wanted, held)
         if admit and self._refuses:
-            # the level is looked at with each step: without agents it stays where it was left
+            # the level is updated with each step: without agents it keeps its last value
             late = self.level.refuse and bool(self._registry.agents)
             coming = [gender for other in held for gender in other.genders]
             agents = with_more(self._weighted(), coming)
             self._admission.check(agents, wanted.genders, now, late)
 
     def _weighted(self) -> Weighted:
-        """Agents of each gender, those that may coast with what they count for."""
+        """Agents of each gender; agents that may coast count with their weight."""
         agents = self._agents()
         if self._distant is None:
             return agents

@@ -35,7 +35,7 @@ def has_mirror_image(bodies: Iterable[BodyModel]) -> bool:
 
 
 def is_mirrored(noise_seed: NDArray[np.uint64]) -> Flags:
-    """Which agents [A] are moved in the mirror: half of all seeds, without a pattern."""
+    """Whether each agent [A] moves in the mirror: half of all seeds, without a pattern."""
     flags: Flags = (noise_seed * _SPREAD) >> np.uint64(63) == 1
     return flags
 
@@ -71,7 +71,7 @@ def _pairs(names: Sequence[str], other: Callable[[str], str]) -> NDArray[np.int6
 _MARKERS: Final = _pairs(landmarks.marker_names(), landmarks.mirrored)
 _JOINTS: Final = _pairs(skeleton.joint_names()[:POSED_JOINTS], skeleton.mirrored)
 _FEET, _ONE = np.array([1, 0]), np.array([0])
-"""The counterparts of things that stand side by side."""
+"""Counterparts for pairs of two sides, and for single things."""
 
 _PLACE: Final = np.array([-1, 1, 1], np.float32)
 _TURN: Final = np.array([1, -1, -1, 1], np.float32)
@@ -107,6 +107,6 @@ def reflect(
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rule, or loads it, before agents walk."""
     values = np.zeros((1, 1, 1, 1), np.float32)
     warm(reflect, values, np.ones(1, np.bool_), _ONE, _PLACE[:1], values)

@@ -1,9 +1,9 @@
-"""Latent noise that depends on the agent alone.
+"""Latent noise that depends only on the agent.
 
-Philox is a counter-based generator: the key is the agent's noise seed, the counter the number
-of its chunk. So an agent's noise does not depend on which batch, tick or machine steps it, and
-a run can be repeated, or resumed in its middle, from the seed. The numbers are numpy's, to the last
-bit: to set a generator of numpy's for each row takes longer than to draw from it.
+Philox is a counter-based generator: the key is the agent's noise seed, the counter the number of
+its chunk. So an agent's noise does not depend on the batch, tick or machine of its step, and a run
+can be repeated from the seed, or resumed in its middle. The numbers are numpy's, to the last bit;
+setting a numpy generator for each row would take longer than drawing from it.
 """
 
 from functools import cache
@@ -18,7 +18,7 @@ from wayfarer.compiled import compiled, inner, warm
 from wayfarer.spec import LATENT
 
 _STREAM: Final = np.uint64(0x5741594641524552)
-"""Second half of the key: keeps our draws apart from others'."""
+"""Second half of the key: separates our draws from others."""
 
 _HALF: Final = np.uint64(32)
 _LOWER: Final = np.uint64(0xFFFFFFFF)
@@ -29,12 +29,12 @@ _STEPS: Final = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 HEIGHTS: Final[NDArray[np.float32]] = ziggurat.fi_float
 WIDTHS: Final[NDArray[np.float32]] = ziggurat.wi_float
 SURE: Final[NDArray[np.uint32]] = ziggurat.ki_float
-"""Numpy's tables of the ziggurat: by layer, and up to where a number is surely within it."""
+"""Numpy's tables of the ziggurat: by layer, the limit up to which a number is surely within it."""
 
 _TAIL: Final = np.float32(3.6541528853610087963519472518)
-"""Where the tail of the ziggurat begins, whose 256 layers are in the tables."""
+"""The beginning of the tail of the ziggurat, whose 256 layers are in the tables."""
 _SCALE: Final = np.float32(0.27366123732975827203338247596)
-"""Its inverse."""
+"""The inverse of `_TAIL`."""
 _UNIT: Final = np.float32(2.0**-24)
 
 Words = NDArray[np.int64]
@@ -57,7 +57,7 @@ def latents(
 
 @cache
 def prepare() -> None:
-    """Compile the generator, or load it, before anybody walks."""
+    """Compiles the generator, or loads it, before agents walk."""
     row = np.zeros(1, np.int64)
     warm(_draw, row.astype(np.uint64), row, np.empty(8, np.int64), np.empty((1, 1), np.float32))
 
@@ -66,9 +66,9 @@ def prepare() -> None:
 def _draw(
     seeds: NDArray[np.uint64], chunks: Words, words: Words, noise: NDArray[np.float32]
 ) -> bool:
-    """Into `noise` [A, N], by means of `words`, as many as there are for a row; False: too few.
+    """Fills `noise` [A, N], using `words` as a row's supply; returns False if they do not suffice.
 
-    The ziggurat of Marsaglia and Tsang (2000), as numpy has it.
+    This is the ziggurat of Marsaglia and Tsang (2000), as in numpy.
     """
     for row in range(len(noise)):
         _fill(words, seeds[row], np.uint64(chunks[row]))
@@ -103,7 +103,7 @@ def _draw(
 
 @inner
 def _of_tail(words: Words, used: int) -> tuple[np.float32, int]:
-    """A number of the tail, and how many words are used then; more than there are: too few."""
+    """A number of the tail, and the words used by then; more than the supply means too few."""
     while used + 2 <= len(words):
         x = -_SCALE * np.log1p(-_uniform(words[used]))
         y = -np.log1p(-_uniform(words[used + 1]))
@@ -120,7 +120,7 @@ def _uniform(word: int) -> np.float32:
 
 @inner
 def _fill(words: Words, seed: np.uint64, chunk: np.uint64) -> None:
-    """Philox 4×64-10 (Salmon et al. 2011), the lower half of each number first."""
+    """Writes Philox 4×64-10 (Salmon et al. 2011), the lower half of each number first."""
     for block in range(len(words) // 8):
         a, b, c, d = np.uint64(block + 1), chunk, np.uint64(0), np.uint64(0)
         left, right = seed, _STREAM
@@ -138,7 +138,7 @@ def _fill(words: Words, seed: np.uint64, chunk: np.uint64) -> None:
 
 @inner
 def _product(a: np.uint64, b: np.uint64) -> tuple[np.uint64, np.uint64]:
-    """Both halves of 128 bits."""
+    """Both halves of a 128-bit product."""
     a_low, a_high, b_low, b_high = a & _LOWER, a >> _HALF, b & _LOWER, b >> _HALF
     cross = a_high * b_low + ((a_low * b_low) >> _HALF)
     middle = a_low * b_high + (cross & _LOWER)

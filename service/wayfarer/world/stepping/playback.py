@@ -1,8 +1,8 @@
 """Frames that are planned and not yet sent: a ring of chunks per slot.
 
-Frames count from the world's epoch at 40 per second. Chunk `n` of a slot shows frames
-`start_frame + 8 n …`, is planned `lead` chunks ahead of that, and leaves when it falls due. Each
-chunk carries the motion at its end, so that a replan can go back to any chunk boundary.
+Frames count from the world's epoch at 40 per second. Chunk `n` of a slot shows frames `start_frame
++ 8 n …`, is planned `lead` chunks ahead of that, and leaves when it is due. Each chunk carries the
+motion at its end, so that a replan can return to any chunk boundary.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,15 @@ from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8, Int16, Rows, Shape, UInt8
 
 ROUNDING: Final = 1e-3
-"""Share of a primitive: what is due this shortly before a moment is due at that moment."""
+"""Share of a primitive: chunks due this shortly after a moment count as due at that moment."""
 
 FOREVER: Final = int(np.iinfo(np.int64).max)
 
 REPLAN_FRAMES: Final = 5
-"""A replanned chunk is planned this many frames ahead of its time: it may have to wait for two
-engine calls that are under way. Earlier planning would not be seen sooner, and goals that come one
-by one would each have an engine call of their own."""
+"""Frames ahead of its time at which a replanned chunk is planned: it may have to wait for two
+engine calls in progress. Planning earlier would not show it sooner, and goals that come one by one
+would each have a separate engine call.
+"""
 
 
 @dataclass(slots=True)
@@ -66,42 +67,40 @@ class Times(NamedTuple):
     sent: Int
     replanned: Flags
     depth: int  # of a ring
-    ahead: int  # frames that a chunk is planned ahead of its time, …
-    replan: int  # … and one that replaces another
+    ahead: int  # frames that a chunk is planned ahead of its time
+    replan: int  # the same for a chunk that replaces another
 
 
 class Playback:
     """The rings of all slots of a table."""
 
     def __init__(self, slots: Slots, lead: int) -> None:
-        """`lead` is how many chunks ahead of their time they are planned, at least 1."""
+        """`lead`: number of chunks that are planned ahead of their time, at least 1."""
         self.lead = lead
         self._slots = slots
-        # One more than the lead: the next may be planned at the moment the first falls due.
+        # One more than the lead: the next may be planned at the moment when the first is due.
         self._depth = lead + 1
         self._ring = Chunks.empty(len(slots.active) * self._depth)
 
     def due(self, frame: float) -> Index:
-        """Slots whose next chunk is to be planned by world frame `frame`, those first for which it
-        is to be shown first.
-        """
+        """Slots whose next chunk must be planned by world frame `frame`, first shown first."""
         rows, shown = find_due(self._times, float(frame))
         return rows[np.argsort(shown, kind="stable")]
 
     def is_due(self, rows: Index, frame: float) -> Flags:
-        """Which slots [A], all of which may be planned, need their next chunk by `frame`."""
+        """Whether slots [A], all of which may be planned, need their next chunk by `frame`."""
         due: Flags = self._plan_frame(rows) <= frame
         return due
 
     def waited(self, rows: Index, frame: float) -> Double:
-        """Frames since the next chunks of slots [A] could first be planned; who is replanned could
-        be so as early as the others.
+        """Frames since the next chunks of slots [A] could first be planned; for replanned slots, as
+        early as for the others.
         """
         frames: Double = np.float64(frame) - (self._next_shown(rows) - NEW_FRAMES * self.lead)
         return frames
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
-        """World frame of the next sending or, unless not asked for, planning; None without any.
+        """World frame of the next sending or, with `planning`, planning; None without any.
 
         Chunks are sent `early` frames early.
         """
@@ -109,14 +108,14 @@ class Playback:
         return frame if frame < np.inf else None
 
     def slack(self, frame: float) -> float:
-        """Frames from world frame `frame` until the next chunk to be planned is to be shown.
+        """Frames from world frame `frame` until the display of the next chunk to be planned.
 
-        Agents that are new or were just replanned are ignored: they are always due at once.
+        New and just replanned agents are ignored, since they are always due at once.
         """
         return float(find_first(self._times) - frame)
 
     def append(self, rows: Index, chunks: Chunks) -> None:
-        """Add the next planned chunk of each row."""
+        """Adds the next planned chunk of each row."""
         slots = self._slots
         self._reserve()
         self._ring.put(self._place(rows, slots.planned_chunks[rows]), chunks)
@@ -124,9 +123,9 @@ class Playback:
         slots.planned_chunks[rows] += 1
 
     def send(self, frame: float, only: Index | None = None) -> list[Sent]:
-        """Take out the chunks that are to be shown by world frame `frame`, oldest first.
+        """Takes out the chunks that should be shown by world frame `frame`, oldest first.
 
-        Of all slots, or of some.
+        Takes those of all slots, or only of some.
         """
         slots = self._slots
         sent: list[Sent] = []
@@ -146,9 +145,8 @@ class Playback:
             sent.append(Sent(rows, seq, show, chunks))
 
     def replan(self, slot: int, keep_until: float) -> None:
-        """Throw away planned chunks of a slot that are shown after world frame `keep_until`.
-
-        And the one that is being made.
+        """Discards planned chunks of a slot that are shown after world frame `keep_until`, and the
+        one that is being made.
         """
         slots = self._slots
         slots.engine_call[slot] = 0
@@ -169,7 +167,7 @@ class Playback:
         slots.planned.put(row, end)
 
     def hold(self, rows: Index, until: float) -> None:
-        """Let nothing of some slots be shown before world frame `until`; nothing is lost.
+        """Shows nothing of some slots before world frame `until`; nothing is lost.
 
         They wait for whole primitives, so that they stay in their phase.
         """
@@ -178,10 +176,10 @@ class Playback:
         self._slots.start_frame[rows] += NEW_FRAMES * np.maximum(short, 0)
 
     def skip(self, frame: float) -> Index:
-        """Leave out the primitives that are over by world frame `frame`; returns how many, of
-        agents seen so well (by `Sight`).
+        """Leaves out the primitives that are over by world frame `frame`; returns their numbers by
+        `Sight`.
 
-        A slot whose next chunk has not left by then goes on with that chunk at the first of its
+        A slot whose next chunk has not left by then continues with that chunk at the first of its
         moments that is not over: later by whole primitives, so that it stays in its phase, and
         without a jump.
         """
@@ -211,7 +209,7 @@ class Playback:
         return self._next_shown(rows) - early
 
     def _next_shown(self, rows: Index) -> Index:
-        """The world frame at which the next chunk to be planned is to be shown."""
+        """The world frame at which the next chunk to be planned will be shown."""
         return self._show_frame(rows, self._slots.planned_chunks[rows])
 
     def _send_frame(self, rows: Index) -> Index:
@@ -231,7 +229,7 @@ class Playback:
 
 @inner
 def _plans(times: Times, slot: int) -> bool:
-    """Whether a slot's next chunk is not being made, and may be."""
+    """Whether a slot's next chunk may be planned and is not being made."""
     return times.active[slot] and times.engine_call[slot] == 0 and not times.frozen[slot]
 
 
@@ -243,7 +241,7 @@ def _plan_frame(times: Times, slot: int) -> int:
 
 @compiled
 def find_due(times: Times, frame: float) -> tuple[Index, Index]:
-    """Slots to be planned by `frame`, and the frames at which what is planned is shown."""
+    """Slots to be planned by `frame`, and the frames at which the planned chunks are shown."""
     found, shown = np.empty(len(times.active), np.int64), np.empty(len(times.active), np.int64)
     count = 0
     for slot in range(len(times.active)):
@@ -257,7 +255,7 @@ def find_due(times: Times, frame: float) -> tuple[Index, Index]:
 
 @compiled
 def find_leaving(times: Times, frame: float) -> tuple[Index, Index]:
-    """Slots whose next chunk is to be shown by `frame`, and when it is."""
+    """Slots whose next chunk should be shown by `frame`, and its frame."""
     found, shown = np.empty(len(times.active), np.int64), np.empty(len(times.active), np.int64)
     count = 0
     for slot in range(len(times.active)):
@@ -270,7 +268,7 @@ def find_leaving(times: Times, frame: float) -> tuple[Index, Index]:
 
 @compiled
 def find_next(times: Times, planning: bool, early: float) -> float:
-    """See `Playback.next_event`; inf without any."""
+    """Implements `Playback.next_event`; inf without any."""
     first = np.inf
     for slot in range(len(times.active)):
         if times.active[slot] and times.planned[slot] > times.sent[slot]:
@@ -282,7 +280,7 @@ def find_next(times: Times, planning: bool, early: float) -> float:
 
 @compiled
 def find_first(times: Times) -> int:
-    """See `Playback.slack`: the frame."""
+    """Implements `Playback.slack`: the frame."""
     first = FOREVER
     for slot in range(len(times.active)):
         if _plans(times, slot) and not times.replanned[slot] and times.planned[slot] > 0:
@@ -292,7 +290,7 @@ def find_first(times: Times) -> int:
 
 @compiled
 def leave_out(times: Times, sight: Int8, frame: float, over: Index) -> None:
-    """See `Playback.skip`; how many by `sight` is added to `over`."""
+    """Implements `Playback.skip`; adds the numbers by `sight` to `over`."""
     for slot in range(len(times.active)):
         if times.active[slot] and not times.frozen[slot]:
             late = frame - (times.start[slot] + NEW_FRAMES * times.sent[slot])
@@ -304,7 +302,7 @@ def leave_out(times: Times, sight: Int8, frame: float, over: Index) -> None:
 
 @cache
 def prepare() -> None:
-    """Compile the rules, or load them, before anybody walks."""
+    """Compiles the rules, or loads them, before agents walk."""
     slots = Slots.empty(1)
     times, over = Playback(slots, 1)._times, np.zeros(len(Sight), np.int64)
     warm(find_due, times, 0.0)

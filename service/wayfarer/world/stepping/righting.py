@@ -1,10 +1,11 @@
-"""Leaning bodies straighten up: nothing else takes a lean off.
+"""Straightens up leaning bodies, which nothing else does.
 
-The model goes on from how a person stands, and does not mind a lean. Without this rule 16 and 29 of
-48 people who stood for a minute leaned by more than 32 degrees and had to get up (two seeds); with
-it none and one, and 95 in 100 lean by less than 13 degrees. So every step takes a part of the lean
-beyond `MOST` off, with a turn of the spine that is spread over the new frames. The same turn goes
-into the markers that the next step starts from, and the next primitive follows them.
+The model continues from a person's stand, and nothing in it penalises leaning. Without this rule 16
+and 29 of 48 people that stood for a minute leaned by more than 32 degrees and had to get up (two
+seeds). With it none and one had to, and 95 in 100 lean by less than 13 degrees. Every step removes
+a part of the lean beyond `MOST`, with a rotation of the spine that is spread over the new frames.
+The markers from which the next step starts get the same rotation, and the next primitive follows
+them.
 
 World space, metres, radians. Pure functions of columns: rows do not influence each other.
 """
@@ -37,11 +38,11 @@ from wayfarer.world.rows import Float, Int8
 from wayfarer.world.stepping.guards import SPINE, spine_up
 
 EASE: Final = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)
-"""Share of the turn in each new frame: nothing at the seam, all of it at the end."""
+"""Share of the rotation in each new frame: nothing at the seam, all of it at the end."""
 
 
 class Step(NamedTuple):
-    """New frames of a step, and the markers that the next one starts from."""
+    """New frames of a step, and the markers from which the next one starts."""
 
     translation: Float  # [A, F, 3] hips
     rotations: Float  # [A, F, 22, 4]
@@ -50,13 +51,13 @@ class Step(NamedTuple):
 
 MOST: Final = radians(14)
 MOST_ON_THE_SPOT: Final = radians(9)
-"""Lean of the spine, in any direction, that is left to walkers, and to all others."""
+"""Lean of the spine, in any direction, that is allowed: for walkers, and for all others."""
 
 SHARE: Final = 0.35
-"""Share of the lean beyond it that a step takes off, …"""
+"""Share of the lean beyond it that a step removes."""
 
 TURN_MOST: Final = radians(5)
-"""… and radians at most."""
+"""Maximum radians of lean that a step removes."""
 
 PIVOT: Final = 0.21
 """Metres above the hips joint about which the spine bends as a whole."""
@@ -68,8 +69,8 @@ _BELOW: Final = (
 
 
 def _share(marker: str) -> float:
-    """Multiple of the spine's turn that a marker goes along with. Each joint of the spine turns by
-    half of what the spine does in the mean.
+    """Multiple of the spine's rotation that a marker follows. Each joint of the spine turns by half
+    of the spine's mean rotation.
     """
     if marker[1:] in _BELOW or "SOLE" in marker:
         return 0
@@ -79,12 +80,12 @@ def _share(marker: str) -> float:
 SHARES: Final = np.array([_share(name) for name in marker_names()])
 
 WALKS: Final = np.array([mode in (Mode.WALKING, Mode.STOPPING, Mode.STRAFING) for mode in Mode])
-"""By mode: whether an agent may lean as walkers do."""
+"""Whether an agent may lean as walkers do, by mode."""
 
 
 def righted(mode: Int8, step: Step) -> Step:
-    """The step with a part of the lean taken off by its end of those [A] who lean too far, `mode`
-    being theirs during it. The others are returned as they are, and the same step if nobody does.
+    """The step with a part of the lean removed by its end for agents [A] that lean too far; `mode`
+    is theirs during it. The others are unchanged; without such agents it is the same step.
     """
     given = Step(*(packed(values) for values in step))
     if not _right(mode, given, False):
@@ -96,7 +97,7 @@ def righted(mode: Int8, step: Step) -> Step:
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rule, or loads it, before agents walk."""
     turns = np.ones((1, NEW_FRAMES, POSED_JOINTS, 4), np.float32)
     markers = np.zeros((1, SEED_FRAMES, len(SHARES), 3), np.float32)
     step = Step(np.zeros((1, NEW_FRAMES, 3), np.float32), turns, markers)
@@ -105,7 +106,7 @@ def prepare() -> None:
 
 @compiled
 def _right(mode: Int8, step: Step, mends: bool) -> bool:
-    """Whether somebody leans too far; if it `mends`, less."""
+    """Whether any agent leans too far; with `mends`, their lean is reduced."""
     any_leans = False
     for row in range(len(mode)):
         up = spine_up(step.rotations, row)
@@ -117,7 +118,7 @@ def _right(mode: Int8, step: Step, mends: bool) -> bool:
         if not mends:
             break
         wide = max(aside, 1e-6)
-        axis = up[1] / wide, -up[0] / wide, 0.0  # about which the spine comes up
+        axis = up[1] / wide, -up[0] / wide, 0.0  # about which the spine straightens up
         back = min(SHARE * excess, TURN_MOST)
         for frame in range(NEW_FRAMES):
             seed = frame - (NEW_FRAMES - SEED_FRAMES)
@@ -132,8 +133,8 @@ def _right(mode: Int8, step: Step, mends: bool) -> bool:
 
 @inner
 def _bend_back(rotations: Float, row: int, frame: int, axis: Vector, back: float) -> None:
-    """Turn the spine in rotations [A, F, 22, 4] by radians `back` about the world's `axis` in the
-    mean.
+    """Rotates the spine in rotations [A, F, 22, 4] by a mean of `back` radians about the world's
+    `axis`.
     """
     above = turn(rotations, (row, frame, 0))
     sine, cosine = sin(back / 4), cos(back / 4)
@@ -146,9 +147,7 @@ def _bend_back(rotations: Float, row: int, frame: int, axis: Vector, back: float
 
 @inner
 def _swing(markers: Float, row: int, frame: int, pivot: Vector, axis: Vector, back: float) -> None:
-    """Turn those of markers [A, S, 67, 3] that are above the hips by `back` about `axis` through
-    `pivot`.
-    """
+    """Rotates the markers [A, S, 67, 3] above the hips by `back` about `axis` through `pivot`."""
     for marker in range(len(SHARES)):
         if SHARES[marker] > 0:
             half = back * SHARES[marker] / 2

@@ -1,8 +1,7 @@
-"""Rules that change what the model has made, by name, and the laboratory's switch for them.
+"""Rules that change the model's output, by name, and the laboratory's switch for them.
 
-A service leaves all of them on: nothing but code that makes its own `WorldSettings` can take one
-away. Without them the laboratory sees what the model does alone, and beside it how far each rule
-moves a body.
+A service leaves all of them on; only code that makes its own `WorldSettings` can switch one off.
+Without them the laboratory sees the bare model, and with `watch` how far each rule moves a body.
 """
 
 from collections.abc import Callable
@@ -13,24 +12,26 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.world.rows import Float, Index
 
 RULES: Final = ("mirror", "guards", "righting", "foot lock", "getting up", "ground")
-"""In the order in which they act: all but *ground* before the frames are planned, and from where
-they end the next step starts; the ground on what is sent."""
+"""Rules in the order in which they act. All except *ground* act before the frames are planned, and
+the next step starts from their result; *ground* acts on the sent frames.
+"""
 
 MODEL: Final = "model"
-"""What `watch` is told before the first of them has acted."""
+"""Name for `watch` before the first rule has acted."""
 
 PLANNED: Final = "planned"
-"""… and before the first that acts on what is sent."""
+"""Name for `watch` before the first rule that acts on sent frames."""
 
 Watch = Callable[[str, Index, Float, Float], None]
-"""Called with a rule's name and, after it has acted, the slots [A] and the frames of those agents:
-hips [A, F, 3] in the world and rotations [A, F, 22, 4]. The mirror has no frames of its own, who
-gets up is not told, and the ground is told in scenes alone."""
+"""Called with a rule's name and, after it has acted, the slots [A] and those agents' frames: hips
+[A, F, 3] in the world and rotations [A, F, 22, 4]. It is not called for the mirror, which has no
+frames, or for agents that get up, and for the ground only in scenes.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ActingRules:
-    """Which rules act, and who is told of it."""
+    """The rules that act, and their watcher."""
 
     off: frozenset[str] = frozenset()
     watch: Watch | None = None
@@ -44,6 +45,6 @@ class ActingRules:
         return name not in self.off
 
     def tell(self, name: str, slots: Index, translation: Float, rotations: Float) -> None:
-        """Tell who watches what a rule has made."""
+        """Reports a rule's result to the watcher."""
         if self.watch is not None:
             self.watch(name, slots, translation, rotations)

@@ -1,5 +1,5 @@
-"""Decides which agents are stepped or held, and when. It sees slots and frames, never what tensors
-mean.
+"""Decides which agents are stepped or held, and when. It handles slots and frames, and ignores the
+meaning of tensors.
 """
 
 from collections.abc import Callable
@@ -42,8 +42,9 @@ from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.unstepped import Unstepped
 
 PATIENCE: Final = (0.0, 0.375)
-"""How long an agent that is due waits for others, when time is short: by `Sight`, as a share of the
-time after which its primitive is left out. So nobody waits for ever. The others coast."""
+"""Maximum wait of a due agent for others, when time is short: by `Sight`, as a share of the time
+after which its primitive is left out, so that no wait is endless. The others coast.
+"""
 
 
 class Scheduler:
@@ -65,12 +66,12 @@ class Scheduler:
         shares: Float,
         faults: Faults,
     ) -> None:
-        """`reset(slot)` gives the standing motion from which an agent goes on that has fallen.
+        """`reset(slot)` returns the standing motion from which a fallen agent continues.
 
-        `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
-        that are held. `fell(slots, modes, upright, hips)` is called before that with those who get
-        up, and their bearing (see guards.py). `mirrors`: half of all agents are moved in a mirror.
-        `shares`: how far markers go along with legs (see footlock.py).
+        `planned(slots, seqs, candidates)` is called with all new chunks, with 0 candidates for held
+        ones. `fell(slots, modes, upright, hips)` is called before that with agents that get up, and
+        their posture (see guards.py). `mirrors`: half of all agents are moved in a mirror.
+        `shares`: how far markers follow legs (see footlock.py).
         """
         self._table = table
         self._playback = playback
@@ -91,10 +92,10 @@ class Scheduler:
         self._full = settings.batch_multiple
         self._patience = NEW_FRAMES * (settings.lead + 1) * np.array(PATIENCE)
         self._engine_calls = 0  # begun so far
-        self.under_way = 0  # of them, those that are not finished
+        self.under_way = 0  # calls that are not finished
         self.resets = 0  # rows so far that could not be shown, or had fallen
-        self.mended_steps = 0  # rows in which a joint did what no body can do
-        self.reduced_steps = 0  # rows stepped with fewer candidates than asked for
+        self.mended_steps = 0  # rows with a joint beyond a body's limits
+        self.reduced_steps = 0  # rows stepped with fewer candidates than requested
         self.unstepped = Unstepped(
             table=table,
             playback=playback,
@@ -108,23 +109,23 @@ class Scheduler:
 
     @property
     def is_any_distant(self) -> bool:
-        """Somebody is not near."""
+        """Whether some agents are not near."""
         slots = self._table.rows
         return bool((slots.active & (slots.sight > Sight.NEAR)).any())
 
     @property
     def held_share(self) -> float:
-        """Share of the agents whose last chunk was held, or who coasted."""
+        """Share of the agents whose last chunk was held, or that coasted."""
         slots = self._table.rows
         return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
 
     def begin(
         self, frame: float, level: DegradationLevel | None = None, launch: Launch = at_once
     ) -> PendingStep | None:
-        """Set an engine call going for agents due by world frame `frame`; see `schedule`.
+        """Starts an engine call for agents due by world frame `frame`; see `schedule`.
 
-        Tries as many candidates as `level` allows, else as steering asks for. None when nobody is
-        due. Until `finish`, agents under way are not due; what is planned for an agent that is
+        Tries as many candidates as `level` allows, or otherwise as steering requests. None: no
+        agent is due. Until `finish`, agents in the call are not due; the plan of an agent that is
         replanned or leaves is lost.
         """
         ready = self.schedule(frame, level)
@@ -139,7 +140,7 @@ class Scheduler:
         return PendingStep(self._engine_calls, batch, size, outputs)
 
     def finish(self, step: PendingStep) -> int:
-        """Plan the next chunk of the agents that are under way. Returns how many there were."""
+        """Plans the next chunk of the agents in the call. Returns their number."""
         slots, rows = self._table.rows, step.batch.rows
         still = slots.engine_call[rows] == step.number
         slots.engine_call[rows[still]] = 0
@@ -157,15 +158,15 @@ class Scheduler:
         return len(rows)
 
     def schedule(self, frame: float, level: DegradationLevel | None = None) -> Ready | None:
-        """A batch with the first agent that is due: of those that fit into it, the ones whose next
-        chunks are to be shown first. So a replanned agent, which has less time, goes before others.
+        """A batch with the agent that is due first, and the agents that fit into it whose next
+        chunks are shown first. So a replanned agent, which has less time, goes before others.
 
-        While nothing is under way a full batch of those who are due soon need not wait for it.
+        While no call is in progress, a full batch of agents that are due soon need not wait for it.
         """
         slots = self._table.rows
         rows = self._due(frame + self._company)
         if level is not None and level.by_sight:
-            rows = rows[slots.sight[rows] < Sight.ROOT]  # who coasts, and is not due yet
+            rows = rows[slots.sight[rows] < Sight.ROOT]  # coasting agents that are not due yet
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any() and (self.under_way or len(rows) < self._full):
             return None
@@ -186,7 +187,7 @@ class Scheduler:
             return self._ready(self._batch(rows[sound], level)) if len(sound) else None
 
     def _batch(self, rows: Index, level: DegradationLevel | None) -> Batch:
-        """Of the slots [A] that are tried with as many candidates as the first."""
+        """A batch of the slots [A] that are tried with as many candidates as the first."""
         slots = self._table.rows
         self._faults.stage = Stage.STEERING
         seed, gait, course = self._next(rows)
@@ -198,7 +199,7 @@ class Scheduler:
             seed, gait = seed.take(together), gait.take(together)
             course = NextTarget(course.ahead.take(together), course.judged.take(together))
         self._faults.stage = Stage.INPUTS
-        # of one candidate nothing is weighed
+        # a single candidate is not scored
         obstacles = self._guide.obstacles(rows, seed) if count > 1 else no_obstacles(len(rows))
         return Batch(
             rows=rows,
@@ -215,7 +216,7 @@ class Scheduler:
         )
 
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
-        """Put the new frames into playback; their end is where the next step starts."""
+        """Puts the new frames into playback; the next step starts at their end."""
         slots, rows = self._table.rows, batch.rows
         start = batch.seed.translation[:, -1]
         is_broken = broken(start, outputs)
@@ -230,7 +231,7 @@ class Scheduler:
             rotations = self._bendable(rotations, legs)
             self._rules.tell("guards", rows, translation, rotations)
         markers = outputs.next_seed_markers
-        if self._mirrors and self._rules.acts("righting"):  # it knows where our markers are
+        if self._mirrors and self._rules.acts("righting"):  # it knows the places of our markers
             step = righted(batch.gait.mode, Step(translation, rotations, markers))
             translation, rotations, markers = step
             self._rules.tell("righting", rows, translation, rotations)
@@ -248,7 +249,7 @@ class Scheduler:
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
-        # who has coasted had another pose
+        # coasted agents had another pose
         flags |= np.where(slots.coasted[rows], ChunkFlag.FIRST, ChunkFlag.NONE)
         chunks = Chunks(
             translation=translation,
@@ -276,19 +277,19 @@ class Scheduler:
             self._faults.agents(rows[is_broken], Stage.ENGINE, what)
 
     def _due(self, frame: float) -> Index:
-        """As `Playback.due`, without those that a fault holds."""
+        """Like `Playback.due`, without agents that a fault holds."""
         rows = self._playback.due(frame)
         return rows[~self._faults.held(rows)] if self._faults.any else rows
 
     def _ready(self, batch: Batch) -> Ready:
-        """With what the engine gets, padding included, and the call."""
+        """The batch with its engine inputs, including padding, and the call."""
         inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
         engine = self._models.numbered(batch.model).engine
         step = (engine.single_threaded if self._single_threaded else engine).step
         return batch, inputs, partial(step, batch.gender, inputs)
 
     def _step_apart(self, batch: Batch, error: Exception) -> None:
-        """The engine has failed for a batch: try again, then find the agents that it fails for."""
+        """Retries a batch for which the engine failed, then finds the agents that cause this."""
         if not len(batch.rows) or not self._faults.contained:
             self._faults.nobody(Stage.ENGINE, error)
             return
@@ -308,7 +309,7 @@ class Scheduler:
             self._apply(batch.take(some), outputs)
 
     def _try_engine(self, batch: Batch) -> None:
-        """Step nobody. What that raises is the engine's fault, and no agent's."""
+        """Steps no agent. An error of this is the engine's fault, and no agent's."""
         inputs = pad(dummy_inputs(1, batch.candidates), self._sizes)
         self._models.numbered(batch.model).engine.step(batch.gender, inputs)
 
@@ -323,7 +324,7 @@ class Scheduler:
             )
 
     def _alike(self, rows: Index, one: int = 0) -> Flags:
-        """Who may be in one batch with one of them."""
+        """Which agents may be in one batch with the agent `one`."""
         slots = self._table.rows
         model, gender = slots.model[rows], slots.gender[rows]
         alike: Flags = (model == model[one]) & (gender == gender[one])
@@ -332,9 +333,9 @@ class Scheduler:
     def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
         """The rows of a batch, and how many of them cannot wait.
 
-        Who is not near waits for others (`PATIENCE`), and fills their batch: a call of few rows
-        takes half as long as a full one, so small calls would leave everybody behind. When nobody
-        else is due, those go, a few at a time: who becomes due meanwhile waits for them.
+        Agents that are not near wait for others (`PATIENCE`), and fill their batch: a call with few
+        rows takes half as long as a full one, so small calls would delay everybody. When no other
+        agent is due, they go, a few at a time, and agents that become due meanwhile wait for them.
         """
         is_due, waited = self._playback.is_due(rows, frame), self._playback.waited(rows, frame)
         patience = np.where(is_due, self._patience[self._table.rows.sight[rows]], 0)
@@ -349,7 +350,7 @@ class Scheduler:
         return rows[order], int(is_due[order].sum())
 
     def _next(self, rows: Index) -> tuple[Seeds, Gait, NextTarget]:
-        """Where the next step of some slots starts, their gait during it, and where it leads."""
+        """The seeds of the next step of some slots, their gait during it, and its targets."""
         planned, faults = self._table.rows.planned, self._faults
         outer, faults.stage = faults.stage, Stage.STEERING
         seed, gait = planned.seed.take(rows), planned.gait.take(rows)
@@ -377,14 +378,14 @@ class Scheduler:
         slots.held[rows] = not candidates
 
     def _bendable(self, rotations: Float, legs: Legs) -> Float:
-        """Rotations of a step within what knees can do; counts the rows that were not."""
+        """Rotations of a step within knees' limits; counts the rows that were not."""
         mended = bendable(rotations, legs)
         if mended is not rotations:
             self.mended_steps += int((mended != rotations).any((1, 2, 3)).sum())
         return mended
 
     def _mend(self, rows: Index, chunks: Chunks, seed: Seeds, mended_rows: Index) -> Chunks:
-        """Let agents get up to a stand where they were; the others are untouched."""
+        """Makes agents get up to a stand in place; the others are unchanged."""
         mended = chunks.take(np.arange(len(rows)))  # a copy: the arrays are the engine's
         stands = Motion.join([self._reset(int(rows[row])) for row in mended_rows])
         frames = got_up(seed.take(mended_rows), stands)

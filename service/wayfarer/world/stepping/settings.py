@@ -12,11 +12,10 @@ from wayfarer.world.stepping.budget import BudgetRules
 from wayfarer.world.stepping.rules import ActingRules
 
 ANY_SIZE = tuple(range(1, 65))
-"""Batch sizes of worlds in which nobody waits for a step: no size has to be warmed, and none is
-padded."""
+"""Batch sizes of worlds in which nobody waits for a step: none is warmed up, none padded."""
 
 PHASES = tuple(p for p in range(1, NEW_FRAMES + 1) if NEW_FRAMES % p == 0)
-"""Allowed numbers of phases: each phase is on a frame."""
+"""Allowed numbers of phases, such that each phase is on a frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +24,7 @@ class AdmissionRules:
 
     most_load: float = 0.75  # share of the time for which engine or motion thread may be busy
     retry_after: float = 5.0  # seconds until a refused caller may try again
-    refuse: bool = True  # False: only limits do
+    refuse: bool = True  # False: only limits refuse
 
     def __post_init__(self) -> None:
         if not 0 < self.most_load <= 1:
@@ -38,20 +37,20 @@ class WorldSettings:
 
     limits: Limits = field(default_factory=Limits)
     steering: Steering = field(default_factory=Steering)
-    budget: BudgetRules | None = None  # what gives way when time is short; None: nothing
+    budget: BudgetRules | None = None  # degradation when time is short; None: none
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 2  # moments of the 0.2 s over which agents' steps are spread
-    replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
+    replan_margin: float = 0.05  # s: a chunk that is due within this is not replanned
     batch_lookahead_s: float = 0.0  # s: agents due this soon may join a batch
-    cores: int = 1  # that the engine shares with loop and transport
+    cores: int = 1  # shared by the engine, the loop and the transport
     batch_multiple: int = 1  # rows: a batch of this many, or a multiple, costs least per row
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
-    single_threaded: bool = False  # engine calls take no thread but the caller's
-    path_queries_per_step: int = 4  # most ways through scenes that one step looks for
+    single_threaded: bool = False  # engine calls use only the caller's thread
+    path_queries_per_step: int = 4  # maximum ways through scenes computed in one step
     rules: ActingRules = field(
         default_factory=ActingRules
-    )  # after the model; the laboratory takes them away
+    )  # after the model; the laboratory switches them off
     new_group: Callable[[], str] = new_group  # of the ids of new sessions and scenes; see ids.py
 
     def __post_init__(self) -> None:

@@ -18,7 +18,7 @@ from wayfarer.world.stepping.playback import Chunks, Playback
 
 
 class Unstepped:
-    """Plans such chunks of a world; counts them by agent."""
+    """Plans such chunks for a world, and counts them."""
 
     def __init__(
         self,
@@ -32,8 +32,8 @@ class Unstepped:
         append: Callable[[Index, Chunks, int], None],
         reset: Callable[[int], Motion],
     ) -> None:
-        """`due(frame)`: slots to be planned that no fault holds. `next_step`, `append` and `reset`:
-        as the scheduler's.
+        """`due(frame)`: slots to be planned that no fault holds. `next_step`, `append` and `reset`
+        are the scheduler's.
         """
         self._table = table
         self._playback = playback
@@ -43,14 +43,14 @@ class Unstepped:
         self._next = next_step
         self._append = append
         self._reset = reset
-        self.held_steps = 0  # rows held in place of a step
-        self.coasted_steps = 0  # rows that coasted in place of a step
+        self.held_steps = 0  # rows held instead of stepped
+        self.coasted_steps = 0  # rows that coasted instead of being stepped
 
     def hold(self, frame: float) -> int:
-        """Plan the next chunk of all agents due by world frame `frame` who have nothing to do.
+        """Plans the next chunk of all idle agents that are due by world frame `frame`.
 
-        They stand as they stood: the last frame again and again. The motion seed stays as it is,
-        so they go on from it as if no time had passed. Returns how many were held.
+        They repeat their last standing frame. The motion seed does not change, so they continue
+        from it as if no time had passed. Returns how many were held.
         """
         rows = self._due(frame)
         rows = rows[self._table.rows.planned.gait.mode[rows] == Mode.STANDING]
@@ -72,7 +72,7 @@ class Unstepped:
         return len(rows)
 
     def coast(self, frame: float) -> int:
-        """Plan the next chunk of all agents due by world frame `frame` whom nobody sees but as a
+        """Plans the next chunk of all agents due by world frame `frame` that are seen at most as a
         root: without the engine, see coasting.py. Returns how many coasted.
         """
         rows = self._due(frame)
@@ -96,7 +96,7 @@ class Unstepped:
         return len(rows)
 
     def stand_aside(self, frame: float) -> None:
-        """Plan the next chunk of all agents due by world frame `frame` that a fault holds: they
+        """Plans the next chunk of all agents due by world frame `frame` that a fault holds: they
         come to a stand and stay there.
         """
         rows = self._playback.due(frame)
@@ -122,7 +122,7 @@ class Unstepped:
         self._plan(rows, translation, rotations, contacts, stand, ChunkFlag.HELD)
 
     def _each(self, stage: Stage, rows: Index, run: Callable[[Index], int]) -> int:
-        """The sum of what `run` gives for slots [A], all of them together or in parts."""
+        """The sum of the results of `run` for slots [A], all together or in parts."""
         if not len(rows):
             return 0
         self._faults.stage = stage
@@ -141,7 +141,7 @@ class Unstepped:
         end: Motion,
         flags: Any,
     ) -> None:
-        """Put frames into playback that the engine has not made."""
+        """Puts frames into playback that the engine has not made."""
         slots = self._table.rows
         flags = flags | np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         chunks = Chunks(

@@ -13,12 +13,12 @@ class Window:
         self._values: deque[tuple[float, float]] = deque()
 
     def add(self, now: float, value: float) -> None:
-        """Note a value."""
+        """Adds a value."""
         self._values.append((now, value))
         self._forget(now)
 
     def values(self, now: float) -> list[float]:
-        """What was noted within the window, oldest first."""
+        """Values added within the window, oldest first."""
         self._forget(now)
         return [value for _, value in self._values]
 
