@@ -44,7 +44,7 @@ class HostPage(SimpleHTTPRequestHandler):
         """Say nothing."""
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def host_url() -> Iterator[str]:
     """Of a page of another origin on this machine, which may embed the viewer."""
     handler = functools.partial(HostPage, directory=str(ROOT))
@@ -55,7 +55,7 @@ def host_url() -> Iterator[str]:
         server.shutdown()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def viewer_url() -> Iterator[str]:
     """Of the server named by VIEWER_URL, or of one that is started here."""
     if "VIEWER_URL" in os.environ:
@@ -65,7 +65,7 @@ def viewer_url() -> Iterator[str]:
         yield service.url
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A tab; each module has its own size and address."""
     executable = find_chromium()
