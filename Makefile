@@ -50,7 +50,7 @@ test: $(VENV)/.dev ## set up and run all tests
 	else echo "skipped: clients/web and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 	@if ! { command -v cmake && command -v clang++ && test -e /usr/include/boost/beast.hpp; } >/dev/null; then \
 	echo "skipped: clients/cpp and clients/unreal need compilers and libraries (.ci/run lists them)" >&2; [ -z "$${CI:-}" ]; fi
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
 

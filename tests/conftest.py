@@ -1,12 +1,19 @@
-"""Settings of all tests: slow ones, ones that are tried twice, logging. Speed is never judged."""
+"""Settings of all tests: slow ones, ones that are tried twice, logging. Speed is never judged.
+
+Tests that share an expensive server, browser or export also share a worker.
+"""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side; torch reads it once
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 import wayfarer  # noqa: F401  switches telemetry of the engines off before they are imported
 from wayfarer.logs import configure_logging
@@ -53,9 +60,70 @@ second depends on the machine. Playwright advises the same (`retries`). A test t
 in two runs has a bug.
 """
 
+ONE_WORKER = {
+    "tests/viewer/": "viewer",  # a browser and its server
+    "tests/clients/test_cpp.py": "clients",  # a server and a cluster
+    "tests/clients/test_examples.py": "clients",
+    "tests/clients/test_files.py": "clients",
+    "tests/clients/test_fit.py": "clients",
+    "tests/clients/test_godot.py": "clients",
+    "tests/clients/test_unity.py": "clients",
+    "tests/clients/test_web.py": "clients",
+    "tests/clients/test_cpp_offline.py": "local",  # an export and a trace
+    "tests/clients/test_web_local.py": "local",
+    "tests/lab/engine_export/test_export.py": "local",
+}
+"""Beginnings of the ids of tests that run in one worker, with its group's name.
+
+They begin first: nothing shorter is left to run beside them at the end.
+"""
+
+
+def group(nodeid: str) -> str | None:
+    """The group of a test; None: its file is its group."""
+    return next((name for start, name in ONE_WORKER.items() if nodeid.startswith(start)), None)
+
+
+class Groups(LoadFileScheduling):
+    """`--dist loadfile`, with the files of a group as one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return group(nodeid) or super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Groups | None:
+    """Where files are dealt out."""
+    return Groups(config, log) if config.getvalue("dist") == "loadfile" else None
+
+
+class Exported(NamedTuple):
+    """The folder that a command has written, and what it printed."""
+
+    folder: Path
+    said: str
+
+
+@pytest.fixture(scope="session")
+def engines_export(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """`wayfarer export --for engines` as its user runs it, where onnx is installed, not torch."""
+    pytest.importorskip("onnx", reason="needs onnx: pip install './lab[engines]'")
+    out = tmp_path_factory.mktemp("engines") / "made"
+    command = (
+        "import sys; sys.modules['torch'] = None; from wayfarer.cli import main; "
+        "sys.argv[0] = 'wayfarer'; main()"
+    )
+    words = ["export", "--for", "engines", "--out", str(out)]
+    done = subprocess.run(
+        [sys.executable, "-c", command, *words], capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    return Exported(out, done.stdout)
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks tests that take more than a second or two of a processor's time."""
+    """Puts groups first, and marks tests that take more than a second or two of processor time."""
+    items.sort(key=lambda item: group(item.nodeid) is None)
     slow = [HERE / name for name in SLOW]
     if gone := [str(path) for path in slow if not path.exists()]:
         raise pytest.UsageError(f"{__file__} names tests that are no more: {', '.join(gone)}")

@@ -12,14 +12,13 @@ import logging
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
 
-from tests.clients.local_traces import PEOPLE, SECONDS, both_ways
+from tests.clients.local_traces import PEOPLE, SECONDS
 from wayfarer.spec import FPS, STEP_SECONDS
 
 LOG = logging.getLogger(__name__)
@@ -46,13 +45,8 @@ pytestmark = pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(missing
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    pytest.importorskip("onnx", reason="needs onnx: pip install './lab[engines]'")
-    out = tmp_path_factory.mktemp("engines")
-    command = "import sys; sys.modules['torch'] = None; from wayfarer.cli import main; main()"
-    words = ["export", "--for", "engines", "--out", out]
-    subprocess.run([sys.executable, "-c", command, *words], check=True, timeout=300)
-    return out
+def exported(engines_export):
+    return engines_export.folder
 
 
 @pytest.fixture(scope="module")
@@ -65,18 +59,13 @@ def programs(tmp_path_factory):
         f"-DONNXRUNTIME_LIBRARY={folder}/libonnxruntime.so.1",
         "-DWAYFARER_TRACE=ON",
     ]
-    flags = "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror"
+    # warnings of the optimizer, too; what it does more costs half of the build
+    flags = "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG -Wall -Wextra -Wpedantic -Werror"
     commands = (["-S", FOLDER, "-B", folder, "-G", "Ninja", flags, *said], ["--build", folder])
     for words in commands:
         done = subprocess.run(["cmake", *map(str, words)], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
     return folder
-
-
-@pytest.fixture(scope="module")
-def drawn():
-    """The chunks of the server."""
-    return both_ways()
 
 
 @pytest.fixture(scope="module")

@@ -63,10 +63,9 @@ def test_the_addon_is_complete():
 
 
 def test_it_parses_and_lints():
-    for tool in ("parser", "linter"):
-        command = [sys.executable, "-m", f"gdtoolkit.{tool}", *map(str, SCRIPTS)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-        assert done.returncode == 0, done.stdout + done.stderr
+    command = [sys.executable, "-m", "gdtoolkit.linter", *map(str, SCRIPTS)]  # it parses first
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @with_godot

@@ -36,24 +36,29 @@ def test_an_agent_walks_to_its_goal_on_characters_of_each_engine(real_server):
     assert walked == ["three", "vrm", "babylon", "glb"]
 
 
-@with_tools
-def test_its_types_are_right_and_it_is_fit_to_publish(tmp_path):
-    """`npm pack` writes the types, as an installation does; two tools check the package."""
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory) -> tuple[str, set[str]]:
+    """The file that `npm pack` makes, which writes the types first, and what is in it."""
     shutil.rmtree(FOLDER / "types", ignore_errors=True)
+    folder = tmp_path_factory.mktemp("packed")
+    (made,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(folder)))
+    return str(folder / made["filename"]), {entry["path"] for entry in made["files"]}
+
+
+@with_tools
+def test_its_types_are_right_and_it_is_fit_to_publish(packed, tmp_path):
+    """The packed file is written without a check of types; two tools check the package."""
     run("node_modules/.bin/tsc", "--project", "tsconfig.json", "--outDir", str(tmp_path / "types"))
-    (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
-    files = {entry["path"] for entry in packed["files"]}
+    file, files = packed
     assert {"README.md", "LICENSE", "src/index.js", "types/index.d.ts"} <= files
     assert not any(path.startswith(("test/", "node_modules/")) for path in files)
-    file = str(tmp_path / packed["filename"])
     assert "All good!" in run("node_modules/.bin/publint", "--strict", file)
     run("node_modules/.bin/attw", "--profile", "esm-only", file)
 
 
 @with_tools
-def test_an_empty_typescript_project_uses_it(tmp_path):
+def test_an_empty_typescript_project_uses_it(packed, tmp_path):
     """Installed from the packed file, checked by tsc in strict mode, and run."""
-    (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
     (tmp_path / "package.json").write_text('{"private": true, "type": "module"}')
     (tmp_path / "use.ts").write_text(
         'import { MotionPlayer, type PlayedAgent, Session } from "wayfarer-client";\n'
@@ -67,7 +72,7 @@ def test_an_empty_typescript_project_uses_it(tmp_path):
         "install",
         "--offline",
         "--no-audit",
-        str(tmp_path / packed["filename"]),
+        packed[0],
         cwd=tmp_path,
     )
     tsc = str(FOLDER / "node_modules" / ".bin" / "tsc")

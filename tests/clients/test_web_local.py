@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.clients.local_traces import PEOPLE, SECONDS, both_ways, traced
+from tests.clients.local_traces import PEOPLE, SECONDS, traced
 from tests.clients.web_scripts import FOLDER, node
 from tests.viewer.characters import MANNEQUIN
 from tests.viewer.chromium import Page, find_chromium, needs_chromium
@@ -62,9 +62,9 @@ def exported(demo):
     return demo / "people"
 
 
-def test_frames_are_the_servers(exported, tmp_path):
+def test_frames_are_the_servers(exported, drawn, tmp_path):
     trace = tmp_path / "trace.json"
-    trace.write_text(json.dumps(both_ways()))
+    trace.write_text(json.dumps(drawn))
     found = json.loads(node("local_trace.js", exported, trace))
     assert len(found["people"]) == 2 * len(PEOPLE)
     for person in found["people"]:

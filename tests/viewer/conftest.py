@@ -44,7 +44,7 @@ class HostPage(SimpleHTTPRequestHandler):
         """Say nothing."""
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def host_url() -> Iterator[str]:
     """URL of a page of another origin on this machine, which may embed the viewer."""
     handler = functools.partial(HostPage, directory=str(ROOT))
@@ -55,7 +55,7 @@ def host_url() -> Iterator[str]:
         server.shutdown()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def viewer_url() -> Iterator[str]:
     """URL of the server named by VIEWER_URL, or of a server that is started."""
     if "VIEWER_URL" in os.environ:
@@ -65,12 +65,39 @@ def viewer_url() -> Iterator[str]:
         yield service.url
 
 
-@pytest.fixture(scope="session")
+REST = """{
+  const { requestAnimationFrame: ask, cancelAnimationFrame: forget } = globalThis;
+  const asked = new Map();
+  let [count, drawn] = [0, 0];
+  globalThis.requestAnimationFrame = (draw) => {
+    const number = ++count;
+    const begin = () => asked.set(number, [forget, ask((now) => {
+      asked.delete(number);
+      draw(now);
+      drawn = performance.now();
+    })]);
+    asked.set(number, [clearTimeout, setTimeout(begin, drawn + 100 - performance.now())]);
+    return number;
+  };
+  globalThis.cancelAnimationFrame = (number) => {
+    const [stop, what] = asked.get(number) ?? [];
+    stop?.(what);
+    asked.delete(number);
+  };
+}"""
+"""A script: a tenth of a second without work between two pictures.
+
+Without a graphics card pictures of a page that waits would take both cores from other tests.
+"""
+
+
+@pytest.fixture(scope="package")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A tab; each module has its own size and address."""
     executable = find_chromium()
     assert executable
     with Page(executable, tmp_path_factory.mktemp("profile"), (1000, 640)) as opened:
+        opened.call("Page.addScriptToEvaluateOnNewDocument", source=REST)
         yield opened
 
 

@@ -1,9 +1,6 @@
 """`wayfarer export --for engines`, seen from a host that knows only the written folder."""
 
 import json
-import os
-import subprocess
-import sys
 from hashlib import sha256
 from pathlib import Path
 
@@ -27,29 +24,14 @@ from wayfarer_lab.engine_export.graph import engine_graph, operators
 from wayfarer_lab.engine_export.operators import check_operators
 from wayfarer_lab.export_command import ExportTarget, export
 
-WITHOUT_TORCH = (
-    "import sys; sys.modules['torch'] = None; from wayfarer.cli import main; "
-    "sys.argv[0] = 'wayfarer'; main()"
-)
 GENDERS = ("female", "male")
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """The command as its user runs it, where onnx is installed and torch is not."""
-    out = tmp_path_factory.mktemp("engines") / "made"
-    command = [sys.executable, "-c", WITHOUT_TORCH, "export", "--for", "engines", "--out", out]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    assert "step_female.onnx: differs from onnxruntime by" in done.stdout
-    assert "torch" not in done.stdout
-    return out
+def written(engines_export):
+    assert "step_female.onnx: differs from onnxruntime by" in engines_export.said
+    assert "torch" not in engines_export.said
+    return engines_export.folder
 
 
 @pytest.fixture(scope="module")

@@ -38,12 +38,6 @@ async def test_behaviours_are_in_the_basis_of_the_session(service, api, body, me
     assert service.commands == [(agent.agent_id, meant)]
 
 
-async def test_wandering_of_its_own_verb_is_the_same(service, api):
-    _, (agent, _) = await session_of_two(api, basis=Basis.UNREAL)
-    await api.goals.wander(agent.agent_id, schema.Wander.model_validate(AREA))
-    assert service.commands == [(agent.agent_id, WANDER)]
-
-
 @pytest.mark.parametrize(
     ("told", "body", "named"),
     [

@@ -135,8 +135,8 @@ def prefer(
     """Finds which of `rows` walk on among others, at which velocities, and metres until they stop.
     Returns their number.
 
-    `crowd`: whether each slot avoids others, its place among the people, and the range [first, last)
-    of its session. `goals`: their positions, and whether they are passed through.
+    `crowd`: whether each slot avoids others, its place among the people, and the range of its
+    session, [first, last). `goals`: their positions, and whether they are passed through.
     """
     count, (avoids, places, first, last), (goal, through) = 0, crowd, goals
     for row in range(len(rows)):
