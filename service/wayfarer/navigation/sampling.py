@@ -41,5 +41,5 @@ def sample(
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rule, or loads it, before agents walk."""
     warm(sample, np.zeros((2, 2), np.float32), np.zeros((1, 2)), np.zeros(1))

@@ -187,5 +187,5 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rule, or loads it, before agents walk."""
     warm(_gather, _arrays(Slots.empty(1)), np.zeros(1, np.int64))
