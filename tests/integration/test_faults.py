@@ -10,7 +10,7 @@ import numpy as np
 import wayfarer_client as wf
 from tests.serving import Service
 
-PEOPLE = 24
+PEOPLE = 64
 SPEED = 2.5
 """m/s that no agent exceeds at a target of 1.2."""
 
