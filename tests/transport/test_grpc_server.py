@@ -16,6 +16,7 @@ from wayfarer.v1 import (
     motion_pb2,
     motion_pb2_grpc,
     session_pb2,
+    snapshot_pb2,
 )
 
 
@@ -98,6 +99,23 @@ async def code_of(call) -> grpc.StatusCode:
     with pytest.raises(grpc.aio.AioRpcError) as caught:
         await call
     return caught.value.code()
+
+
+async def test_grpc_moves_and_replays_sessions(rig):
+    request = session_pb2.CreateSessionRequest(record=True)
+    session_id = (await rig.sessions.CreateSession(request)).session.session_id
+    of = {"session_id": session_id}
+    exported = await rig.snapshots.ExportSession(snapshot_pb2.ExportSessionRequest(**of))
+    log = (await rig.snapshots.ExportLog(snapshot_pb2.ExportLogRequest(**of))).log
+    back = snapshot_pb2.ImportSessionRequest(snapshot=exported.snapshot)
+    assert await code_of(rig.snapshots.ImportSession(back)) == grpc.StatusCode.ALREADY_EXISTS
+    await rig.sessions.DeleteSession(session_pb2.DeleteSessionRequest(**of))
+    assert (await rig.snapshots.ImportSession(back)).session.session_id == session_id
+    replay = rig.snapshots.Replay(snapshot_pb2.ReplayRequest(log=log, format={"fps": 10}))
+    header, *batches = [message async for message in replay]
+    assert header.header.sent_fps == 10 and len(batches) == 2
+    unknown = rig.snapshots.Replay(snapshot_pb2.ReplayRequest(log=log, format={"encoding": 9}))
+    assert await code_of(unknown.read()) == grpc.StatusCode.INVALID_ARGUMENT
 
 
 async def test_control_over_grpc(rig):

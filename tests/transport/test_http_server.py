@@ -251,6 +251,17 @@ async def test_a_clip_that_breaks_off_says_why(rig):
     assert last["problem"]["status"] == 429 and last["problem"]["retry_after_s"] == 2.0
 
 
+async def test_http_lets_time_pass(rig):
+    session = (await rig.http.post("/v1/sessions", json={"lock_step": True})).json()
+    path = f"/v1/sessions/{session['session_id']}"
+    await rig.http.post(path + "/agents", json={"agents": [{}]})
+    first = (await rig.http.post(path + "/step")).json()
+    assert len(first["batches"]) == 1 and first["batches"][0]["added"]
+    more = (await rig.http.post(path + "/step", json={"steps": 3, "format": {"fps": 10}})).json()
+    assert [batch["chunks"]["seqs"] for batch in more["batches"]] == [[1], [2], [3]]
+    assert len(base64.b64decode(more["batches"][0]["chunks"]["contacts"])) == 2
+
+
 async def test_http_moves_and_replays_sessions(rig):
     session = (await rig.http.post("/v1/sessions", json={"record": True})).json()
     path = f"/v1/sessions/{session['session_id']}"
