@@ -28,11 +28,8 @@ LANES: Final = 0.9
 LANE: Final = 0.4
 """Distance of a lane from the middle, as a share of the half width."""
 
-STEERS: Final = 2.0
+STEERS: Final = 1.0
 """Metres farther aside that it heads for, for each metre by which it is off its lane."""
-
-REACTION: Final = 0.35
-"""Seconds until a body follows."""
 
 DRIFT: Final = 0.5
 """Metres that it heads to the other side per radian of turn: a body drifts to where it faces."""
@@ -117,8 +114,7 @@ def lanes(
     keeps = (half < LANES) & comes
     middle = (high[:, -1] + low[:, -1]) / 2
     wanted = middle + LANE * (high - low)[:, -1] / 2
-    soon = place + REACTION * people.velocity[rows]
-    off = wanted - ((soon - points[:, -1]) * right).sum(-1)
+    off = wanted - ((place - points[:, -1]) * right).sum(-1)
     turn = np.where(passes, np.interp(half, TURNS, (TURN, 0.0)), 0.0)
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
