@@ -25,6 +25,7 @@ COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY proto proto
 COPY service service
 # the service has links to these
+COPY viewer viewer
 COPY clients/web/src clients/web/src
 COPY clients/python/wayfarer_client clients/python/wayfarer_client
 RUN /opt/build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /wheels . \

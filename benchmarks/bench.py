@@ -14,7 +14,7 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 from wayfarer_lab.evaluation.report import meta as report_meta
 
 Row = dict[str, Any]

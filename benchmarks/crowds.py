@@ -34,7 +34,7 @@ from benchmarks.bench import Row
 from benchmarks.crowd_cases import CASES, QUICK, Case
 from benchmarks.crowd_cost import rule_cost
 from benchmarks.crowd_figures import RATE, Tracks, figures
-from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.navigation.scene import bake
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec

@@ -9,16 +9,16 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.config.limits import Limits
 from wayfarer.engines.engine import StepInputs, StepOutputs
-from wayfarer.limits import Limits
-from wayfarer.model_bundle import START_POSES
-from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.publications import StreamOptions
-from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import Subscription
+from wayfarer.models.bundle import START_POSES
+from wayfarer.runtime.stats import LoopStats
+from wayfarer.runtime.streams.publications import StreamOptions
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.edge.metrics import Metrics
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tests.fuzz.meshes import FORMATS, fuzz
 
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.navigation.scene_spec import MeshFormat
 from wayfarer.world.scenes.bake_process import bound_memory
 

@@ -43,12 +43,12 @@ from benchmarks.curve import LEAST, Point, curve, ended_by
 from benchmarks.device_crowd import DeviceCrowd
 from benchmarks.flops import products as products_of
 from benchmarks.models import GENDER, step_graph
-from wayfarer.artifacts import ModelFolder
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.torch.engine import Networks, TorchEngine, load_networks
 from wayfarer.engines.torch.precision import Precision, products
-from wayfarer.model_bundle import DEFAULT_MODEL, load_models
+from wayfarer.models.artifacts import ModelFolder
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
 from wayfarer.spec import GENDERS, STEP_SECONDS
 
 PRECISIONS: Final[tuple[Precision, ...]] = get_args(Precision)

@@ -6,8 +6,8 @@ python -m benchmarks.instant [options of `wayfarer serve`]
 import typer
 
 from benchmarks.driven import InstantEngine
+from wayfarer.commands.serve import serve_command
 from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.serve import serve_command
 
 if __name__ == "__main__":
     OnnxEngine.step = InstantEngine.step  # type: ignore[assignment,method-assign]

@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.driven import Driven, InstantEngine
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.stream import MotionStream
+from wayfarer.transport.streams.stream import MotionStream
 from wayfarer.v1 import motion_pb2
 from wayfarer_lab.load.rings import PART_BONES
 

@@ -7,7 +7,7 @@ from typing import Final, cast
 
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import Engine, EngineKind
-from wayfarer.model_bundle import DEFAULT_MODEL, load_models
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES
 
 GENDER: Final = GENDERS[0]

@@ -37,7 +37,7 @@ import torch
 from pydantic import BaseModel
 
 from wayfarer.body.library import load_body
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.parts import DIRECT, TRAINED
 from wayfarer_lab.training.cli import read_config

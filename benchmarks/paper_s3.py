@@ -19,8 +19,8 @@ from benchmarks.bench import Row
 from benchmarks.models import GENDER, add_engine, opened
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
-from wayfarer.model_bundle import DEFAULT_MODEL
-from wayfarer.processor import cores
+from wayfarer.models.bundle import DEFAULT_MODEL
+from wayfarer.process.processor import cores
 from wayfarer.spec import STEP_SECONDS
 
 PAPER_SECONDS = {64: 0.1, 128: 0.15, 256: 0.25, 512: 0.5, 1024: 0.85}

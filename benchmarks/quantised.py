@@ -42,14 +42,14 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.flops import PRODUCTS
 from benchmarks.models import ENGINES, GENDER
-from wayfarer.artifacts import ModelFolder
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.engines.engine import Engine, Float, StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import INPUTS, OnnxEngine
 from wayfarer.engines.openvino_engine import OpenVinoEngine
 from wayfarer.engines.padding import pick
 from wayfarer.engines.warm import WarmEngine
-from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, load_models
+from wayfarer.models.artifacts import ModelFolder
+from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal

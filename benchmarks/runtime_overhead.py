@@ -27,16 +27,16 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer.body.library import SHIPPED
-from wayfarer.limits import Limits
-from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import Subscription
+from wayfarer.config.limits import Limits
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.transport import schema
-from wayfarer.transport.batches import BatchWriter
-from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoder
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
+from wayfarer.transport.streams.batches import BatchWriter
 from wayfarer.world import sending
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping import batch, playback, scheduler

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering

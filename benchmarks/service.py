@@ -27,7 +27,7 @@ from benchmarks.models import add_engine, opened
 from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, add_rings, loaded, ring_rows, ringed, settings
 from wayfarer.engines.engine import Engine
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import find_knee, in_time
 from wayfarer_lab.load.plan import TRANSPORTS, LoadPlan

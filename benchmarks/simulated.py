@@ -27,17 +27,17 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import InstantEngine
 from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.config.limits import Limits
 from wayfarer.engines import openvino_engine
 from wayfarer.engines.onnx_engine import SIZES
 from wayfarer.engines.openvino_engine import OpenVinoEngine
 from wayfarer.engines.row_partitioner import RowPartitioner
-from wayfarer.limits import Limits
-from wayfarer.model_bundle import START_POSES
-from wayfarer.service.pipeline import DEPTH
-from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.thread import MotionThread
+from wayfarer.models.bundle import START_POSES
+from wayfarer.runtime.pipeline import DEPTH
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.thread import MotionThread
 from wayfarer.spec import GENDERS, STEP_SECONDS
-from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.edge.metrics import Metrics
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses

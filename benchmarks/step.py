@@ -32,11 +32,11 @@ from benchmarks import bench, gemm
 from benchmarks.bench import Row
 from benchmarks.flops import products
 from benchmarks.models import ENGINES, GENDER, opened, step_graph
-from wayfarer.artifacts import open_session
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.onnx_engine import INPUTS
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.artifacts import open_session
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.spec import STEP_SECONDS
 
 BATCHES = (8, 32, 64, 128, 256, 512, 1024)

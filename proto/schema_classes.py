@@ -30,10 +30,10 @@ BY_HAND: Final = {
         f"{SCHEMA}.shapes",
     ),
     "AgentState": "wayfarer.world.agents.agent",
-    "Basis": "wayfarer.transport.basis",
+    "Basis": "wayfarer.transport.conversion.basis",
     "EventKind": "wayfarer.world.events",
     "Heartbeat": "",  # gRPC only
-    "Limits": "wayfarer.limits",
+    "Limits": "wayfarer.config.limits",
     "PoseEncoding": "wayfarer.transport.codec",
 }
 """Classes that are written by hand, and their modules."""

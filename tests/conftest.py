@@ -16,7 +16,7 @@ from hypothesis import settings
 from xdist.scheduler import LoadFileScheduling
 
 import wayfarer  # noqa: F401  switches telemetry of the engines off before they are imported
-from wayfarer.logs import configure_logging
+from wayfarer.process.logs import configure_logging
 
 settings.register_profile("steady", deadline=None)  # the machines are shared
 settings.load_profile("steady")
@@ -36,7 +36,7 @@ SLOW = (
     "lab/training/test_pose_graphs.py",
     "lab/training/test_predictor.py",
     "engines/test_openvino_engine.py",  # compiles networks
-    "service/persistence/test_journal.py",  # kills servers
+    "runtime/persistence/test_journal.py",  # kills servers
     "transport/test_reference.py",  # a browser
     "world/behaviours",  # minutes of a crowd's time
     "world/scenes/test_bake_queue.py",  # processes that hang, and are killed
@@ -110,7 +110,7 @@ def engines_export(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     pytest.importorskip("onnx", reason="needs onnx: pip install './lab[engines]'")
     out = tmp_path_factory.mktemp("engines") / "made"
     command = (
-        "import sys; sys.modules['torch'] = None; from wayfarer.cli import main; "
+        "import sys; sys.modules['torch'] = None; from wayfarer.commands.cli import main; "
         "sys.argv[0] = 'wayfarer'; main()"
     )
     words = ["export", "--for", "engines", "--out", str(out)]

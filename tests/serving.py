@@ -48,7 +48,7 @@ class Service:
 
         Raises RuntimeError with what it said.
         """
-        command = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
+        command = [sys.executable, "-m", "wayfarer", "serve", "--log-format", "json"]
         self.process = subprocess.Popen(
             [*before, *command, *FREE_PORTS, *options],
             env={**environment, **LIGHT},

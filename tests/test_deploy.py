@@ -13,11 +13,12 @@ import pytest
 import typer
 import yaml
 
-from wayfarer import cluster_command, config_sources
-from wayfarer.service.stats import LoopStats
-from wayfarer.transport.metrics import Metrics
+from wayfarer.commands import cluster as cluster_command
+from wayfarer.config import sources
+from wayfarer.runtime.stats import LoopStats
+from wayfarer.transport.edge.metrics import Metrics
+from wayfarer.transport.edge.tls import peer_tls
 from wayfarer.transport.server_options import ServerOptions
-from wayfarer.transport.tls import peer_tls
 
 ROOT = Path(__file__).parent.parent
 DEPLOY = ROOT / "deploy"
@@ -116,7 +117,7 @@ def test_compose_sets_what_the_service_knows(monkeypatch):
     monkeypatch.setenv("WAYFARER_HOST", "0.0.0.0")  # as the image does
     for name, value in compose()["services"]["wayfarer"]["environment"].items():
         monkeypatch.setenv(name, value)
-    settings = config_sources.load({})
+    settings = sources.load({})
     assert settings.insecure_no_auth
     origins = ServerOptions.from_settings(settings).origins
     assert origins.is_name(scraped()) and not origins.is_name("evil.example")
@@ -170,7 +171,7 @@ def test_three_nodes_in_compose_run_commands_that_there_are(monkeypatch):
         assert not others
         for name, value in environment.items():
             monkeypatch.setenv(name, value)
-        assert config_sources.load({}).insecure_no_auth
+        assert sources.load({}).insecure_no_auth
     # nodes call Ray at the service that is its head
     head = run[2][run[2].index("--address") + 1]
     assert head.split(":") == ["entry", run[0][run[0].index("--port") + 1]]
@@ -195,7 +196,7 @@ def test_pods_run_commands_that_there_are():
     for container in (head, *nodes):  # Ray's own command comes from the operator
         assert "$KUBERAY_GEN_RAY_START_CMD" in container["args"][0]
     ports = {port["name"]: port["containerPort"] for port in head["ports"]}
-    settings = config_sources.load({})
+    settings = sources.load({})
     assert ports == {"http": settings.http_port, "grpc": settings.grpc_port}
     assert head["readinessProbe"]["httpGet"] == {"path": "/v1/health/ready", "port": "http"}
 
@@ -235,7 +236,7 @@ def test_a_pod_makes_a_certificate_that_nodes_and_ray_take(tmp_path, monkeypatch
             if "value" in one:
                 here = one["value"].replace("/etc/wayfarer-tls", str(tls))
                 monkeypatch.setenv(one["name"], here)
-        found = peer_tls(config_sources.load({}).peer_tls)
+        found = peer_tls(sources.load({}).peer_tls)
         assert found is not None and found.cert == tls / "node.pem"
         for ray, own in (
             ("SERVER_CERT", found.cert),

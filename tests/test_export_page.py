@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from wayfarer.cli import app
+from wayfarer.commands.cli import app
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = (DOCS / "export.md").read_text("utf-8")

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from wayfarer import __version__, config_sources
+from wayfarer import __version__
+from wayfarer.config import sources
 
 ROOT = Path(__file__).parent.parent
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
@@ -44,7 +45,7 @@ def test_the_image_sets_what_the_service_knows(monkeypatch: pytest.MonkeyPatch) 
     variables = re.findall(r"(WAYFARER_\w+)=(\S+)", DOCKERFILE)
     for name, value in variables:
         monkeypatch.setenv(name, value)
-    assert variables and config_sources.load({"insecure_no_auth": True}).host == "0.0.0.0"
+    assert variables and sources.load({"insecure_no_auth": True}).host == "0.0.0.0"
 
 
 def test_compose_publishes_on_this_machine_only() -> None:

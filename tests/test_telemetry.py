@@ -149,7 +149,7 @@ def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, t
 @pytest.mark.slow
 def test_generate_writes_its_file_and_nothing_else(environment, tmp_path):
     walk = tmp_path / "walk.glb"
-    command = ("-m", "wayfarer.cli", "generate", str(walk), "--goal", "0,1", "--seconds", "2")
+    command = ("-m", "wayfarer", "generate", str(walk), "--goal", "0,1", "--seconds", "2")
     found = run(environment, tmp_path, *command)
     assert found == Asked([], {str(walk)})
 

@@ -13,14 +13,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from wayfarer.artifacts import ASSETS
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.models.artifacts import ASSETS
 from wayfarer.navigation.examples import EXAMPLES
 from wayfarer.spec import BETAS
-from wayfarer.transport import scene_convert
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion import scene_convert
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world.scenes.outlines import outlines
 from wayfarer_lab.engine_export.export import export_for_engines
 from wayfarer_lab.engine_export.scene import write_scene

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from wayfarer.artifacts import ASSETS
 from wayfarer.errors import InvalidArgument
+from wayfarer.models.artifacts import ASSETS
 
 SHIPPED = ASSETS / "models" / "gamma-anny52"
 OUT = {"engines": Path("wayfarer_engines"), "web": Path("wayfarer_web")}

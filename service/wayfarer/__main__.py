@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Run it. Ctrl-C ends it without a traceback while it is still loading, too."""
     try:
-        from wayfarer.cli import main as run
+        from wayfarer.commands.cli import main as run
 
         run()
     except KeyboardInterrupt:

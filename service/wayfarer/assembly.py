@@ -10,24 +10,24 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
-from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import SMPLX_FOLDER, body_file
 from wayfarer.cluster.plans import threads_of
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.models import LoadedModels
-from wayfarer.logs import configure_logging
-from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
+from wayfarer.models.artifacts import ModelFolder, sha256_of
+from wayfarer.models.bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
 from wayfarer.ownership import Ownership, SingleNode
-from wayfarer.processor import cores
-from wayfarer.service.faults import FaultLog
-from wayfarer.service.metrics_sink import MetricsSink
-from wayfarer.service.motion_service import MotionService
-from wayfarer.service.persistence.container import BETWEEN_SERVERS
-from wayfarer.service.persistence.journal import Journal
-from wayfarer.service.persistence.snapshot import BodyStamp
-from wayfarer.service.worlds import Worlds
+from wayfarer.process.logs import configure_logging
+from wayfarer.process.processor import cores
+from wayfarer.runtime.faults import FaultLog
+from wayfarer.runtime.metrics_sink import MetricsSink
+from wayfarer.runtime.motion_service import MotionService
+from wayfarer.runtime.persistence.container import BETWEEN_SERVERS
+from wayfarer.runtime.persistence.journal import Journal
+from wayfarer.runtime.persistence.snapshot import BodyStamp
+from wayfarer.runtime.worlds import Worlds
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering

@@ -28,7 +28,7 @@ from wayfarer.clips.clip import Clip
 from wayfarer.clips.files import FileOptions
 from wayfarer.clips.on_character import body_of, on_character
 from wayfarer.errors import WayfarerError
-from wayfarer.model_bundle import open_bundle
+from wayfarer.models.bundle import open_bundle
 from wayfarer.spec import BETAS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
+from wayfarer.models.bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal

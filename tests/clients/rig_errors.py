@@ -56,7 +56,7 @@ class Walk:
         """A clip of `wayfarer generate`."""
         from wayfarer.body.library import load_body
         from wayfarer.clips.npz import read_npz
-        from wayfarer.transport.basis import Basis
+        from wayfarer.transport.conversion.basis import Basis
 
         clip, axes = read_npz(path), Basis.GLTF.axes
         body = load_body(clip.body, clip.gender)

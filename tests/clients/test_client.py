@@ -10,7 +10,7 @@ import pytest
 
 import wayfarer_client as wf
 from tests.transport.fakes import FakeService, gateway
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.transport import errors as server_errors
 from wayfarer.transport.server import Server
 from wayfarer.world.agents.goal import Goal
@@ -174,7 +174,7 @@ async def test_stream_ends_with_its_session(client):
 
 async def test_a_slow_stream_is_not_cut(client, monkeypatch):
     """Heartbeats are signs of life, though nothing moves."""
-    monkeypatch.setattr("wayfarer.transport.stream.HEARTBEAT_S", 0.05)
+    monkeypatch.setattr("wayfarer.transport.streams.stream.HEARTBEAT_S", 0.05)
     monkeypatch.setattr("wayfarer_client.stream.SILENCE_S", 0.5)
     session = await client.create_session()
     reading = asyncio.create_task(anext(session.stream(deadline=0.1)))

@@ -15,7 +15,7 @@ import pytest
 from tests.clients.web_scripts import node
 from wayfarer.body.landmarks import marker_names
 from wayfarer.body.rotation import quaternion_from_rotvec
-from wayfarer.model_bundle import START_POSES, load_bodies
+from wayfarer.models.bundle import START_POSES, load_bodies
 from wayfarer.spec import MARKERS, NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import GoalColumns

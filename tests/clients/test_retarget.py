@@ -235,7 +235,7 @@ def test_rotations():
 
 
 def test_bases_are_those_of_the_server():
-    from wayfarer.transport.basis import Basis
+    from wayfarer.transport.conversion.basis import Basis
 
     for basis in Basis:
         axes, own = basis.axes, BASES[basis.value]

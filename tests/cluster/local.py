@@ -15,9 +15,9 @@ import pytest
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import NodePlan
-from wayfarer.config import Settings
+from wayfarer.commands.serve import NODE
+from wayfarer.config.settings import Settings
 from wayfarer.errors import Unavailable
-from wayfarer.serve import NODE
 
 LEASE_S = 3.0
 STORE = "redis-server"

@@ -12,7 +12,7 @@ START = """
 import asyncio, sys, time
 from wayfarer.cluster import actors
 from wayfarer.cluster.messages import NodePlan
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.errors import Unavailable
 
 actors.PAUSE_S, actors.HANGS_S, actors.BEAT_S = 0.0, 0.5, 0.1

@@ -67,7 +67,7 @@ class Services:
         found = cluster_compose()["services"]["entry"]
         address = f"127.0.0.1:{self._port}"
         return subprocess.run(
-            [sys.executable, "-m", "wayfarer.cli", "cluster", "entry", "--address", address],
+            [sys.executable, "-m", "wayfarer", "cluster", "entry", "--address", address],
             env=self.environment(found) | more, text=True, capture_output=True, timeout=90,
         )  # fmt: skip
 

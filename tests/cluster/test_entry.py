@@ -18,7 +18,7 @@ from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.messages import LeaseRenewal
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.ids import session_id
 from wayfarer.transport import schema
 from wayfarer.transport.server_options import ServerOptions

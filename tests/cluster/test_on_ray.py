@@ -39,7 +39,7 @@ class Command:
         self.said = []
         free = ("--http-port", "0", "--grpc-port", "0", "--log-format", "json")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "wayfarer.cli", "serve", *free, *options],
+            [sys.executable, "-m", "wayfarer", "serve", *free, *options],
             env={**os.environ, **LIGHT, **ONE_THREAD, **more},
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,

@@ -7,11 +7,11 @@ import os
 import pytest
 
 from tests.certificates import Authority
-from wayfarer import cluster_command
 from wayfarer.cluster.ray_environment import encrypt_ray
-from wayfarer.config import PeerTls, Settings
+from wayfarer.commands import cluster as cluster_command
+from wayfarer.config.settings import PeerTls, Settings
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport.tls import peer_tls
+from wayfarer.transport.edge.tls import peer_tls
 
 
 def issued(folder, name="node"):

@@ -1,8 +1,8 @@
 import pytest
 
-from wayfarer import config_sources
 from wayfarer.cluster.plans import check_state, node_plans, shares_of
-from wayfarer.config import Settings
+from wayfarer.config import sources
+from wayfarer.config.settings import Settings
 from wayfarer.errors import InvalidArgument
 
 
@@ -64,5 +64,5 @@ def test_one_process_and_several_do_not_share_a_state_folder(tmp_path):
 )
 def test_ports_that_leave_no_room_for_the_workers_are_refused(ports, says):
     with pytest.raises(InvalidArgument, match=says):
-        config_sources.load({"workers": 2, **ports})
-    assert config_sources.load({**ports}).workers == 1
+        sources.load({"workers": 2, **ports})
+    assert sources.load({**ports}).workers == 1

@@ -10,8 +10,8 @@ from wayfarer.cluster import replicas, replication
 from wayfarer.cluster.replicas import Replicas
 from wayfarer.cluster.replication import Replication
 from wayfarer.errors import Unavailable
-from wayfarer.service.persistence.log_copy import Replica
-from wayfarer.service.persistence.record import UNCOPIED, LogMark
+from wayfarer.runtime.persistence.log_copy import Replica
+from wayfarer.runtime.persistence.record import UNCOPIED, LogMark
 
 SESSION = "session-00ff34"
 

@@ -1,8 +1,8 @@
 import pytest
 
 from wayfarer.cluster.routes import METHODS, grpc_subject, http_is_for_all, http_subject
-from wayfarer.service.persistence.container import ContainerKind as Container
-from wayfarer.service.persistence.container import seal
+from wayfarer.runtime.persistence.container import ContainerKind as Container
+from wayfarer.runtime.persistence.container import seal
 from wayfarer.transport.contract import CALLS
 from wayfarer.v1 import (
     control_pb2,

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayfarer import artifacts
-from wayfarer.artifacts import GRAPHS, METADATA_KEY, WEIGHTS, BodyIdentity
+from wayfarer.models import artifacts
+from wayfarer.models.artifacts import GRAPHS, METADATA_KEY, WEIGHTS, BodyIdentity
 from wayfarer.spec import (
     BETAS,
     LATENT,

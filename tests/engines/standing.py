@@ -4,7 +4,7 @@ import numpy as np
 
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.engines.engine import StepInputs, no_obstacles
-from wayfarer.model_bundle import START_POSES
+from wayfarer.models.bundle import START_POSES
 from wayfarer.spec import BETAS, GENDERS, LATENT, MANNER
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.agent import AgentSpec

@@ -7,7 +7,7 @@ from wayfarer.engines.choice import open_engine
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.openvino_engine import OpenVinoEngine
 from wayfarer.errors import InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL, load_models
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
 
 needs_openvino = pytest.mark.skipif(find_spec("openvino") is None, reason="needs OpenVINO")
 

@@ -4,11 +4,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from tests.engines.graphs import IDENTITIES, write_folder
-from wayfarer.artifacts import ModelFolder, load_model_folder
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.errors import ArtifactError, InvalidArgument, NotFound
+from wayfarer.models.artifacts import ModelFolder, load_model_folder
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ from tests.engines.graphs import (
     write_folder,
 )
 from tests.world.fakes import BODIES, people, start_poses
-from wayfarer import artifacts
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.errors import ArtifactError
+from wayfarer.models import artifacts
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering

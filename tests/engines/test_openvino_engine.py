@@ -19,7 +19,7 @@ from wayfarer.engines.openvino_engine import (
 )
 from wayfarer.engines.openvino_network import ON_ROWS
 from wayfarer.engines.padding import part
-from wayfarer.model_bundle import DEFAULT_MODEL, load_models
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
 from wayfarer.terms import TERMS
 
 pytest.importorskip("openvino")

@@ -10,7 +10,7 @@ import pytest
 from tests.world.fakes import FakeEngine
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.row_partitioner import LEAST, NICENESS, RowPartitioner, give_way
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 
 MOST = 64
 

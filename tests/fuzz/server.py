@@ -14,7 +14,7 @@ import psutil
 
 from wayfarer_lab.load.target import Target
 
-COMMAND = (sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json")
+COMMAND = (sys.executable, "-m", "wayfarer", "serve", "--log-format", "json")
 ANY_PORTS = ("--http-port", "0", "--grpc-port", "0")
 START_SECONDS = 240.0
 WRONG = ("error", "critical")

@@ -13,7 +13,7 @@ import numpy as np
 
 from wayfarer.body.library import load_body
 from wayfarer.body.skeleton import load_skeleton
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer_client.bases import BASES
 from wayfarer_client.quaternions import IDENTITY, arc, inverse, multiply, rotate
 from wayfarer_client.rig import BONES, PARENTS, Node, Rig

@@ -13,7 +13,7 @@ import numpy as np
 
 from tests.golden.rigs import BONES, Case, cases, refused, shoes_of
 from tests.golden.vectors import congruential, draw
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer_client.bases import BASES
 from wayfarer_client.bone_map import map_bones
 from wayfarer_client.errors import InvalidArgument

@@ -7,8 +7,8 @@ import pytest
 
 from tests.golden import gait, homes, messages, rules, tiers, vectors, words
 from tests.golden.vectors import FILE, FIRST_FRAME, FOLDER, Vector
-from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer_client.poses import PoseLayout
 from wayfarer_client.v1 import catalog_pb2, motion_pb2
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from tests.golden.vectors import congruential, draw
 from wayfarer.body.skeleton import load_skeleton
-from wayfarer.service.streams.root_tracks import RootTracks
-from wayfarer.transport.basis import Basis
+from wayfarer.runtime.streams.root_tracks import RootTracks
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, TierEncoder
 from wayfarer.transport.codec.root import ROOT_FRAME
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import common_pb2, motion_pb2
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
 from wayfarer_client.poses import layouts_of

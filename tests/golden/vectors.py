@@ -11,8 +11,8 @@ import numpy as np
 
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.transport import codec
-from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
 
 FOLDER = Path(__file__).parent

@@ -1,10 +1,10 @@
 import pytest
 
-from tests.service.kept_worlds import fake_worlds
-from wayfarer.limits import Limits
-from wayfarer.service.live import steady_clock
-from wayfarer.service.motion_service import MotionService
-from wayfarer.transport.bodies import BodyLibrary
+from tests.runtime.kept_worlds import fake_worlds
+from wayfarer.config.limits import Limits
+from wayfarer.runtime.live import steady_clock
+from wayfarer.runtime.motion_service import MotionService
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
 

@@ -8,12 +8,12 @@ import sys
 
 import pytest
 
-from tests.service.kept_worlds import fake_worlds
-from wayfarer.config import Settings
+from tests.runtime.kept_worlds import fake_worlds
+from wayfarer.commands.serve import SIGNALS, serve
+from wayfarer.config.settings import Settings
 from wayfarer.errors import Unavailable
-from wayfarer.serve import SIGNALS, serve
-from wayfarer.service.motion_service import MotionService
-from wayfarer.service.thread import MotionThread
+from wayfarer.runtime.motion_service import MotionService
+from wayfarer.runtime.thread import MotionThread
 
 
 async def test_a_loop_that_has_ended_ends_the_process(monkeypatch):
@@ -26,8 +26,8 @@ async def test_a_loop_that_has_ended_ends_the_process(monkeypatch):
         raise RuntimeError("a turn that fails for everybody")
 
     for name in ("settle", "share_heaps"):
-        monkeypatch.setattr(f"wayfarer.serve.{name}", lambda: None)
-    monkeypatch.setattr("wayfarer.serve.runtime", runtime)
+        monkeypatch.setattr(f"wayfarer.commands.serve.{name}", lambda: None)
+    monkeypatch.setattr("wayfarer.commands.serve.runtime", runtime)
     interval, loop = sys.getswitchinterval(), asyncio.get_running_loop()
     try:
         running = asyncio.create_task(serve(Settings(http_port=0, grpc_port=0)))

@@ -240,7 +240,7 @@ def test_a_guard_that_cannot_stand_stops_the_start_in_one_line():
 def test_check_config(tmp_path):
     file = tmp_path / "wayfarer.toml"
     file.write_text("threads = 1")
-    command = [sys.executable, "-m", "wayfarer.cli", "serve", "--check-config"]
+    command = [sys.executable, "-m", "wayfarer", "serve", "--check-config"]
     done = subprocess.run(
         [*command, "--config", str(file), "--http-port", "0"],
         capture_output=True,

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.serving import needs_ray
-from wayfarer.cli import app
+from wayfarer.commands.cli import app
 
 
 def measured(tmp_path, monkeypatch, workers="1", **options):

@@ -15,7 +15,7 @@ import pytest
 
 import wayfarer_client as wf
 
-COMMAND = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
+COMMAND = [sys.executable, "-m", "wayfarer", "serve", "--log-format", "json"]
 ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
 YARD = {
     "floors": [{"outline": [{"x": x, "y": 0, "z": z} for x, z in ((0, 0), (0, 9), (9, 9), (9, 0))]}]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.service.kept_worlds import shipped_bundle
-from wayfarer.model_bundle import START_POSES
+from tests.runtime.kept_worlds import shipped_bundle
+from wayfarer.models.bundle import START_POSES
 from wayfarer.navigation.examples import slope_with_steps
 from wayfarer.navigation.scene import bake
 from wayfarer.spec import FPS

@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 

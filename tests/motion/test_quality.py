@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion import quality
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.quality import Candidate, Sites

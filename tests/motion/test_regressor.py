@@ -1,7 +1,7 @@
 import torch
 
 from wayfarer.body.library import load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor, _squash
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 

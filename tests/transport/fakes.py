@@ -11,6 +11,7 @@ import numpy as np
 from tests.transport.fake_scenes import FakeScenes
 from tests.transport.samples import MODEL, NOW, agent_info, chunk
 from tests.world.fakes import ManualClock
+from wayfarer.config.limits import Limits
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import (
     Aborted,
@@ -22,11 +23,10 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.limits import Limits
-from wayfarer.service.metrics_sink import MetricsSink
-from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.publications import Publication, StreamOptions
-from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.runtime.metrics_sink import MetricsSink
+from wayfarer.runtime.stats import LoopStats
+from wayfarer.runtime.streams.publications import Publication, StreamOptions
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.world.agents.agent import (
     NO_CHUNKS,

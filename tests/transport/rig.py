@@ -8,7 +8,7 @@ import websockets
 from grpc_health.v1 import health_pb2_grpc
 
 from tests.transport.fakes import FakeService, gateway
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.transport.server import Server
 from wayfarer.v1 import (
     admin_pb2_grpc,

@@ -9,9 +9,10 @@ from hypothesis.extra import numpy as arrays
 from tests.transport.samples import chunk
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport import codec, convert, schema, wire
-from wayfarer.transport.basis import Basis
+from wayfarer.transport import codec, schema
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
+from wayfarer.transport.conversion import convert, wire
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.agents.agent import NO_CHUNKS, ChunkFlag, MotionChunks
 

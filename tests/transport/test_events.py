@@ -61,7 +61,7 @@ async def test_events_come_with_ids_that_resume(rig):
 
 
 async def test_a_quiet_session_gives_signs_of_life(rig, monkeypatch):
-    monkeypatch.setattr("wayfarer.transport.stream.HEARTBEAT_S", 0.01)
+    monkeypatch.setattr("wayfarer.transport.streams.stream.HEARTBEAT_S", 0.01)
     session_id, _ = await rig.session()
     async with reading(rig, session_id) as blocks:
         assert [await anext(blocks) for _ in range(3)] == [[":"]] * 3

@@ -9,7 +9,7 @@ from grpc_status import rpc_status
 
 from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.transport import codec
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import (
     agent_pb2,
     control_pb2,

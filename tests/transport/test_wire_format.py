@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
+from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
 from wayfarer.transport.codec.root import ROOT_FRAME
-from wayfarer.transport.websocket import PARAMETERS
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.streams.websocket import PARAMETERS
 from wayfarer.v1 import motion_pb2
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire-format.md").read_text()

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { Arrivals } from "../../service/wayfarer/transport/viewer/arrivals.js";
+import { Arrivals } from "../../viewer/arrivals.js";
 
 function shown() {
   const lines = [];

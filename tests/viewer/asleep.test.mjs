@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { PoseTrack } from "../../service/wayfarer/transport/viewer/client/index.js";
-import { watchSleep } from "../../service/wayfarer/transport/viewer/asleep.js";
-import { History } from "../../service/wayfarer/transport/viewer/history.js";
+import { PoseTrack } from "../../viewer/client/index.js";
+import { watchSleep } from "../../viewer/asleep.js";
+import { History } from "../../viewer/history.js";
 
 test("a page that was frozen wakes, and one whose machine slept, but not one that was only late", () => {
   const page = new EventTarget();

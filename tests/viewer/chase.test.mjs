@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Chase, turnTo } from "../../service/wayfarer/transport/viewer/chase.js";
+import { Chase, turnTo } from "../../viewer/chase.js";
 
 const WALKER = { x: 3, y: 1, z: -2, heading: 0 };
 

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
   arranged, crowdText, dragHeading, escort, eventText, formation, freePlace, othersThan, pick, randomAgents, recipients,
-} from "../../service/wayfarer/transport/viewer/choices.js";
+} from "../../viewer/choices.js";
 
 const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
 

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { crownHides, crownOf, dressingOf } from "../../service/wayfarer/transport/viewer/dressing.js";
+import { crownHides, crownOf, dressingOf } from "../../viewer/dressing.js";
 
 const ring = (corners, radius, y) => Array.from({ length: corners }, (_, k) => (
   { x: 5 + radius * Math.cos((2 * Math.PI * k) / corners), y, z: -3 + radius * Math.sin((2 * Math.PI * k) / corners) }

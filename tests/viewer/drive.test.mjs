@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 const listeners = {};
 globalThis.addEventListener = (kind, take) => (listeners[kind] = take);
-const { Drive } = await import("../../service/wayfarer/transport/viewer/drive.js");
+const { Drive } = await import("../../viewer/drive.js");
 
 /** Somebody at 10, 20, driven with a camera that looks along +X. */
 function driven() {

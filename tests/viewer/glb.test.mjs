@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { isLevel } from "../../service/wayfarer/transport/viewer/glb.js";
+import { isLevel } from "../../viewer/glb.js";
 
 const PERSON = [{ mesh: 0, skin: 0 }, { children: [2] }, { children: [3] }, {}];
 const SKINS = [{ joints: [1, 2] }];

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { blockMeets, contains, Ground, planePoint } from "../../service/wayfarer/transport/viewer/ground.js";
+import { blockMeets, contains, Ground, planePoint } from "../../viewer/ground.js";
 
 const at = (x, y, z) => ({ x, y, z });
 const DOWN = { x: 0, y: -1, z: 0 };

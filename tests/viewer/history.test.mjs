@@ -1,12 +1,12 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { vrmAnimation, withMotion } from "../../service/wayfarer/transport/viewer/animated_glb.js";
-import { BONES, PARENTS, PoseTrack, multiply, rotate } from "../../service/wayfarer/transport/viewer/client/index.js";
-import { History } from "../../service/wayfarer/transport/viewer/history.js";
-import { decodePast, pastOf } from "../../service/wayfarer/transport/viewer/past.js";
-import { decodeScript, encodeScript, scriptOf } from "../../service/wayfarer/transport/viewer/script.js";
-import { Timeline } from "../../service/wayfarer/transport/viewer/timeline.js";
+import { vrmAnimation, withMotion } from "../../viewer/animated_glb.js";
+import { BONES, PARENTS, PoseTrack, multiply, rotate } from "../../viewer/client/index.js";
+import { History } from "../../viewer/history.js";
+import { decodePast, pastOf } from "../../viewer/past.js";
+import { decodeScript, encodeScript, scriptOf } from "../../viewer/script.js";
+import { Timeline } from "../../viewer/timeline.js";
 
 const WIDTH = 7; // hips and one bone
 

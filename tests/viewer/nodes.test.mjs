@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { Homes } from "../../clients/web/src/core/homes.js";
-import { nodesOf, watchNodes, watchPolicy } from "../../service/wayfarer/transport/viewer/nodes.js";
+import { nodesOf, watchNodes, watchPolicy } from "../../viewer/nodes.js";
 
 const ABOUT = "session-00ff1234";
 

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Latest } from "../../service/wayfarer/transport/viewer/latest.js";
+import { Latest } from "../../viewer/latest.js";
 import {
   choicesOf, crateOn, meshFormat, outlinesOf, prismOf, SceneBook,
-} from "../../service/wayfarer/transport/viewer/scenes.js";
+} from "../../viewer/scenes.js";
 
 const OUTLINES = {
   vertices: [0, 0, 0, 4, 0, 0, 4, 0.5, 4], triangles: [0, 1, 2], version: 3,

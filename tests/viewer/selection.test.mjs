@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Selection } from "../../service/wayfarer/transport/viewer/selection.js";
+import { Selection } from "../../viewer/selection.js";
 
 test("several are selected, kept as a group, and selected again", () => {
   const [a, b, c] = [{}, {}, {}];

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { blockMesh, extentOf, outlineOf } from "../../service/wayfarer/transport/viewer/shapes.js";
+import { blockMesh, extentOf, outlineOf } from "../../viewer/shapes.js";
 
 const at = (x, y, z) => ({ x, y, z });
 const fan = (ring) => ring.slice(2).map((_, k) => [0, k + 1, k + 2]);

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { RINGS, viewpoints } from "../../service/wayfarer/transport/viewer/sight.js";
+import { RINGS, viewpoints } from "../../viewer/sight.js";
 
 test("the camera sees, and all of who is selected comes wherever he is", () => {
   const camera = { x: 1.04, y: 2.5, z: -3.96 };

@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 
 pytestmark = needs_chromium
 

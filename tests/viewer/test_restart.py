@@ -28,7 +28,7 @@ def free_port() -> str:
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    command = [sys.executable, "-m", "wayfarer.cli", "keys", "new", "tester"]
+    command = [sys.executable, "-m", "wayfarer", "keys", "new", "tester"]
     made = subprocess.run(command, capture_output=True, text=True, check=True)
     file = tmp_path_factory.mktemp("keys") / "keys.toml"
     file.write_text(made.stdout)

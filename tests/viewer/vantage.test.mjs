@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { blockMeets } from "../../service/wayfarer/transport/viewer/ground.js";
-import { vantageOf } from "../../service/wayfarer/transport/viewer/vantage.js";
+import { blockMeets } from "../../viewer/ground.js";
+import { vantageOf } from "../../viewer/vantage.js";
 
 const box = (x0, z0, x1, z1, y) => ({ top: [[x0, z0], [x1, z0], [x1, z1], [x0, z1]].map(([x, z]) => ({ x, y, z })), bottom: 0 });
 

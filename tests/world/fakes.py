@@ -5,8 +5,8 @@ import numpy as np
 from wayfarer.body.landmarks import marker_names
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import StepInputs, StepOutputs
-from wayfarer.service.persistence.capture import capture_session
-from wayfarer.service.persistence.snapshot import join_agent
+from wayfarer.runtime.persistence.capture import capture_session
+from wayfarer.runtime.persistence.snapshot import join_agent
 from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec

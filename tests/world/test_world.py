@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import GOAL, FakeEngine, make_world, people, populated
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec, Sight
 from wayfarer.world.agents.goal import Goal

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import make_world, people, populated
+from wayfarer.config.limits import Limits
 from wayfarer.errors import Aborted, InvalidArgument, NotFound
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentChange, AgentState, ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander

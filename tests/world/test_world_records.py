@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import make_world, people, populated, taken, taken_agent
+from wayfarer.config.limits import Limits
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
@@ -183,7 +183,7 @@ def spoil(record, path, value):
     ],
 )
 def test_records_that_cannot_be_are_refused_and_change_nothing(damage, words):
-    """`service/persistence/test_snapshot.py` has more, as bytes that a client invents."""
+    """`runtime/persistence/test_snapshot.py` has more, as bytes that a client invents."""
     world, _ = populated(2)
     list(world.advance(1.0))
     there = make_world()

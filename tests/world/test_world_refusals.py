@@ -5,8 +5,8 @@ import math
 import pytest
 
 from tests.world.fakes import GOAL, make_world, people, populated
+from wayfarer.config.limits import Limits
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Path, Stop

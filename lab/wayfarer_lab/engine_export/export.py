@@ -14,11 +14,11 @@ import onnx
 import onnxruntime
 from numpy.typing import NDArray
 
-from wayfarer.artifacts import ModelFolder, open_session, sha256_of
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.model_bundle import START_POSES, Bodies, load_bodies, load_models
+from wayfarer.models.artifacts import ModelFolder, open_session, sha256_of
+from wayfarer.models.bundle import START_POSES, Bodies, load_bodies, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal, goal_columns

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import Engine
-from wayfarer.model_bundle import Bodies
+from wayfarer.models.bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal

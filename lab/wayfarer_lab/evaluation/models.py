@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from wayfarer.body.model import BodyModel
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.predictor import MarkerPredictor

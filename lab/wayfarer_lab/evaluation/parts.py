@@ -16,17 +16,17 @@ import onnxruntime
 import torch
 from torch import Tensor, nn
 
-from wayfarer.artifacts import GRAPHS, open_session
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.marker_bodies import load_marker_bodies
-from wayfarer.model_bundle import load_models
+from wayfarer.models.artifacts import GRAPHS, open_session
+from wayfarer.models.bundle import load_models
 from wayfarer.motion.policy import Condition, Gaussian, Policy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.evaluation.fitted import FittedStep
 from wayfarer_lab.training.pose_networks import PosePrior

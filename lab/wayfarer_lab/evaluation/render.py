@@ -12,7 +12,7 @@ from PIL import Image
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL, open_world
+from wayfarer.models.bundle import DEFAULT_MODEL, open_world
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.pictures.files import (
     FILMS,

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from wayfarer import __version__
 from wayfarer.errors import FailedPrecondition
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import VERSION
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import torch
 
 from wayfarer.body.library import SHIPPED, load_body
-from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.posing import to_columns, to_rows
 from wayfarer.motion.regressor import Pose

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.model_bundle import START_POSES
+from wayfarer.models.bundle import START_POSES
 from wayfarer.motion.marker_body import MarkerBody, Shaped
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult

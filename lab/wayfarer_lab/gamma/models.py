@@ -15,8 +15,8 @@ from typing import Any
 from wayfarer.body.landmarks import AROUND_SOLE
 from wayfarer.body.library import SMPLX_FOLDER, body_file, load_body
 from wayfarer.body.model import BodyModel
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.primitive import GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS

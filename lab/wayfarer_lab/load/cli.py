@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wayfarer import __version__
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
 from wayfarer_lab.load.plan import LoadPlan

@@ -15,7 +15,7 @@ import psutil
 from wayfarer.errors import Unavailable
 from wayfarer_lab.load.plan import LoadPlan
 
-SERVE = ("-m", "wayfarer.cli", "serve")
+SERVE = ("-m", "wayfarer", "serve")
 
 START_SECONDS = 180.0
 

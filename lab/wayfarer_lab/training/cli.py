@@ -9,10 +9,10 @@ import torch
 import typer
 from pydantic import BaseModel, ValidationError
 
-from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.processor import cores
+from wayfarer.models.artifacts import ASSETS
+from wayfarer.process.processor import cores
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.cloning import CloningConfig, train_cloning
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses

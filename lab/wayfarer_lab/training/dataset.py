@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from wayfarer.body.library import SHIPPED
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import Frame, canonical_frame
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import BETAS, FPS, GENDERS

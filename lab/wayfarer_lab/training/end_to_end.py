@@ -15,8 +15,8 @@ import torch
 from torch import Tensor, nn
 
 from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.dataset import Frames, by_gender

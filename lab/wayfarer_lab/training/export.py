@@ -13,7 +13,10 @@ import onnxruntime as ort
 import torch
 from torch import Tensor, nn
 
-from wayfarer.artifacts import (
+from wayfarer.body.library import SHIPPED, body_file, load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
+from wayfarer.errors import ArtifactError
+from wayfarer.models.artifacts import (
     CARD,
     GRAPHS,
     METADATA_KEY,
@@ -23,9 +26,6 @@ from wayfarer.artifacts import (
     sha256_of,
     write_manifest,
 )
-from wayfarer.body.library import SHIPPED, body_file, load_body
-from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS

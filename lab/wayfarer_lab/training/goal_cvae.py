@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from wayfarer.body.library import SHIPPED, load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.frame import to_local
 from wayfarer.motion.layers import Gru
 from wayfarer.motion.policy import Condition, state

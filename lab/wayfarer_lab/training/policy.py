@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites

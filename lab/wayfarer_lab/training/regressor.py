@@ -9,8 +9,8 @@ from torch import Tensor
 
 from wayfarer.body.model import BodyModel
 from wayfarer.body.skeleton import joint_names
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.posing import to_rows
 from wayfarer.motion.primitive import EVERY

@@ -15,7 +15,7 @@ from typing import Final, Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import Frame, to_local, to_world
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import FPS, GENDERS, MARKERS, POSED_JOINTS

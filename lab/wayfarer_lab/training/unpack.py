@@ -12,11 +12,11 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from wayfarer.artifacts import CARD
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.engines.torch.weights import count_networks, named, of_network, output_biases
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
+from wayfarer.models.artifacts import CARD
 from wayfarer.motion.policy import fitting_policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor

@@ -11,12 +11,12 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.artifacts import ASSETS, sha256_of
 from wayfarer.body import skeleton
 from wayfarer.body.hands import relaxed
 from wayfarer.body.model import BodyModel
 from wayfarer.body.smplx import load_smplx
 from wayfarer.errors import ArtifactError, NotFound
+from wayfarer.models.artifacts import ASSETS, sha256_of
 from wayfarer.spec import BETAS, GENDERS, MARKERS
 
 Detail = Literal["high", "low"]

@@ -10,8 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from wayfarer.artifacts import ASSETS
 from wayfarer.errors import ArtifactError
+from wayfarer.models.artifacts import ASSETS
 from wayfarer.spec import JOINTS
 
 SCHEMA: Final = 1

@@ -26,8 +26,8 @@ from wayfarer.clips.files import (
 from wayfarer.clips.on_character import body_of, on_character, read_character
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
-from wayfarer.service.walk import walk
+from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
+from wayfarer.runtime.walk import walk
 from wayfarer.spec import BETAS, FPS
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.world.agents.goal import Goal

@@ -25,7 +25,7 @@ from wayfarer.cluster.messages import CALL_S, NodeInfo, NodePlan
 from wayfarer.cluster.node_agent import NodeAgent, joined
 from wayfarer.cluster.ray_settings import ray
 from wayfarer.errors import Unavailable, WayfarerError
-from wayfarer.logs import configure_logging
+from wayfarer.process.logs import configure_logging
 
 log = structlog.get_logger(__name__)
 

@@ -37,7 +37,7 @@ from wayfarer.cluster.routes import (
     is_for_all,
     session_of,
 )
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
@@ -45,22 +45,22 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.service.stats import LoopStats
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport import errors
-from wayfarer.transport.asgi import front
-from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.contract import Rpc
-from wayfarer.transport.grpc_guard import GuardInterceptor
+from wayfarer.transport.conversion.wire import answer, from_message
+from wayfarer.transport.edge.asgi import front
+from wayfarer.transport.edge.caller import Scope, current_caller
+from wayfarer.transport.edge.grpc_guard import GuardInterceptor
+from wayfarer.transport.edge.http_guard import SUBPROTOCOL
+from wayfarer.transport.edge.ports import bind, http_url
+from wayfarer.transport.edge.request_limits import MESHES, RequestLimits, add_problem_handlers
+from wayfarer.transport.gateway.residence import misdirected
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
-from wayfarer.transport.http_guard import SUBPROTOCOL
 from wayfarer.transport.http_server.calls import call_routes
-from wayfarer.transport.ports import bind, http_url
-from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem_handlers
-from wayfarer.transport.residence import misdirected
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
-from wayfarer.transport.wire import answer, from_message
 from wayfarer.v1 import control_pb2
 
 log = structlog.get_logger(__name__)

@@ -17,7 +17,7 @@ from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import DirectoryLink, NodePlan
 from wayfarer.cluster.plans import node_plans
 from wayfarer.cluster.ray_cluster import RayCluster
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 
 log = structlog.get_logger(__name__)
 

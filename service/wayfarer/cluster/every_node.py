@@ -9,7 +9,7 @@ import structlog
 from wayfarer.cluster.messages import CALL_S, NodeInfo, NodeLink
 from wayfarer.errors import Unavailable
 from wayfarer.transport import schema
-from wayfarer.transport.caller import Caller, Scope, current_caller, enter
+from wayfarer.transport.edge.caller import Caller, Scope, current_caller, enter
 from wayfarer.transport.gateway import Gateway
 
 log = structlog.get_logger(__name__)

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 
 CALL_S: Final = 10.0
 """How long a node's answer is waited for."""

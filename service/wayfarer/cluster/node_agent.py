@@ -32,7 +32,7 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.transport.caller import Caller
+from wayfarer.transport.edge.caller import Caller
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Final
 
 from wayfarer.cluster.messages import NodePlan
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.errors import InvalidArgument
-from wayfarer.processor import core_numbers, cores
+from wayfarer.process.processor import core_numbers, cores
 
 JOURNAL: Final = "journal.sqlite3"
 FOLDER: Final = "worker-"

@@ -3,7 +3,7 @@
 import os
 import secrets
 
-from wayfarer.config import PeerTls
+from wayfarer.config.settings import PeerTls
 
 
 def encrypt_ray(tls: PeerTls) -> None:

@@ -16,7 +16,7 @@ import structlog
 from wayfarer.cluster.messages import NodeInfo, NodeLink
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import WayfarerError
-from wayfarer.service.persistence.record import UNCOPIED, LogMark
+from wayfarer.runtime.persistence.record import UNCOPIED, LogMark
 from wayfarer.transport.gateway.moves import SessionMoves
 
 log = structlog.get_logger(__name__)

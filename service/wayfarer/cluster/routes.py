@@ -8,9 +8,9 @@ from urllib.parse import parse_qs
 from google.protobuf.message import DecodeError
 from starlette.routing import compile_path
 
-from wayfarer.service.persistence.snapshot import named_session
+from wayfarer.runtime.persistence.snapshot import named_session
 from wayfarer.transport.contract import CALLS, Rpc
-from wayfarer.transport.request_limits import MESHES
+from wayfarer.transport.edge.request_limits import MESHES
 from wayfarer.v1.options_pb2 import CallOptions
 
 NAMES: Final = ("scene_id", "session_id", "agent_id")

@@ -7,13 +7,13 @@ from typing import Final
 
 import structlog
 
-from wayfarer.artifacts import ModelFolder
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import EngineKind
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.openvino_engine import OpenVinoEngine
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import InvalidArgument
+from wayfarer.models.artifacts import ModelFolder
 from wayfarer.spec import GENDERS
 
 log = structlog.get_logger(__name__)

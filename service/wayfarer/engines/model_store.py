@@ -9,12 +9,12 @@ from pathlib import Path
 from threading import Thread
 from typing import Final
 
-from wayfarer.artifacts import MANIFEST, ModelFolder
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.row_partitioner import give_way
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.models.artifacts import MANIFEST, ModelFolder
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 RETRY_AFTER: Final = 5.0

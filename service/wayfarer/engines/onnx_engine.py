@@ -8,11 +8,11 @@ from typing import Final
 
 import onnxruntime
 
-from wayfarer.artifacts import ModelFolder, open_session, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs
 from wayfarer.engines.row_partitioner import LEAST, RowPartitioner
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import ArtifactError
+from wayfarer.models.artifacts import ModelFolder, open_session, sha256_of
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 

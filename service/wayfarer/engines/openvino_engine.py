@@ -18,7 +18,6 @@ import structlog
 from numpy.typing import NDArray
 
 from wayfarer import __version__
-from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines import openvino_network
 from wayfarer.engines.compiled_networks import CompiledNetworks, KeptNetwork
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
@@ -27,6 +26,7 @@ from wayfarer.engines.padding import pad
 from wayfarer.engines.row_partitioner import RowPartitioner, give_way
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.models.artifacts import ModelFolder, sha256_of
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 

@@ -15,7 +15,7 @@ from typing import Final
 
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import join, part
-from wayfarer.processor import cores
+from wayfarer.process.processor import cores
 
 NICENESS: Final = 5
 """Above that of the process, for threads that compute."""

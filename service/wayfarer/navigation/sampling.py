@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.process.compiled import compiled, warm
 
 Array = NDArray[np.floating[Any]]
 

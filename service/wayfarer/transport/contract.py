@@ -12,7 +12,7 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from pydantic import BaseModel
 
-from wayfarer.transport.caller import Scope
+from wayfarer.transport.edge.caller import Scope
 from wayfarer.v1 import (
     admin_pb2,
     agent_pb2,

@@ -10,22 +10,22 @@ import structlog
 import uvicorn
 from starlette.types import ASGIApp
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import Unavailable
-from wayfarer.limits import Limits
-from wayfarer.transport.asgi import front
-from wayfarer.transport.call_rates import CallRates
-from wayfarer.transport.connection import HttpConnection, SocketConnection
+from wayfarer.transport.edge.asgi import front
+from wayfarer.transport.edge.call_rates import CallRates
+from wayfarer.transport.edge.connection import HttpConnection, SocketConnection
+from wayfarer.transport.edge.grpc_guard import GuardInterceptor
+from wayfarer.transport.edge.guard import Guard
+from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.grpc_guard import GuardInterceptor
 from wayfarer.transport.grpc_server import (
     GrpcServer,
     add_services,
     bracketed,
     gateway_interceptors,
 )
-from wayfarer.transport.guard import Guard
 from wayfarer.transport.http_server import http_app
-from wayfarer.transport.ports import bind, http_url
 from wayfarer.transport.server_options import ServerOptions
 
 log = structlog.get_logger(__name__)

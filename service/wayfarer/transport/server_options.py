@@ -3,15 +3,15 @@
 from dataclasses import dataclass, field
 from ipaddress import ip_network
 
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.transport.auth import Authenticator
-from wayfarer.transport.call_rates import CallRates
-from wayfarer.transport.guard import Guard
-from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import Origins, own_names
-from wayfarer.transport.prefix import Network
-from wayfarer.transport.tls import Tls
-from wayfarer.transport.tracing import NoTracing, Tracing, tracing
+from wayfarer.transport.edge.call_rates import CallRates
+from wayfarer.transport.edge.guard import Guard
+from wayfarer.transport.edge.metrics import Metrics
+from wayfarer.transport.edge.origins import Origins, own_names
+from wayfarer.transport.edge.prefix import Network
+from wayfarer.transport.edge.tls import Tls
+from wayfarer.transport.edge.tracing import NoTracing, Tracing, tracing
 
 
 @dataclass(frozen=True, slots=True)

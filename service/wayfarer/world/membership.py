@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import AlreadyExists, WayfarerError
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.faults import Faults

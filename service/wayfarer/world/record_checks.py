@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument
-from wayfarer.limits import Limits
 from wayfarer.spec import MAX_COORDINATE
 from wayfarer.world.agents.checks import check_agent_id, check_session_id, check_spec
 from wayfarer.world.agents.goal import check_goal

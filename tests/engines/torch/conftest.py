@@ -6,7 +6,7 @@ pytest.importorskip("torch")
 
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.torch.engine import load_networks
-from wayfarer.model_bundle import DEFAULT_MODEL, load_models
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from onnx import TensorProto, helper
 
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
+from wayfarer.models.bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import AgentSpec

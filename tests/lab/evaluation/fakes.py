@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from tests.lab.evaluation.recordings import SPEED
-from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.motion.marker_body import MarkerBody, Shaped
 from wayfarer.motion.policy import Condition, Gaussian
 from wayfarer.motion.predictor import Posterior

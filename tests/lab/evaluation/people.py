@@ -10,7 +10,7 @@ from tests.world.fakes import BODIES as STICKS
 from tests.world.fakes import FakeEngine, start_poses
 from wayfarer.body.library import load_body
 from wayfarer.body.model import BodyModel
-from wayfarer.model_bundle import ModelBundle
+from wayfarer.models.bundle import ModelBundle
 from wayfarer.spec import GENDERS, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal

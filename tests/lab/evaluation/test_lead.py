@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.lab.evaluation.people import make_world
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.control import random_pairs
 from wayfarer_lab.evaluation.lead import Lead
 from wayfarer_lab.evaluation.parts import load_parts

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import load_marker_bodies
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor

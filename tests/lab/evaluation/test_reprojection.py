@@ -5,7 +5,7 @@ import torch
 
 from tests.lab.evaluation.fakes import known_parts, upright_poses
 from wayfarer.body.library import load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.posing import from_6d, to_6d
 from wayfarer.motion.regressor import Pose
 from wayfarer.spec import GENDERS

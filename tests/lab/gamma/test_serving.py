@@ -14,12 +14,12 @@ from wayfarer.assembly import model_folder
 from wayfarer.body.library import SMPLX_FOLDER
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.body.smplx import load_smplx
-from wayfarer.config_sources import load
+from wayfarer.config.limits import Limits
+from wayfarer.config.sources import load
 from wayfarer.engines.engine import StepOutputs
 from wayfarer.errors import ArtifactError
-from wayfarer.limits import Limits
-from wayfarer.model_bundle import START_POSES, load_bodies
-from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.models.bundle import START_POSES, load_bodies
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import Spawner, load_start_poses

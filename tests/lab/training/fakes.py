@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.engines.torch.marker_bodies import load_marker_bodies
 from wayfarer.spec import FPS, GENDERS, MARKERS
 from wayfarer_lab.training.dataset import Frames, skin_frames
 from wayfarer_lab.training.mocap.selection import Use

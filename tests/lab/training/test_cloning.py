@@ -5,8 +5,8 @@ import torch
 
 from tests.lab.training.fakes import gliding_frames, walking_frames
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.frame import canonical_frame
 from wayfarer.motion.policy import Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior

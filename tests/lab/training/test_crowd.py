@@ -5,7 +5,7 @@ import torch
 
 from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.spec import FPS
 from wayfarer_lab.training.crowd import CrowdSampler
 

@@ -7,9 +7,9 @@ import torch
 
 from tests.lab.training.fakes import walking_frames
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import marker_body
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS

@@ -5,10 +5,10 @@ from unittest.mock import patch
 import pytest
 import torch
 
-from wayfarer.artifacts import contract_for, contract_to_json, read_contract
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
+from wayfarer.models.artifacts import contract_for, contract_to_json, read_contract
 from wayfarer.motion import regressor as motion_regressor
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor

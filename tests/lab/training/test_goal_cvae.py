@@ -6,7 +6,7 @@ import torch
 from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
 from wayfarer.engines.onnx_engine import INPUTS
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.policy import state
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor

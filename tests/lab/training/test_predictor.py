@@ -5,8 +5,8 @@ import torch
 
 from tests.lab.training.fakes import gliding_frames, walking_frames
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.cli import CONFIGS, read_config

@@ -3,8 +3,8 @@ import torch
 
 from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer_lab.training.cli import read_config
 from wayfarer_lab.training.regressor import (

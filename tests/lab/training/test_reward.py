@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS

@@ -6,10 +6,10 @@ import onnxruntime
 import pytest
 import torch
 
-from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
+from wayfarer.models.artifacts import ASSETS
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.graphs import (

@@ -6,7 +6,7 @@ from wayfarer.errors import Unauthenticated
 from wayfarer.transport.auth import Authenticator, Credentials
 from wayfarer.transport.auth.keys import KeyFile
 from wayfarer.transport.auth.tokens import IssuerKeys, TokenCheck
-from wayfarer.transport.caller import LOCAL, Scope
+from wayfarer.transport.edge.caller import LOCAL, Scope
 
 READ = frozenset({Scope.READ})
 

@@ -6,7 +6,7 @@ from structlog.testing import capture_logs
 from tests.world.fakes import ManualClock
 from wayfarer.errors import InvalidArgument, Unauthenticated
 from wayfarer.transport.auth.keys import LOOK_S, KeyFile, new_key
-from wayfarer.transport.caller import Quota, Scope
+from wayfarer.transport.edge.caller import Quota, Scope
 
 # fixed, since parametrized tests need the same names in every process
 STUDIO, OTHER = "wf_" + "s" * 43, "wf_" + "o" * 43

@@ -12,7 +12,7 @@ from tests.transport.auth.issuer import AUDIENCE, ISSUER, Issuer
 from tests.world.fakes import ManualClock
 from wayfarer.errors import InvalidArgument, Unauthenticated, Unavailable
 from wayfarer.transport.auth.tokens import FRESH_S, PAUSE_S, IssuerKeys, TokenCheck
-from wayfarer.transport.caller import Scope
+from wayfarer.transport.edge.caller import Scope
 
 
 class Source:

@@ -4,8 +4,8 @@ from contextlib import aclosing, contextmanager
 
 from tests.transport.samples import NOW
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import LOCAL, Caller, Quota, Scope, enter
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.edge.caller import LOCAL, Caller, Quota, Scope, enter
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.events import Event, EventKind
 

@@ -4,11 +4,11 @@ from tests.transport.fakes import FakeService
 from tests.transport.gateway.calls import session_of_two
 from tests.transport.samples import NOW
 from tests.world.fakes import ManualClock
+from wayfarer.config.limits import Limits
 from wayfarer.errors import AlreadyExists, FailedPrecondition, NotFound
-from wayfarer.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 
 

@@ -5,10 +5,10 @@ import pytest
 from tests.transport.fakes import opened
 from tests.transport.gateway.calls import TWO, called_by, caller, session, session_of_two
 from wayfarer.body.outfit import look
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, ResourceExhausted
-from wayfarer.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.caller import Quota
+from wayfarer.transport.edge.caller import Quota
 
 UNSEEDED = schema.NewAgents(agents=[schema.AgentSpec(), schema.AgentSpec(seed=5)])
 

@@ -5,9 +5,10 @@ import pytest
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import TWO, session, session_of_two
 from wayfarer.clips.files import FileFormat, FileOptions
+from wayfarer.config.limits import Limits
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.limits import Limits
-from wayfarer.transport import motion_files, schema
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import motion_files
 
 
 async def test_a_clip_is_a_header_and_batches(service, api):

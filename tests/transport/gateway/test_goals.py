@@ -3,7 +3,7 @@ import pytest
 from tests.transport.gateway.calls import session_of_two
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world import behaviours as world
 from wayfarer.world.agents.goal import Goal
 

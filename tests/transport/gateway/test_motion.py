@@ -16,6 +16,7 @@ from tests.transport.gateway.calls import (
     take,
 )
 from tests.transport.samples import NOW
+from wayfarer.config.limits import Limits
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
@@ -23,8 +24,7 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.limits import Limits
-from wayfarer.service.streams.publications import SlowReader
+from wayfarer.runtime.streams.publications import SlowReader
 from wayfarer.transport import schema
 from wayfarer.transport.codec import encoder
 from wayfarer.v1 import motion_pb2
@@ -133,7 +133,7 @@ async def test_a_format_decides_the_frames(service, api):
 
 
 async def test_heartbeat_when_nothing_happens(monkeypatch):
-    monkeypatch.setattr("wayfarer.transport.stream.HEARTBEAT_S", 0.01)
+    monkeypatch.setattr("wayfarer.transport.streams.stream.HEARTBEAT_S", 0.01)
     api = await opened()
     async with contextlib.aclosing(stream(api, await session(api))) as messages:
         assert kinds(await take(messages, 3)) == ["header", "heartbeat", "heartbeat"]

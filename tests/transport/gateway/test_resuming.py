@@ -16,7 +16,7 @@ from tests.transport.gateway.calls import (
 )
 from tests.transport.samples import NOW
 from wayfarer.errors import InvalidArgument, ResourceExhausted
-from wayfarer.service.streams.publications import Resume
+from wayfarer.runtime.streams.publications import Resume
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.agents.agent import AgentSpec

@@ -6,6 +6,7 @@ import pytest
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import TWO, called_by, caller, session, stream, take
 from tests.transport.samples import NOW
+from wayfarer.config.limits import Limits
 from wayfarer.errors import (
     Aborted,
     FailedPrecondition,
@@ -15,10 +16,9 @@ from wayfarer.errors import (
     Unavailable,
     Unreachable,
 )
-from wayfarer.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Quota
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.edge.caller import Quota
 from wayfarer.transport.gateway import Gateway, uploads
 from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S
 from wayfarer.world.agents.agent import AgentSpec

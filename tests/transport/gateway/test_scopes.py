@@ -6,7 +6,7 @@ import pytest
 
 from tests.transport.gateway.calls import called_by, caller, session
 from wayfarer.errors import PermissionDenied
-from wayfarer.transport.caller import Scope
+from wayfarer.transport.edge.caller import Scope
 
 INNER = {
     # called by the server, not by callers

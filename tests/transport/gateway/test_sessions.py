@@ -14,11 +14,11 @@ from tests.transport.gateway.calls import (
 )
 from tests.transport.samples import NOW
 from tests.world.fakes import ManualClock
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
-from wayfarer.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Quota, Scope
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.edge.caller import Quota, Scope
 from wayfarer.world.agents.agent import SessionSpec
 
 

@@ -2,11 +2,11 @@ import pytest
 
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import GOAL, called_by, caller, session, session_of_two
+from wayfarer.config.limits import Limits
 from wayfarer.errors import AlreadyExists, FailedPrecondition, InvalidArgument, ResourceExhausted
-from wayfarer.limits import Limits
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Quota
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.edge.caller import Quota
 from wayfarer.transport.gateway.snapshots import MARK
 
 

@@ -235,7 +235,7 @@ async def test_who_may_only_read_gets_no_motion(api):
     from motionmcp.errors import ProtocolError
 
     from tests.transport.gateway.calls import called_by, caller
-    from wayfarer.transport.caller import Scope
+    from wayfarer.transport.edge.caller import Scope
     from wayfarer.transport.mmcp.server import Walker
 
     walker = Walker(api)

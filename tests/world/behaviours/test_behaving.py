@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import make_world, populated, taken
+from wayfarer.config.limits import Limits
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentState, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import (

@@ -13,8 +13,8 @@ import pytest
 import shapely
 
 from tests.world.scenes.grounds import BOX, FIELD
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, ResourceExhausted, Unavailable
-from wayfarer.limits import Limits
 from wayfarer.navigation.examples import cubes_field, slope_with_steps, town_square, two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box, Floor, MeshFile, SceneSpec
@@ -233,7 +233,7 @@ def test_no_process_is_left_when_its_parent_is_killed():
 
 PARENT = """
 from wayfarer.world.scenes.bake_queue import BakeQueue
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.navigation.examples import cubes_field
 from tests.world.scenes.test_bake_queue import HUGE
 idle, busy = (BakeQueue(Limits(bake_s=600, bake_mb=8192)) for _ in range(2))

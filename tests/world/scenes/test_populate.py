@@ -5,8 +5,8 @@ import pytest
 
 from tests.world.fakes import make_world
 from tests.world.scenes.grounds import BOX, enter, field, world_in
+from wayfarer.config.limits import Limits
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.scenes.messages import Crowd, CrowdState
 from wayfarer.world.stepping.settings import AdmissionRules

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tests.world.scenes.grounds import BOX, FIELD, WALL, field
+from wayfarer.config.limits import Limits
 from wayfarer.errors import (
     AlreadyExists,
     FailedPrecondition,
@@ -13,7 +14,6 @@ from wayfarer.errors import (
     ResourceExhausted,
 )
 from wayfarer.ids import group_of
-from wayfarer.limits import Limits
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.world.scenes import scene_registry

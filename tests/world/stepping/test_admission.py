@@ -5,8 +5,8 @@ import re
 import pytest
 
 from tests.world.fakes import make_world, people
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, ResourceExhausted
-from wayfarer.limits import Limits
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.phases import Phases

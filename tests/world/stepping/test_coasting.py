@@ -5,7 +5,7 @@ import pytest
 
 from tests.world.fakes import FakeEngine, people, populated
 from tests.world.stepping.test_world_ladder import is_seamless, run
-from wayfarer.service.streams.root_tracks import RootTracks
+from wayfarer.runtime.streams.root_tracks import RootTracks
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec, Sight
 from wayfarer.world.agents.goal import Goal, GoalColumns

@@ -8,7 +8,7 @@ import pytest
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.body.skeleton import joint_names
-from wayfarer.model_bundle import START_POSES, load_bodies
+from wayfarer.models.bundle import START_POSES, load_bodies
 from wayfarer.spec import NEW_FRAMES, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.slots import Mode

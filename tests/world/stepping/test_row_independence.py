@@ -10,7 +10,7 @@ import pytest
 
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import pad
-from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, START_POSES, open_bundle
 from wayfarer.world.agents.agent import AgentSpec, MotionChunk, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses

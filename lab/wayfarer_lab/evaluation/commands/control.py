@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import report

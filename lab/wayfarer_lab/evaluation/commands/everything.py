@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.control import control
 from wayfarer_lab.evaluation.commands.maneuvers import maneuvers

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
-from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import origin, progress

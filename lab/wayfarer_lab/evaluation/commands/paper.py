@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from wayfarer.errors import DataError, InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.paper.page import page

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin
 from wayfarer_lab.evaluation.gait import MOCAP, Row, gait_row

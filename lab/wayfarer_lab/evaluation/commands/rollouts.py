@@ -12,7 +12,7 @@ import typer
 
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options

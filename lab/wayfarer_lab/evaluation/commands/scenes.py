@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import typer
 from rich.progress import Progress, TaskID
 
-from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
+from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation.commands import options
 from wayfarer_lab.evaluation.commands.shared import finish, origin
 from wayfarer_lab.evaluation.report import progress

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.model_bundle import Bodies, ModelBundle
+from wayfarer.models.bundle import Bodies, ModelBundle
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.goals.steering import Steering

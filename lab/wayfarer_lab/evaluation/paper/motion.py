@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayfarer.body.library import load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
-from wayfarer.model_bundle import ModelBundle
+from wayfarer.models.bundle import ModelBundle
 from wayfarer.spec import BETAS, FPS, LATENT, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam import grow

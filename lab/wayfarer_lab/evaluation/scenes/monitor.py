@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.clips.clip import join_chunks
-from wayfarer.model_bundle import Bodies
+from wayfarer.models.bundle import Bodies
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec, MotionChunk

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.model_bundle import ModelBundle
+from wayfarer.models.bundle import ModelBundle
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Obstacle, Point2
 from wayfarer.spec import BETAS, GENDERS

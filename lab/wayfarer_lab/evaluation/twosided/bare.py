@@ -15,7 +15,7 @@ from torch import Tensor
 
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
-from wayfarer.model_bundle import START_POSES, load_bodies
+from wayfarer.models.bundle import START_POSES, load_bodies
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.heading import facing_of

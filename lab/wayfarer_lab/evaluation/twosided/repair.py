@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.rotation import matrix_from_quaternion
-from wayfarer.model_bundle import Bodies
+from wayfarer.models.bundle import Bodies
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.rows import Float, Index

@@ -13,7 +13,6 @@ from typing import Final
 
 import torch
 
-from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.engines.padding import join, part
 from wayfarer.engines.torch.batch import DeviceStep
@@ -21,6 +20,7 @@ from wayfarer.engines.torch.cuda_graph_stream import CudaGraphStream, chosen_dev
 from wayfarer.engines.torch.precision import MixedStep, Precision
 from wayfarer.engines.torch.weights import load_step
 from wayfarer.engines.warm import WarmEngine
+from wayfarer.models.artifacts import ModelFolder, sha256_of
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 

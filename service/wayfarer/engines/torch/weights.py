@@ -16,11 +16,11 @@ from google.protobuf.message import DecodeError
 from onnx import numpy_helper
 from torch import Tensor, nn
 
-from wayfarer.artifacts import ModelFolder
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.engines.torch.precision import MixedRegressor, MixedStep, Precision
 from wayfarer.errors import ArtifactError
-from wayfarer.marker_bodies import marker_body
+from wayfarer.models.artifacts import ModelFolder
 from wayfarer.motion.policy import fitting_policy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.quality import Sites

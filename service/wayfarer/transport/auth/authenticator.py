@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from wayfarer.config import Settings
+from wayfarer.config.settings import Settings
 from wayfarer.errors import Unauthenticated
 from wayfarer.transport.auth.keys import KEY_PREFIX, KeyFile
-from wayfarer.transport.caller import LOCAL, Caller, Scope
+from wayfarer.transport.edge.caller import LOCAL, Caller, Scope
 
 if TYPE_CHECKING:
     from wayfarer.transport.auth.tokens import TokenCheck

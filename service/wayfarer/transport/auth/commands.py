@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.auth.keys import Name, new_key
-from wayfarer.transport.caller import Scope
+from wayfarer.transport.edge.caller import Scope
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 

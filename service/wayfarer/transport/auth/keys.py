@@ -23,7 +23,7 @@ import structlog
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from wayfarer.errors import InvalidArgument, Unauthenticated
-from wayfarer.transport.caller import Caller, Quota, Scope
+from wayfarer.transport.edge.caller import Caller, Quota, Scope
 
 log = structlog.get_logger(__name__)
 

@@ -13,7 +13,7 @@ import jwt
 import structlog
 
 from wayfarer.errors import InvalidArgument, Unauthenticated, Unavailable
-from wayfarer.transport.caller import Caller, Scope
+from wayfarer.transport.edge.caller import Caller, Scope
 
 log = structlog.get_logger(__name__)
 

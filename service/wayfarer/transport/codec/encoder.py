@@ -5,9 +5,9 @@ from threading import Lock
 
 from numpy.typing import NDArray
 
-from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec.packing import PackedPoses, encode, prepare
 from wayfarer.transport.codec.pose_format import PoseFormat
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world.agents.agent import MotionChunks
 
 Key = tuple[Basis, PoseFormat, int]

@@ -6,13 +6,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, warm
 from wayfarer.errors import InvalidArgument
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
-from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import smallest_three
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
 from wayfarer.transport.codec.smallest_three import pack_one
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world.agents.agent import MotionChunks
 
 FOOT_BITS: Final = np.array([1, 2], np.uint8)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
-from wayfarer.service.streams.root_tracks import ROOT_FPS
+from wayfarer.runtime.streams.root_tracks import ROOT_FPS
 from wayfarer.spec import FPS, JOINTS, POSED_JOINTS
 from wayfarer.transport.codec.root import ROOT_FRAME
 

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 
 ROOT_FRAME: Final = np.dtype(
     [("translation", "<f4", (3,)), ("heading", "<i2"), ("phase", "u1"), ("stride", "u1")]

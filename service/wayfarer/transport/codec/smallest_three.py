@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, inner
+from wayfarer.process.compiled import compiled, inner
 
 MIDDLE: Final = 16383
 """The count that stands for 0."""

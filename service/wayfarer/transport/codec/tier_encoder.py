@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec.packing import PackedPoses, encode, prepare
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
 from wayfarer.transport.codec.root import pack_roots
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world.agents.agent import MotionChunks
 
 Key = tuple[Basis, PoseFormat, int]

@@ -5,8 +5,9 @@ from collections.abc import Callable
 import structlog
 
 from wayfarer.errors import ArtifactError, FailedPrecondition
-from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import current_caller
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 
 log = structlog.get_logger(__name__)

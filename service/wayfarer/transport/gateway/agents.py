@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import current_caller
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import OpenSession

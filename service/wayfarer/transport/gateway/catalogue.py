@@ -4,9 +4,10 @@ import asyncio
 
 from wayfarer import __version__
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Scope
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.edge.caller import Scope
 from wayfarer.transport.gateway.context import GatewayContext, implements, needs
 
 

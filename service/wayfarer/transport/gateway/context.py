@@ -6,20 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import NotFound, Unavailable
-from wayfarer.limits import Limits
-from wayfarer.service.motion_service import MotionService
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.batches import BatchWriter
-from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.runtime.motion_service import MotionService
+from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoder, PoseFormat, TierEncoder
 from wayfarer.transport.contract import CALLS
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.conversion.bodies import BodyLibrary
+from wayfarer.transport.edge.caller import Scope, current_caller
 from wayfarer.transport.gateway.idempotency import IdempotencyCache
+from wayfarer.transport.gateway.residence import Residence
 from wayfarer.transport.gateway.scene_access import SceneAccess
 from wayfarer.transport.gateway.session_registry import OpenSession, SessionRegistry
-from wayfarer.transport.residence import Residence
+from wayfarer.transport.streams.batches import BatchWriter
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 

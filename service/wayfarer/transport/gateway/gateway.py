@@ -11,14 +11,14 @@ from collections.abc import Callable, Sequence
 
 import structlog
 
+from wayfarer.config.limits import Limits
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unauthenticated, Unavailable
-from wayfarer.limits import Limits
 from wayfarer.ownership import Ownership
-from wayfarer.service.motion_service import MotionService
-from wayfarer.service.stats import LoopStats
-from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.caller import Caller
+from wayfarer.runtime.motion_service import MotionService
+from wayfarer.runtime.stats import LoopStats
+from wayfarer.transport.conversion.bodies import BodyLibrary
+from wayfarer.transport.edge.caller import Caller
 from wayfarer.transport.gateway.admin import AdminApi
 from wayfarer.transport.gateway.agents import AgentApi
 from wayfarer.transport.gateway.catalogue import CatalogueApi
@@ -26,11 +26,11 @@ from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.gateway.motion import MotionApi
 from wayfarer.transport.gateway.moves import SessionMoves
+from wayfarer.transport.gateway.residence import Residence
 from wayfarer.transport.gateway.scenes import SceneApi
 from wayfarer.transport.gateway.sessions import SessionApi
 from wayfarer.transport.gateway.snapshots import SnapshotApi
-from wayfarer.transport.residence import Residence
-from wayfarer.transport.stream import SHUTDOWN
+from wayfarer.transport.streams.stream import SHUTDOWN
 
 log = structlog.get_logger(__name__)
 

@@ -1,9 +1,9 @@
 """Goal commands of clients, converted to world space."""
 
 from wayfarer.transport import schema
-from wayfarer.transport.convert import in_basis
+from wayfarer.transport.conversion.convert import in_basis
+from wayfarer.transport.conversion.goal_convert import CommandRequest, fields_named, goal_command
 from wayfarer.transport.gateway.context import GatewayContext, implements
-from wayfarer.transport.goal_convert import CommandRequest, fields_named, goal_command
 
 
 class GoalApi:

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel
 
 from wayfarer.errors import Aborted
-from wayfarer.transport.caller import current_caller
+from wayfarer.transport.edge.caller import current_caller
 
 KEPT_S: Final = 600.0
 KEPT: Final = 128

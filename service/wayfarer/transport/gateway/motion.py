@@ -7,19 +7,20 @@ from itertools import chain
 
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.service.streams.publications import Publication, StreamOptions
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.batches import event_message, parsed
-from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.runtime.streams.publications import Publication, StreamOptions
+from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseFormat
-from wayfarer.transport.detail_levels import DetailLevels
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.conversion.goal_convert import goal
+from wayfarer.transport.conversion.motion_files import motion_file, parts_of, performances
+from wayfarer.transport.edge.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements, needs
 from wayfarer.transport.gateway.session_registry import OpenSession
-from wayfarer.transport.goal_convert import goal
-from wayfarer.transport.motion_files import motion_file, parts_of, performances
-from wayfarer.transport.resume import Progress, filter_mark
-from wayfarer.transport.stream import MotionStream
+from wayfarer.transport.streams.batches import event_message, parsed
+from wayfarer.transport.streams.detail_levels import DetailLevels
+from wayfarer.transport.streams.resume import Progress, filter_mark
+from wayfarer.transport.streams.stream import MotionStream
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.agents.agent import MotionChunks
 

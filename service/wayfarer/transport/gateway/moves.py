@@ -12,10 +12,10 @@ from typing import Final, TypeVar
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
-from wayfarer.service.persistence.log_copy import Replica
-from wayfarer.service.persistence.record import LogMark
+from wayfarer.runtime.persistence.log_copy import Replica
+from wayfarer.runtime.persistence.record import LogMark
 from wayfarer.transport.gateway.context import GatewayContext
-from wayfarer.transport.residence import misdirected
+from wayfarer.transport.gateway.residence import misdirected
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 from wayfarer.world.scenes.messages import SceneInfo
 

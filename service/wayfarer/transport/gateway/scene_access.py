@@ -6,12 +6,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.limits import Limits
-from wayfarer.transport import scene_convert, schema
-from wayfarer.transport.basis import Axes, Basis
-from wayfarer.transport.caller import Caller, current_caller
-from wayfarer.transport.residence import Residence
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import scene_convert
+from wayfarer.transport.conversion.basis import Axes, Basis
+from wayfarer.transport.edge.caller import Caller, current_caller
+from wayfarer.transport.gateway.residence import Residence
 from wayfarer.world.scenes.messages import SceneInfo
 
 SCENE_LEASE_S: Final = 3600.0

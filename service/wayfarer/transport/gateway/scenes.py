@@ -19,14 +19,15 @@ from wayfarer.errors import (
 )
 from wayfarer.navigation.examples import EXAMPLES
 from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
-from wayfarer.transport import convert, scene_convert, schema
-from wayfarer.transport.caller import current_caller
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert, scene_convert
+from wayfarer.transport.conversion.units import place
+from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S, scene_attributes
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.gateway.uploads import Uploads
-from wayfarer.transport.units import place
 from wayfarer.world.scenes.messages import Crowd, CrowdState, SceneSource
 
 log = structlog.get_logger(__name__)

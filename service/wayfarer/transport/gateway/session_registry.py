@@ -8,13 +8,14 @@ from typing import Final
 
 import structlog
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, WayfarerError
-from wayfarer.limits import Limits
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Caller, current_caller
-from wayfarer.transport.residence import Residence
-from wayfarer.transport.stream import MotionStream
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.edge.caller import Caller, current_caller
+from wayfarer.transport.gateway.residence import Residence
+from wayfarer.transport.streams.stream import MotionStream
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
 ID_LENGTH: Final = schema.ID_LENGTH

@@ -5,8 +5,9 @@ import secrets
 import structlog
 
 from wayfarer.errors import InvalidArgument, Misdirected, NotFound, Unavailable
-from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import current_caller
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import LEASE_S, OpenSession, attributes

@@ -6,12 +6,13 @@ from contextlib import aclosing
 from typing import Final
 
 from wayfarer.errors import InvalidArgument, NotFound
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import current_caller
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import convert
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.conversion.motion_files import live_motion, motion_file
+from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
-from wayfarer.transport.motion_files import live_motion, motion_file
 from wayfarer.v1 import snapshot_pb2
 
 MARK: Final = b"wayfarer-log "

@@ -10,7 +10,7 @@ from google.protobuf.message import DecodeError
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import errors
-from wayfarer.transport.grpc_guard import around
+from wayfarer.transport.edge.grpc_guard import around
 
 log = structlog.get_logger(__name__)
 

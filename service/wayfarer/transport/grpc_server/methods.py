@@ -21,10 +21,10 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
 from wayfarer.transport.contract import CALLS, FILES
-from wayfarer.transport.control import control
+from wayfarer.transport.conversion.motion_files import parts_of
+from wayfarer.transport.conversion.wire import answer, first, from_message, parse
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.motion_files import parts_of
-from wayfarer.transport.wire import answer, first, from_message, parse
+from wayfarer.transport.streams.control import control
 from wayfarer.v1 import scene_pb2, snapshot_pb2
 
 HEADER_S: Final = 10.0

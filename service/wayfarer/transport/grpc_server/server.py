@@ -7,10 +7,10 @@ import grpc
 from grpc_health.v1 import health, health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import Unavailable
-from wayfarer.limits import Limits
 from wayfarer.transport.contract import FILES
-from wayfarer.transport.grpc_guard import OpenStreamsInterceptor
+from wayfarer.transport.edge.grpc_guard import OpenStreamsInterceptor
 from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
 
 SERVICES: Final = tuple(

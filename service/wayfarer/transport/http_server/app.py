@@ -10,8 +10,13 @@ from starlette.responses import RedirectResponse
 from starlette.routing import Route
 
 from wayfarer import __version__
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.transport import schema
+from wayfarer.transport.edge.request_limits import (
+    PROBLEMS,
+    RequestLimits,
+    add_problem_handlers,
+)
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.http_server.catalogue import catalogue_routes
@@ -22,12 +27,7 @@ from wayfarer.transport.http_server.page_files import PageFiles
 from wayfarer.transport.http_server.parameters import only_known_query
 from wayfarer.transport.http_server.scenes import scene_endpoints
 from wayfarer.transport.http_server.unknown_path import UnknownPath
-from wayfarer.transport.request_limits import (
-    PROBLEMS,
-    RequestLimits,
-    add_problem_handlers,
-)
-from wayfarer.transport.websocket import add_sockets
+from wayfarer.transport.streams.websocket import add_sockets
 
 VIEWER: Final = Path(__file__).parent.parent / "viewer"
 REFERENCE: Final = Path(__file__).parent.parent / "reference"

@@ -16,7 +16,7 @@ from wayfarer.body.outfit import OUTFIT_TEXT
 from wayfarer.errors import InvalidArgument, NotFound
 from wayfarer.spec import BETAS
 from wayfarer.transport import schema
-from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 
 BETA: Final = r"-?[0-9](\.[0-9]{0,20})?(e-[0-9]{1,3})?"

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Final
 from fastapi import Depends, Request, Response
 
 from wayfarer.clips.files import MEDIA_TYPES, FileFormat
-from wayfarer.transport import schema, wire
+from wayfarer.transport import schema
+from wayfarer.transport.conversion import wire
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.calls import Special
 from wayfarer.transport.http_server.parameters import (

@@ -4,7 +4,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Response
 
-from wayfarer.transport import errors, schema, wire
+from wayfarer.transport import errors, schema
+from wayfarer.transport.conversion import wire
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.streaming import ServerSentEvents, begun
 from wayfarer.v1 import motion_pb2

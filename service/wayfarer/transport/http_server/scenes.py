@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT, UNIT
 from wayfarer.transport import schema
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
+from wayfarer.transport.conversion.violations import invalid_request
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.calls import Special
 from wayfarer.transport.http_server.parameters import (
@@ -19,7 +20,6 @@ from wayfarer.transport.http_server.parameters import (
     fields_of,
     request_id,
 )
-from wayfarer.transport.violations import invalid_request
 
 PNG: Final = "image/png"
 NUMBER: Final = r"-?[0-9]{1,7}(\.[0-9]{1,9})?"

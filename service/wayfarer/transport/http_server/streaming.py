@@ -10,7 +10,8 @@ from google.protobuf.message import Message as ProtoMessage
 from starlette.responses import StreamingResponse
 from starlette.types import Message, Send
 
-from wayfarer.transport import errors, schema, wire
+from wayfarer.transport import errors, schema
+from wayfarer.transport.conversion import wire
 
 log = structlog.get_logger(__name__)
 

@@ -5,7 +5,7 @@ no other knowledge are checked here, for both transports; the rest is checked in
 Lengths, places, headings are in the basis of the session unless a name ends in `_m`.
 """
 
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.transport.schema.agents import *
 from wayfarer.transport.schema.base import *
 from wayfarer.transport.schema.catalogue import *

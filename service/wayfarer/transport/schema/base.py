@@ -21,7 +21,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from wayfarer import endpoint as endpoints
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world import behaviours
 from wayfarer.world.agents import goal
 from wayfarer.world.agents.goal import DWELL, MAX_HEADING, SPEED

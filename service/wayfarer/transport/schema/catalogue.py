@@ -4,7 +4,7 @@ from pydantic import ConfigDict, Field
 
 from wayfarer.body.skeleton import joint_names
 from wayfarer.spec import POSED_JOINTS
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.schema.agents import Gender
 from wayfarer.transport.schema.base import (
     Length,

@@ -7,11 +7,11 @@ from pydantic import ConfigDict, Field
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.clips.edit import FASTEST
 from wayfarer.clips.files import BodyDetail, BoneNames, FileFormat, FileUnit, RootMotion
-from wayfarer.service.streams.publications import SlowReader
+from wayfarer.runtime.streams.publications import SlowReader
 from wayfarer.spec import FPS
-from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.schema.agents import AgentSpec
 from wayfarer.transport.schema.base import (
     Bool,

@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from wayfarer.navigation.checks import UNIT
 from wayfarer.navigation.scene_spec import MAX_FLOORS, MAX_SOLIDS
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.schema.base import (
     Dwell,
     Float,

@@ -57,7 +57,7 @@ STATES: Final = tuple(AgentState)
 
 
 class Sight(IntEnum):
-    """How well an agent is seen by the reader that sees it best; see transport/detail_levels.py."""
+    """How well an agent is seen by the reader that sees it best; see `transport/streams`."""
 
     NEAR = 0  # in the innermost ring; a stream without rings sees all agents like this
     FAR = 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import ClassVar, Final, Protocol, TypeVar
 
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal

@@ -7,8 +7,8 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import Heading, InvalidArgument, Metres, MetresPerSecond
-from wayfarer.limits import Limits
 from wayfarer.world.agents.heading import angle_between, facing_at
 from wayfarer.world.ranges import check_place, check_range
 from wayfarer.world.rows import Flags, Float, Rows, Shape

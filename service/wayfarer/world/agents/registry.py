@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
 from wayfarer.ids import agent_id, group_of
 from wayfarer.ids import session_id as new_session_id
-from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.reservations import Reservation

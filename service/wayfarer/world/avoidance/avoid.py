@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import warm
+from wayfarer.process.compiled import warm
 from wayfarer.world.avoidance.kernel import (
     NEIGHBOURS,
     REACTION,

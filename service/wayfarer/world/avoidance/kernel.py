@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, inner
+from wayfarer.process.compiled import compiled, inner
 from wayfarer.world.rows import Double, Flags, Float, Index, Int
 
 TURNS: Final = (0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160)

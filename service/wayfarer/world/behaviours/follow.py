@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import dist, hypot
 from typing import Annotated, ClassVar, Final, Literal
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, Metres
-from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import (
     Agent,
     Aim,

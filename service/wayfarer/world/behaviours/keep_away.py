@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
-from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import (
     STAND,
     Aim,

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from wayfarer.limits import Limits
+from wayfarer.config.limits import Limits
 from wayfarer.world.agents.behaviour import BehavingAgent, Behaviour, Start
 from wayfarer.world.agents.goal import Goal, check_goal, check_path
 

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import Heading, Metres, MetresPerSecond
-from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import (
     Agent,
     Aim,

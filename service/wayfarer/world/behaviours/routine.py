@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument
-from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import STAND, BehavingAgent, Behaviour, Start
 from wayfarer.world.agents.goal import Goal, check_path
 from wayfarer.world.behaviours.follow import Follow

@@ -9,8 +9,8 @@ from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
-from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import MAX_COORDINATE
 from wayfarer.world.agents.behaviour import BehavingAgent, Behaviour, Start

@@ -31,7 +31,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import FPS, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.output.legs import SOLES, Bones, Leg, Legs, bones, packed, pose_leg, sole_point
 from wayfarer.world.output.turns import (

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.body.skeleton import joint_names
-from wayfarer.compiled import compiled, inner, warm
 from wayfarer.errors import InvalidArgument
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.output.quaternion import Array
 from wayfarer.world.output.turns import (

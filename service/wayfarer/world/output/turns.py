@@ -5,7 +5,7 @@ A vector is (x, y, z), a rotation the unit quaternion (x, y, z, w), both of Pyth
 
 from math import sqrt
 
-from wayfarer.compiled import inner
+from wayfarer.process.compiled import inner
 from wayfarer.world.rows import Double, Float
 
 Vector = tuple[float, float, float]

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, LegPose, Legs, pose_legs
 from wayfarer.world.output.turns import (

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.rows import Double, Flags, Float, Index
 
 ROUNDS: Final = 16

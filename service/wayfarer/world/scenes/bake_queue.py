@@ -17,8 +17,8 @@ from typing import Any, Final
 
 import structlog
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import ResourceExhausted, Unavailable
-from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import SceneSpec
 

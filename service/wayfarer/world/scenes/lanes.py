@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, warm
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.rows import Double, Flags, Float, Index
 

@@ -6,9 +6,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, warm
 from wayfarer.engines.engine import Float
 from wayfarer.navigation.scene import Scene
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Index

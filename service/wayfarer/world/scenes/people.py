@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Mode, Slots

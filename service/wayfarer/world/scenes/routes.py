@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from threading import BoundedSemaphore, Lock
 from typing import Final, Protocol
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import (
     AlreadyExists,
     FailedPrecondition,
@@ -22,7 +23,6 @@ from wayfarer.errors import (
 )
 from wayfarer.ids import new_group
 from wayfarer.ids import scene_id as new_scene_id
-from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Obstacle, SceneSpec
 from wayfarer.world.scenes.messages import SceneInfo, SceneSource

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goals.gait_rules import GoalArrays

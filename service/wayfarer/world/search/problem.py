@@ -11,8 +11,8 @@ from typing import Annotated, Self
 
 import numpy as np
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument
-from wayfarer.limits import Limits
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal, GoalColumns, check_path, goal_columns

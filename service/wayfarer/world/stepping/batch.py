@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, inner, warm
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.style import manner, own_noise

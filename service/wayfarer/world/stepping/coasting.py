@@ -2,7 +2,7 @@
 
 Nobody sees their poses, so when time is short they cost no engine call. The hips go straight to
 steering's aim, at its speed, and the body turns to the requested facing. Only the thighs swing, for
-the phase of the gait that a root has (`service/streams/root_tracks.py`). The seed is moved along as
+the phase of the gait that a root has (`runtime/streams/root_tracks.py`). The seed is moved along as
 a rigid body, so an agent that comes nearer is in mid-stride, and the model continues from there.
 
 World space, metres. Pure functions of columns: rows do not influence each other.

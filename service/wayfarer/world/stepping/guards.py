@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Seeds
 from wayfarer.world.output import quaternion

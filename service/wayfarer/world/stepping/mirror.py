@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from wayfarer.body import landmarks, skeleton
 from wayfarer.body.model import BodyModel
-from wayfarer.compiled import compiled, warm
 from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.output.legs import packed
 from wayfarer.world.rows import Flags, Float

@@ -14,7 +14,7 @@ import numpy as np
 from numba.np.random import _constants as ziggurat
 from numpy.typing import NDArray
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import LATENT
 
 _STREAM: Final = np.uint64(0x5741594641524552)

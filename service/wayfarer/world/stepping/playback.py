@@ -11,7 +11,7 @@ from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import Sight
 from wayfarer.world.agents.slots import Motion, Slots

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wayfarer.body.landmarks import marker_names
-from wayfarer.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.output.legs import packed

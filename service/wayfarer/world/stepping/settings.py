@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from wayfarer.config.limits import Limits
 from wayfarer.errors import InvalidArgument
 from wayfarer.ids import new_group
-from wayfarer.limits import Limits
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import BudgetRules

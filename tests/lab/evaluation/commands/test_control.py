@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from tests.lab.evaluation.people import BODIES, gliding_bundle
 from tests.lab.evaluation.recordings import write_recordings
-from wayfarer.model_bundle import ModelBundle
+from wayfarer.models.bundle import ModelBundle
 from wayfarer_lab.evaluation.commands import app, control
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.paper.motion import EVERY, SHOWN, _walk, seeded_primitives
 from wayfarer_lab.evaluation.parts import load_parts

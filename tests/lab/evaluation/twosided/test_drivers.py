@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer_lab.evaluation.parts import Variant, load_parts

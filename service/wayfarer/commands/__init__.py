@@ -1,0 +1,1 @@
+"""The `wayfarer` command and its sub-commands."""

@@ -1,0 +1,1 @@
+"""Model folders: files with their contracts, opened together with the bodies."""

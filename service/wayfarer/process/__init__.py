@@ -1,0 +1,1 @@
+"""The process: log lines, cores, compiled rules."""

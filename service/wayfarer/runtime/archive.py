@@ -1,0 +1,120 @@
+"""Snapshots and logs that leave a server or come to it, packed off the motion thread."""
+
+import asyncio
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final, Protocol, TypeVar
+
+from wayfarer.runtime.persistence.capture import capture_session
+from wayfarer.runtime.persistence.log_copy import Replica, encode_part, join_parts
+from wayfarer.runtime.persistence.log_format import LogOrigin, decode_log, encode_log
+from wayfarer.runtime.persistence.record import CommandLog, LogMark, LogNews
+from wayfarer.runtime.persistence.replay import replay
+from wayfarer.runtime.persistence.session_record import CapturedSession, encode_record
+from wayfarer.runtime.persistence.snapshot import decode_session
+from wayfarer.runtime.streams.publications import Publication
+from wayfarer.runtime.worlds import Worlds
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.world import World
+
+T = TypeVar("T")
+
+SETTLE_TRIES: Final = 15
+SETTLE_SECONDS: Final = 0.02
+"""Tries, and pause between them, of an export that waits for chunks planned before the last
+command."""
+
+
+class Home(Protocol):
+    """The place of a session: `LiveMotion`, or `LockStep`."""
+
+    async def ask(self, call: Callable[[World, float], T]) -> T:
+        """Calls with its world and time, on its thread."""
+        ...
+
+
+class Archive:
+    """Exports and imports sessions of some worlds, and their logs."""
+
+    def __init__(self, worlds: Worlds) -> None:
+        self._worlds = worlds
+        self._limits = worlds.settings.limits
+
+    async def export_session(self, home: Home, session_id: str) -> bytes:
+        """Implements `MotionService`, as do the methods below."""
+        taken, _ = await self._taken(home, session_id, None)
+        return await self._packed(taken._replace(crowd=None))
+
+    async def replica(self, home: Home, session_id: str, mark: LogMark | None) -> Replica:
+        """The data from which it resumes after this server has died. Raises NotFound."""
+        taken, news = await self._taken(home, session_id, mark)
+        return await self.with_log(await self._packed(taken), news)
+
+    async def with_log(self, state: bytes, news: LogNews | None) -> Replica:
+        """The replica of a session, with the part of its log that was new at that moment."""
+        if news is None:
+            return Replica(state)
+        part = await asyncio.to_thread(encode_part, news, self.origin)
+        return Replica(state, part, news.mark)
+
+    def news(self, session_id: str, mark: LogMark | None) -> LogNews | None:
+        """The new part of a log; called on the thread of the session's world. None: the session is
+        not recorded, or `mark` is None.
+        """
+        return None if mark is None else self._worlds.recordings.since(session_id, mark)
+
+    async def joined_log(self, parts: Sequence[bytes]) -> CommandLog | None:
+        """Joins the log in a session's replicas; None: it has been dropped.
+
+        Raises InvalidArgument, FailedPrecondition.
+        """
+        most = self._limits.log_entries
+        return await asyncio.to_thread(join_parts, parts, self.origin, self._limits, most)
+
+    async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
+        """Reads a snapshot's session; `attributes` take precedence over its own.
+
+        Raises InvalidArgument, FailedPrecondition.
+        """
+        record = await asyncio.to_thread(decode_session, snapshot, self._worlds.body, self._limits)
+        own = {**record.spec.attributes, **attributes}
+        return replace(record, spec=replace(record.spec, attributes=own))
+
+    async def export_log(self, home: Home, session_id: str) -> bytes:
+        """Implements `MotionService`."""
+        log = await home.ask(lambda world, _: self._log(world, session_id))
+        return await asyncio.to_thread(encode_log, log, self.origin)
+
+    def replay(self, log: bytes) -> Iterator[Publication]:
+        """Implements `MotionService`."""
+        commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
+        yield from replay(commands, self._worlds.solo)
+
+    async def _taken(
+        self, home: Home, session_id: str, mark: LogMark | None
+    ) -> tuple[CapturedSession, LogNews | None]:
+        """Takes its state, with the part of its log after `mark`. Raises NotFound."""
+        for _ in range(SETTLE_TRIES):
+            if await home.ask(lambda world, _: world.members.is_settled(session_id)):
+                break
+            await asyncio.sleep(SETTLE_SECONDS)
+        return await home.ask(
+            lambda world, _: (
+                capture_session(world, session_id)._replace(crowd=world.crowds.copy(session_id)),
+                self.news(session_id, mark),
+            )
+        )
+
+    async def _packed(self, taken: CapturedSession) -> bytes:
+        return await asyncio.to_thread(encode_record, taken, self._worlds.body)
+
+    def _log(self, world: World, session_id: str) -> CommandLog:
+        world.get_session(session_id)
+        return self._worlds.recordings.copy(session_id)
+
+    @property
+    def origin(self) -> LogOrigin:
+        """The properties of this server on which the motion of logs depends."""
+        steering = self._worlds.settings.steering
+        asked = max(search.candidates for search in steering.searches.values())
+        return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)

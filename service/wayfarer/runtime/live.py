@@ -1,0 +1,310 @@
+"""The live service: calls of transports become commands to the motion thread. The only clock.
+
+`MotionThread` steps the `World` and hands its chunks to the `Publisher`.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from itertools import groupby
+from operator import attrgetter
+from typing import Final, TypeVar
+
+import structlog
+
+from wayfarer.errors import FailedPrecondition, NotFound, ResourceExhausted, WayfarerError
+from wayfarer.runtime.inbox import Inbox
+from wayfarer.runtime.metrics_sink import MetricsSink
+from wayfarer.runtime.persistence.capture import capture_planned
+from wayfarer.runtime.persistence.session_record import CapturedSession, SessionCopy
+from wayfarer.runtime.pipeline import EnginePipeline
+from wayfarer.runtime.stats import LoopStats
+from wayfarer.runtime.streams.publications import StreamOptions, model_changed
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.streams.subscription import Subscription
+from wayfarer.runtime.thread import MotionThread
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.faults import Stage
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.agents.slots import Motion
+from wayfarer.world.goals.commands import Append, GoalCommand
+from wayfarer.world.scenes.populate import CrowdPeople
+from wayfarer.world.world import World
+
+log = structlog.get_logger(__name__)
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+INBOX: Final = 4096
+"""Maximum number of commands that wait for the motion thread."""
+
+
+def steady_clock() -> Callable[[], float]:
+    """Unix seconds that never jump: the wall clock at the start, then the monotonic clock."""
+    start = time.time() - time.monotonic()
+    return lambda: start + time.monotonic()
+
+
+class LiveMotion:
+    """Runs a world in a separate thread: the real-time part of `MotionService`."""
+
+    def __init__(
+        self,
+        world: World,
+        warm_up: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] | None = None,
+        meter: MetricsSink | None = None,
+        may_step: Callable[[], bool] = lambda: True,
+        keep_aside: Callable[[str], None] = lambda session_id: None,
+        ended: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`warm_up` is called on the motion thread before its first turn. `may_step` and `ended`:
+        see `MotionThread`. `keep_aside(session)` keeps a removed session's files on disk.
+        """
+        self._keep_aside = keep_aside
+        self._world = world
+        self._clock = clock or steady_clock()
+        self._meter = meter or MetricsSink()
+        self._inbox = Inbox(INBOX)
+        self._workshop = ThreadPoolExecutor(1, "newcomers")
+        self._publisher = Publisher(
+            world.settings.limits, self._meter, world.get_agent, world.faults
+        )
+        self._thread = MotionThread(
+            world=world,
+            publisher=self._publisher,
+            inbox=self._inbox,
+            pipeline=EnginePipeline(self._clock, self._inbox.wake),
+            warm_up=warm_up,
+            clock=self._clock,
+            meter=self._meter,
+            may_step=may_step,
+            set_aside=lambda session_id: self.set_aside(session_id, "turn"),
+            ended=ended,
+        )
+
+    # Life
+
+    def start(self) -> None:
+        """Starts the thread, once."""
+        self._thread.start()
+
+    async def stop(self) -> None:
+        """Ends the thread, every stream and every waiting command; returns when that is done."""
+        await self._thread.stop()
+        self._workshop.shutdown(wait=False, cancel_futures=True)
+
+    @property
+    def ready(self) -> bool:
+        """Implements `MotionService`."""
+        return self._thread.ready
+
+    @property
+    def failed(self) -> bool:
+        """Whether the thread has ended without having been stopped."""
+        return self._thread.failed
+
+    @property
+    def alive(self) -> bool:
+        """Implements `MotionService`."""
+        return self._thread.alive
+
+    async def ask(self, call: Callable[[World, float], T]) -> T:
+        """Calls on the motion thread, with the world and its time. Must be quick.
+
+        Raises Unavailable, or what `call` raises.
+        """
+        return await self._inbox.ask(lambda: call(self._world, self._clock()))
+
+    async def stats(self) -> LoopStats:
+        """Implements `MotionService`, as do the methods below."""
+        return await self._inbox.ask(self._thread.stats)
+
+    # Sessions
+
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
+        """Implements `MotionService`."""
+        with self._counted("create_session"):
+            return await self.ask(lambda world, now: world.create_session(spec, now))
+
+    async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
+        """Resumes a session from another server; see `Membership.put_session`."""
+        with self._counted("import_session"):
+            await self._off_thread(self._world.members.examine, record)
+            return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
+
+    async def delete_session(self, session_id: str) -> None:
+        """Implements `MotionService`."""
+        await self.ask(lambda *_: self._delete_session(session_id))
+
+    # Agents
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        """Implements `MotionService`."""
+        # A lack of room is reported at once, even if the motion thread is busy. Skinning start
+        # poses takes about a millisecond each, so it does not run on the motion thread.
+        with (
+            self._counted("create_agents"),
+            self._world.reserve(session_id, specs, self._clock()) as room,
+        ):
+            place = partial(self._world.placed, session_id)
+            placed = await self._off_thread(place, specs)
+            seeds = await self._off_thread(self._prepare, placed)
+            return await self.ask(
+                lambda world, now: world.create_agents(session_id, placed, now, seeds, room)
+            )
+
+    async def delete_agent(self, agent_id: str) -> None:
+        """Implements `MotionService`."""
+        await self.ask(lambda *_: self._delete_agent(agent_id))
+
+    async def use_model(self, name: str) -> int:
+        """Moves all agents with a loaded model; returns how many had another. Raises NotFound."""
+        return await self.ask(lambda *_: self._use_model(name))
+
+    # Goals
+
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
+        """Implements `MotionService`."""
+        asked_at = self._clock()
+        return await self.ask(lambda _, now: self._give(agent_id, command, now, expected, asked_at))
+
+    # Moves to another server; see moving.py
+
+    async def send_rest(self, session_id: str) -> None:
+        """Sends everything planned for a session's agents, before its time. Raises NotFound."""
+        await self.ask(lambda world, _: self._send_rest(world, session_id))
+
+    async def leave(self, session_id: str, error: WayfarerError) -> None:
+        """Ends a session on this server; its streams end with `error` after their last chunks."""
+        await self.ask(lambda *_: self._delete_session(session_id, error))
+
+    async def taken(self, session_id: str) -> CapturedSession:
+        """The state of a frozen session for another server. Raises NotFound."""
+        return await self.ask(
+            lambda world, _: capture_planned(world, session_id)._replace(
+                log=self._publisher.log_of(session_id)
+            )
+        )
+
+    async def put_crowd(self, session_id: str, crowd: CrowdPeople) -> None:
+        """Resumes a crowd from another server; its people are already on this one."""
+        await self.ask(lambda world, _: world.crowds.put(session_id, crowd))
+
+    async def put_live(self, session: SessionCopy) -> SessionInfo:
+        """Enters a session from another server, frozen; see `Membership.put_session`."""
+        with self._counted("import_session"):
+            await self._off_thread(self._world.members.examine, session.record)
+            return await self.ask(lambda world, now: self._put_live(world, session, now))
+
+    # Streams
+
+    async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
+        """Implements `MotionService`. A subscription dropped without `close` is forgotten too."""
+        subscription = Subscription(
+            session_id, options, self._world.settings.limits, self._meter, self._clock
+        )
+        await self.ask(lambda _, now: self._subscribe(subscription, now))
+        return subscription
+
+    # Private; methods that are not `async` run on the motion thread
+
+    @contextmanager
+    def _counted(self, command: str) -> Iterator[None]:
+        try:
+            yield
+        except ResourceExhausted:
+            self._meter.refusal(command)
+            raise
+
+    def _prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
+        """Makes seeds for new agents; other threads that wait to run Python go first."""
+        seeds: list[Motion] = []
+        for spec in specs:
+            seeds += self._world.prepare([spec])
+            time.sleep(0)
+        return seeds
+
+    async def _off_thread(self, call: Callable[[U], T], argument: U) -> T:
+        """Makes a costly call in the one worker thread.
+
+        With several threads, calls would only prevent each other, and event loops, from running
+        Python.
+        """
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._workshop, call, argument)
+
+    def _give(
+        self, agent_id: str, command: GoalCommand, now: float, expected: int | None, asked_at: float
+    ) -> int:
+        revision = self._world.give(agent_id, command, now, expected)
+        if not isinstance(command, Append):  # appended goals apply later
+            session_id = self._world.session_of(agent_id)
+            self._publisher.await_goal(session_id, agent_id, revision, asked_at)
+        return revision
+
+    def adopt(
+        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+    ) -> SessionInfo:
+        """`put_session` for callers on the motion thread, such as `warm_up`."""
+        session = self._world.members.put_session(record, now, admit, examined)
+        self._publisher.adopt(record)
+        return session.info()
+
+    def set_aside(self, session_id: str, why: str) -> None:
+        """Removes a session that cannot continue; `why` is one of `SET_ASIDE`.
+
+        Must be called on the motion thread.
+        """
+        log.error("a session is set aside: it cannot go on", session=session_id, why=why)
+        self._meter.set_aside(why)
+        self._keep_aside(session_id)
+        error = FailedPrecondition(
+            f"session {session_id!r} was set aside: an error in the server came again and again"
+        )
+        try:
+            self._delete_session(session_id, error)
+        except Exception as problem:  # at least it gets no more turns
+            self._world.faults.nobody(Stage.SCHEDULE, problem)
+            self._world.freeze_all(session_id)
+
+    def _use_model(self, name: str) -> int:
+        moved, now = self._world.use_model(name), self._clock()
+        by_session = attrgetter("session_id")
+        for session_id, agents in groupby(sorted(moved, key=by_session), by_session):
+            self._publisher.tell(session_id, [model_changed(agent, now) for agent in agents])
+        return len(moved)
+
+    def _delete_agent(self, agent_id: str) -> None:
+        session_id = self._world.session_of(agent_id)
+        self._world.delete_agent(agent_id)
+        self._publisher.forget_agent(session_id, agent_id)
+
+    def _delete_session(self, session_id: str, error: WayfarerError | None = None) -> None:
+        self._world.delete_session(session_id)
+        self._publisher.end(session_id, error)
+
+    def _send_rest(self, world: World, session_id: str) -> None:
+        for due in world.take_rest(session_id):
+            self._publisher.publish(due.session_id, due.chunks)
+        self._publisher.flush()
+
+    def _put_live(self, world: World, session: SessionCopy, now: float) -> SessionInfo:
+        record = session.record
+        made = world.members.put_session(record, now, examined=True, live=session.rows)
+        if session.log is not None:
+            self._publisher.restore(record.session_id, session.log)
+        if session.crowd is not None:
+            world.crowds.put(record.session_id, session.crowd)
+        return made.info()
+
+    def _subscribe(self, subscription: Subscription, now: float) -> None:
+        session = self._world.get_session(subscription.session_id)
+        if unknown := subscription.agent_ids - set(session.agent_ids):
+            raise NotFound(f"no agents {sorted(unknown)} in session {session.session_id!r}")
+        self._publisher.subscribe(subscription, now)

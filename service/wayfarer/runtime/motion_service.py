@@ -1,0 +1,375 @@
+"""The service that transports call: real time, lock-step, clips, snapshots, logs and the journal.
+
+A call goes to the world of its session or agent. A call that changes something returns once the
+journal, if it exists and can write, has the change on disk. The event loop may await all methods;
+none blocks it.
+"""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import Final
+
+from wayfarer.engines.engine import Engine
+from wayfarer.engines.model_store import ModelLoader, no_model
+from wayfarer.engines.models import ModelInfo
+from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
+from wayfarer.runtime.archive import Archive
+from wayfarer.runtime.gates import SessionGates
+from wayfarer.runtime.live import LiveMotion, steady_clock
+from wayfarer.runtime.lockstep import LockStep, LockSteps
+from wayfarer.runtime.metrics_sink import MetricsSink
+from wayfarer.runtime.moving import LiveMoves
+from wayfarer.runtime.offline import Offline
+from wayfarer.runtime.persistence.log_copy import Replica
+from wayfarer.runtime.persistence.persistence import SAVE_PARTS, Persistence
+from wayfarer.runtime.persistence.record import UNCOPIED, LogMark
+from wayfarer.runtime.scenes import SceneService
+from wayfarer.runtime.stats import LoopStats
+from wayfarer.runtime.streams.publications import Publication, StreamOptions
+from wayfarer.runtime.streams.subscription import Subscription
+from wayfarer.runtime.walk import walk
+from wayfarer.runtime.worlds import Worlds
+from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.scenes.prepare import prepare
+from wayfarer.world.world import World
+
+TRIAL_SECONDS: Final = 1.0
+"""Seconds for which a session is stepped when it is tried."""
+
+
+class MotionService:
+    """Sessions, agents, goals and streams. Scenes have a separate class."""
+
+    def __init__(
+        self,
+        worlds: Worlds,
+        warm_up: Callable[[World], None] = lambda world: None,
+        clock: Callable[[], float] | None = None,
+        meter: MetricsSink | None = None,
+        open_model: Callable[[str], Engine] = no_model,
+        may_step: Callable[[], bool] = lambda: True,
+        ended: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`warm_up` is called with the real-time world, on the motion thread before its first turn.
+        `open_model(name)` opens another model, in a separate thread. `may_step`: see `Ownership`.
+        `ended()` is called from another thread when the motion loop has failed for good, so that
+        the process should end.
+
+        The journal is read here, and its sessions resume once the thread is warm. Raises
+        ArtifactError if they exceed the limits.
+        """
+        self._worlds = worlds
+        self._archive = Archive(worlds)
+        self._persistence = Persistence(worlds.journal, worlds.settings.limits, meter)
+        self._clock = clock or steady_clock()
+        self._offline = Offline(worlds.settings.limits.offline_jobs)
+        self._model_loader = ModelLoader(worlds.models, open_model)
+        self._gates = SessionGates()
+        self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
+        self._world = worlds.live()
+        self._live = LiveMotion(
+            self._world,
+            lambda: self._wake(warm_up),
+            self._clock,
+            meter,
+            may_step,
+            self._keep_aside,
+            ended,
+        )
+        self._lock_steps = LockSteps(worlds, self._offline, self._clock)
+        self.scenes = SceneService(
+            book=worlds.scenes,
+            persistence=self._persistence,
+            live=self._live,
+            lock_steps=self._lock_steps,
+            clock=self._clock,
+            gates=self._gates,
+        )
+
+        self.moves = LiveMoves(
+            worlds, self._archive, self._live, self._lock_steps, self._persistence, self._gates
+        )
+
+    # Life
+
+    def start(self) -> None:
+        """Starts all threads, once; must be called on the event loop."""
+        self._persistence.start(
+            lambda: self._live.ask(lambda world, _: world.checkpoint(SAVE_PARTS))
+        )
+        self._live.start()
+
+    async def stop(self) -> None:
+        """Ends every thread, stream and waiting command; the present state is saved."""
+        self._persistence.pause()
+        await asyncio.to_thread(self._worlds.stop)
+        await self._live.stop()
+        self.scenes.stop()
+        await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
+        self._world.checkpoint()
+        await self._persistence.stop(in_good_order=not self._live.failed)
+
+    @property
+    def ready(self) -> bool:
+        """Whether models are loaded and warm and the loop is running."""
+        return self._live.ready
+
+    @property
+    def alive(self) -> bool:
+        """Whether the loop has made a turn within the last second."""
+        return self._live.alive
+
+    async def stats(self) -> LoopStats:
+        """Figures for dashboards and the viewer."""
+        return replace(await self._live.stats(), journal_failing=self._persistence.failing)
+
+    # Sessions
+
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
+        """Opens a session. Raises AlreadyExists, ResourceExhausted."""
+        async with self._gates.through(spec.scene) if spec.scene else nullcontext():
+            if spec.session_id is None:  # it gets a new id, so there is nothing to wait for
+                made = await self._create_session(spec)
+            else:
+                async with self._door:
+                    await self._refuse_taken(spec.session_id)
+                    made = await self._create_session(spec)
+            return await self._persistence.durable(made)
+
+    async def get_session(self, session_id: str) -> SessionInfo:
+        """Raises NotFound."""
+        return await self._home(session_id).ask(lambda world, _: world.get_session(session_id))
+
+    async def list_sessions(self) -> list[SessionInfo]:
+        """All sessions, oldest first; after a restart those of the journal."""
+        live = await self._live.ask(lambda world, _: world.list_sessions())
+        sessions = live + self._lock_steps.infos()
+        return sorted(sessions, key=lambda session: session.created_at)
+
+    async def delete_session(self, session_id: str) -> None:
+        """Ends a session, its agents and its streams. Raises NotFound."""
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
+        async with self._gates.through(session_id):
+            await home.delete_session(session_id)
+        await self._persistence.durable(None)
+
+    # Agents
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        """Creates all or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
+        async with self._gates.through(session_id):
+            made = await home.create_agents(session_id, specs)
+        return await self._persistence.durable(made)
+
+    async def get_agent(self, agent_id: str) -> AgentInfo:
+        """Raises NotFound."""
+        return await self._home_of(agent_id).ask(lambda world, _: world.get_agent(agent_id))
+
+    async def list_agents(self, session_id: str) -> list[AgentInfo]:
+        """Raises NotFound."""
+        return await self._home(session_id).ask(lambda world, _: world.list_agents(session_id))
+
+    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
+        """Raises NotFound, InvalidArgument."""
+        async with self._gates.through(agent_id):
+            changed = await self._home_of(agent_id).ask(
+                lambda world, _: world.update_agent(agent_id, change)
+            )
+        return await self._persistence.durable(changed)
+
+    async def delete_agent(self, agent_id: str) -> None:
+        """Raises NotFound."""
+        home = self._lock_steps if self._lock_steps.agent(agent_id) else self._live
+        async with self._gates.through(agent_id):
+            await home.delete_agent(agent_id)
+        await self._persistence.durable(None)
+
+    # Goals
+
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
+        """Gives an agent a goal command; returns the new goal revision.
+
+        Raises NotFound, InvalidArgument that names the field, Aborted if the agent's revision is
+        not `expected`; in a scene Unreachable if no way leads to a goal. A behaviour raises
+        FailedPrecondition in a recorded session if it depends on other agents, and on an endless
+        floor if it walks all over a scene.
+        """
+        try:
+            async with self._gates.through(agent_id):
+                revision = await self._home_of(agent_id).give(agent_id, command, expected)
+        except Unreachable as error:
+            raise await self.scenes.explained(error) from None
+        return await self._persistence.durable(revision)
+
+    # Motion
+
+    async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
+        """Follows a session. Raises NotFound; FailedPrecondition for a lock-step session."""
+        if self._lock_steps.session(session_id):
+            raise FailedPrecondition(
+                f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
+            )
+        async with self._gates.through(session_id):
+            return await self._live.subscribe(session_id, options)
+
+    async def step_session(self, session_id: str, steps: int) -> list[Publication]:
+        """Advances a lock-step session by primitives. Raises NotFound, FailedPrecondition."""
+        home = self._lock_steps.session(session_id)
+        if home is None:
+            await self._live.ask(lambda world, _: world.get_session(session_id))
+            raise FailedPrecondition(
+                f"session {session_id!r} runs in real time; create it with `lock_step` to step it"
+            )
+        async with self._gates.through(session_id):
+            return await home.step(steps)
+
+    def generate_clip(
+        self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
+    ) -> AsyncGenerator[Publication]:
+        """Makes a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
+        return self._offline.run(
+            lambda: walk(self._worlds.solo(), spec, goals, seconds, until_arrival)
+        )
+
+    def replay(self, log: bytes) -> AsyncGenerator[Publication]:
+        """Makes a log's motion again, off the real-time path. Raises as `import_session`."""
+        return self._offline.run(lambda: self._archive.replay(log))
+
+    # Models
+
+    async def list_models(self) -> list[ModelInfo]:
+        """The loaded models, in order of loading."""
+        return self._worlds.models.infos()
+
+    async def load_model(self, name: str) -> None:
+        """Loads and warms another model. Raises NotFound, AlreadyExists, ArtifactError."""
+        await self._model_loader.load(name)
+
+    async def use_model(self, name: str, move_agents: bool) -> int:
+        """Uses a model for new agents, and for present ones if asked; returns how many changed.
+
+        Raises NotFound.
+        """
+        self._worlds.models.use(name)
+        if not move_agents:
+            return 0
+        return await self._live.use_model(name) + await self._lock_steps.use_model(name)
+
+    async def unload_model(self, name: str) -> None:
+        """Raises NotFound, FailedPrecondition while it is in use."""
+        self._worlds.models.remove(name)
+
+    # Faults
+
+    async def set_aside(self, session_id: str) -> None:
+        """Removes a session that cannot continue, and keeps its data on disk."""
+        if self._lock_steps.session(session_id):
+            await self.delete_session(session_id)
+            return
+        await self._live.ask(lambda *_: self._live.set_aside(session_id, "restore"))
+
+    # Snapshots and logs
+
+    async def export_session(self, session_id: str) -> bytes:
+        """Its state as of the last frames sent. Raises NotFound."""
+        return await self._archive.export_session(self._home(session_id), session_id)
+
+    async def replica(self, session_id: str, mark: LogMark | None = UNCOPIED) -> Replica:
+        """The data from which `adopt` resumes it after this server has died; with its log since
+        `mark`, the mark of the replica before, or without its log if that is None. Raises NotFound.
+        """
+        if self.moves.is_lock_step(session_id):
+            return await self.moves.replica(session_id, mark)
+        return await self._archive.replica(self._home(session_id), session_id, mark)
+
+    async def adopt(self, replica: bytes, log_parts: Sequence[bytes] = ()) -> SessionInfo:
+        """Resumes a session from a replica's state, and its log from the parts of all replicas.
+
+        Also beyond `limits.sessions`, and if there is no time for its agents, since no other server
+        steps them. All agents are then late, and degraded. Raises as `import_session`.
+        """
+        copy = await self.moves.read(replica)
+        if copy.log is not None:
+            return await self.moves.adopt(copy, log_parts)
+        made = await self._go_on(copy.record, admit=False)
+        if copy.crowd is not None:
+            await self._live.put_crowd(made.session_id, copy.crowd)
+        if log_parts:
+            await self.moves.go_on_with_log(made.session_id, log_parts)
+        return made
+
+    async def import_session(
+        self, snapshot: bytes, attributes: Mapping[str, str] | None = None
+    ) -> SessionInfo:
+        """Resumes an exported session; `attributes` take precedence over the snapshot's.
+
+        Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
+        """
+        record = await self._archive.read_session(snapshot, attributes or {})
+        return await self._go_on(record, admit=True)
+
+    async def export_log(self, session_id: str) -> bytes:
+        """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
+        return await self._archive.export_log(self._home(session_id), session_id)
+
+    # Private
+
+    async def _go_on(self, record: SessionRecord, admit: bool) -> SessionInfo:
+        scene = record.spec.scene
+        async with self._gates.through(scene) if scene else nullcontext(), self._door:
+            await self._refuse_taken(record.session_id)
+            if record.spec.lock_step:
+                made = await asyncio.to_thread(self._lock_steps.put, record, admit=admit)
+            else:
+                made = await self._live.put_session(record, admit)
+            return await self._persistence.durable(made)
+
+    def _home(self, session_id: str) -> LiveMotion | LockStep:
+        return self._lock_steps.session(session_id) or self._live
+
+    def _home_of(self, agent_id: str) -> LiveMotion | LockStep:
+        return self._lock_steps.agent(agent_id) or self._live
+
+    async def _create_session(self, spec: SessionSpec) -> SessionInfo:
+        if spec.lock_step:
+            return self._lock_steps.create(spec)
+        return await self._live.create_session(spec)
+
+    async def _refuse_taken(self, session_id: str) -> None:
+        is_live = await self._live.ask(lambda world, _: session_id in world.registry.sessions)
+        if is_live or self._lock_steps.session(session_id):
+            raise AlreadyExists(f"session {session_id!r} exists already")
+
+    def _wake(self, warm_up: Callable[[World], None]) -> None:
+        """Warms up, then restores the journal. Runs on the motion thread, before its first turn;
+        the page can be opened meanwhile.
+        """
+        prepare()
+        warm_up(self._world)
+        self._persistence.restore_scenes(self._worlds.scenes)
+        self._persistence.restore(self._adopt, self._try_out)
+
+    def _try_out(self, record: SessionRecord) -> None:
+        """Steps a session in a separate world."""
+        world, now = self._worlds.apart(), self._clock()
+        world.members.put_session(record, now, admit=False)
+        try:
+            for _ in world.advance(now + TRIAL_SECONDS):
+                pass
+        finally:
+            world.delete_session(record.session_id)
+
+    def _keep_aside(self, session_id: str) -> None:
+        session = self._world.registry.session(session_id)
+        self._persistence.set_aside(session_id, tuple(session.agents), session.spec.scene)
+
+    def _adopt(self, record: SessionRecord) -> SessionInfo:
+        if record.spec.lock_step:
+            return self._lock_steps.put(record)
+        return self._live.adopt(record, self._clock(), admit=False)

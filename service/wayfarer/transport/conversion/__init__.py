@@ -1,0 +1,1 @@
+"""Between the wire and the world: messages, bases, units, files."""

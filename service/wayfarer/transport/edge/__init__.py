@@ -1,0 +1,1 @@
+"""Around the calls: connections, TLS, guards, rates, origins, figures and spans."""

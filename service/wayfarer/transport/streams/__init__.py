@@ -1,0 +1,1 @@
+"""Streams of motion: what each reader gets, as wire messages."""

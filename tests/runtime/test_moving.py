@@ -1,0 +1,497 @@
+"""Live sessions that go from one runtime to another."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from tests.runtime.kept_worlds import STICK, assert_same_poses, fake_worlds
+from tests.runtime.servers import Servers
+from tests.world.scenes.grounds import BOX, FIELD
+from wayfarer.config.limits import Limits
+from wayfarer.endpoint import Endpoint
+from wayfarer.errors import (
+    AlreadyExists,
+    FailedPrecondition,
+    InvalidArgument,
+    Misdirected,
+    ResourceExhausted,
+)
+from wayfarer.ids import group_of
+from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
+from wayfarer.runtime.persistence.capture import capture_planned, capture_session
+from wayfarer.runtime.persistence.record import UNCOPIED
+from wayfarer.runtime.persistence.session_record import decode_record, encode_record
+from wayfarer.runtime.persistence.snapshot import decode_session
+from wayfarer.runtime.streams.publications import Resume, StreamOptions
+from wayfarer.runtime.streams.publisher import SessionLog
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.behaviours import Patrol, Routine, Stand, Wander
+from wayfarer.world.behaviours.routine import Part
+from wayfarer.world.goals.commands import Path
+from wayfarer.world.scenes.messages import Crowd, SceneSource
+from wayfarer.world.scenes.populate import CrowdPeople
+from wayfarer.world.stepping.admission import Admission
+from wayfarer.world.stepping.settings import AdmissionRules
+
+ELSEWHERE = Misdirected("elsewhere", Endpoint(1, 2, 3, "b"))
+NOTHING = SessionLog("e", 0, 0.0, None, {}, ())
+
+
+@pytest.fixture
+async def servers():
+    made = Servers()
+    yield made
+    for runtime in list(made.running):
+        await made.stop(runtime)
+
+
+def goals(*places):
+    return tuple(Goal((float(x), float(y), 0.0)) for x, y in places)
+
+
+COMMANDS = (
+    Path(goals((3, 0), (3, 3), (0, 3), (0, 0), (5, 5))),
+    Patrol(goals((2, 0), (0, 2))),
+    Wander((0.0, 0.0), 3.0),
+    Routine((Part(Patrol(goals((2, 0), (0, 2))), 1.3), Part(Stand(), 0.7)), repeat=True),
+)
+
+
+def walking(now):
+    """A world with four walking people, one of whom has just received another goal."""
+    world = fake_worlds(lead=1, phases=2).live()
+    world.create_session(SessionSpec(session_id="s"), 0.0)
+    specs = [AgentSpec(noise_seed=7 + i, position=(i, 0)) for i in range(4)]
+    people = world.create_agents("s", specs, 0.0)
+    sent = []
+    for person, command in zip(people, COMMANDS, strict=True):
+        world.give(person.agent_id, command, 0.0)
+    sent += world.advance(now)
+    world.give(people[0].agent_id, goals((-4, 0))[0], now)
+    return world, sent
+
+
+def move(world, now, arrives=None):
+    """The world in which the session continues, and the chunks sent at once."""
+    session = world.registry.session("s")
+    assert world.members.freeze(session, True)
+    rest = [chunk for due in world.take_rest("s") for chunk in due.chunks]
+    assert world.next_event() is None, "nothing is planned for it any more"
+    assert not world.skip(now + 60).any(), "nothing of it is late meanwhile"
+    taken = capture_planned(world, "s")._replace(log=NOTHING)
+    session = decode_record(encode_record(taken, STICK), STICK, Limits())
+    there = fake_worlds(lead=1, phases=2).live()
+    made = there.members.put_session(session.record, arrives or now, live=session.rows)
+    there.members.freeze(made, False)
+    return there, rest
+
+
+def test_who_is_moved_walks_on_bit_for_bit_and_on_time():
+    at = 2.113
+    stayed, before = walking(at)
+    leaves, moved = walking(at)
+    names = [{c.agent_id: i for i, c in enumerate(w.list_agents("s"))} for w in (stayed, leaves)]
+    for _ in range(3):  # there, and on, and on
+        leaves, rest = move(leaves, at)
+        moved += rest
+        for _ in range(9):
+            at += 0.11
+            before += stayed.advance(at)
+            moved += leaves.advance(at)
+    expected = {(names[0][c.agent_id], c.seq): c for c in before}
+    found = {(names[1][c.agent_id], c.seq): c for c in moved}
+    assert len(found) == len(moved), "nothing is sent twice"
+    assert found.keys() >= expected.keys() and len(expected) > 4 * 20
+    for key, chunk in expected.items():
+        same = found[key]
+        assert same.scheduled_at == pytest.approx(chunk.scheduled_at, abs=1e-6)
+        for name in ("translation", "rotations", "contacts"):
+            assert getattr(same, name).tobytes() == getattr(chunk, name).tobytes(), key
+        for name in ("seq", "first_frame", "goal_revision", "state", "waypoint", "flags"):
+            assert getattr(same, name) == getattr(chunk, name), (name, key)
+
+
+def test_who_comes_too_late_is_shown_later_by_whole_primitives():
+    world, _ = walking(2.0)
+    there, rest = move(world, 2.0, arrives=30.03)
+    chunks = list(there.advance(31.0))
+    assert 29.9 < min(c.scheduled_at for c in chunks) < 30.13
+    phases = {round(c.scheduled_at % 0.2 * 40) % 8 for c in chunks}
+    assert phases == {round(c.scheduled_at % 0.2 * 40) % 8 for c in rest}
+    there.delete_session("s")
+    assert sum(map(sum, there._population.phases.load)) == 0, "phases are counted right"
+
+
+async def collected(subscription, count):
+    return [await anext(subscription) for _ in range(count)]
+
+
+async def test_a_subscriber_misses_nothing_when_its_session_moves(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec())).session_id
+    people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(6)])
+    for person in people:
+        await here.give(person.agent_id, goals((20, 20))[0])
+    subscription = await here.subscribe(session, StreamOptions())
+    reading = asyncio.create_task(until_elsewhere(subscription))
+    await asyncio.sleep(0.7)
+    await here.moves.freeze(session)
+    waiting = asyncio.create_task(here.give(people[0].agent_id, goals((0, -9))[0]))
+    data = await here.moves.export(session)
+    arrived = await there.moves.read(data)
+    await there.moves.import_(arrived)
+    await there.moves.unfreeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    with pytest.raises(Misdirected):
+        await waiting
+    before = await reading
+    resume = Resume(subscription.epoch, before[-1].position)
+    follows = await there.subscribe(session, StreamOptions(resume=resume))
+    assert await there.give(people[0].agent_id, goals((0, -9))[0]) == 2
+    async with asyncio.timeout(10):
+        after = await collected(follows, count=12)
+    positions = [p.position for p in before + after]
+    assert positions == list(range(positions[0], positions[0] + len(positions)))
+    seqs = {}
+    for publication in before + after:
+        for chunk in publication.chunks:
+            last = seqs.setdefault(chunk.agent_id, chunk.seq - 1)
+            assert chunk.seq == last + 1
+            seqs[chunk.agent_id] = chunk.seq
+    assert len(seqs) == 6
+    flags = {flag for p in after for flag in p.chunks.flags.tolist()}
+    assert not any(flag & (ChunkFlag.FIRST | ChunkFlag.GAP) for flag in flags)
+    assert not any(p.events for p in after if any(e.kind == "gap" for e in p.events))
+    assert await here.list_sessions() == []
+
+
+async def until_elsewhere(subscription):
+    found = []
+    with pytest.raises(Misdirected):
+        while True:
+            found.append(await anext(subscription))
+    return found
+
+
+async def test_what_cannot_go_goes_on_here(servers):
+    here = await servers.start()
+    there = await servers.start(limits=Limits(agents=2))
+    session = (await here.create_session(SessionSpec())).session_id
+    people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(3)])
+    subscription = await here.subscribe(session, StreamOptions())
+    await here.moves.freeze(session)
+    data = await here.moves.export(session)
+    with pytest.raises(ResourceExhausted):
+        await there.moves.import_(await there.moves.read(data))
+    assert await there.list_sessions() == []
+    with pytest.raises(AlreadyExists):
+        await here.moves.import_(await here.moves.read(data))
+    waiting = asyncio.create_task(here.give(people[0].agent_id, goals((9, 0))[0]))
+    await asyncio.sleep(0)
+    await here.moves.unfreeze(session)
+    assert await waiting == 1
+    async with asyncio.timeout(10):
+        found = await collected(subscription, count=12)
+    seqs = [c.seq for p in found for c in p.chunks if c.agent_id == people[1].agent_id]
+    assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
+
+
+async def test_damaged_bytes_are_refused(servers):
+    here = await servers.start()
+    session = (await here.create_session(SessionSpec())).session_id
+    await here.create_agents(session, [AgentSpec()])
+    await here.moves.freeze(session)
+    data = await here.moves.export(session)
+    for damaged in (data[:-9], data[:200], b"x" + data, data + b"x", b""):
+        with pytest.raises((InvalidArgument, FailedPrecondition)):
+            await here.moves.read(damaged)
+    await here.moves.unfreeze(session)
+
+
+@pytest.mark.parametrize("epoch", ["", "a" * 41, "abc\n", "x" * 5000 + "\n~.~"])
+def test_an_epoch_that_no_server_makes_is_refused(epoch):
+    world, _ = walking(0.5)
+    log, session = replace(NOTHING, epoch=epoch), world.registry.session("s")
+    world.members.freeze(session, True)
+    list(world.take_rest("s"))
+    taken = capture_planned(world, "s")._replace(log=log)
+    with pytest.raises(InvalidArgument, match="epoch"):
+        decode_record(encode_record(taken, STICK), STICK, Limits())
+
+
+async def stepping(runtime):
+    """A session in lock-step with two people who walk."""
+    spec = SessionSpec(lock_step=True, record=True)
+    session = (await runtime.create_session(spec)).session_id
+    people = await runtime.create_agents(session, [AgentSpec(noise_seed=i) for i in range(2)])
+    await runtime.give(people[0].agent_id, goals((1, 0), (1, 1))[0])
+    await runtime.give(people[1].agent_id, goals((9, 0))[0])
+    return session
+
+
+async def test_a_session_in_lock_step_moves_between_two_steps_and_goes_on_bit_for_bit(servers):
+    here, there = await servers.start(), await servers.start()
+    stays, moves = await stepping(here), await stepping(here)
+    expected = await here.step_session(stays, 4)
+    found = await here.step_session(moves, 4)
+    await here.moves.freeze(moves)
+    waiting = asyncio.create_task(here.step_session(moves, 1))
+    data = await here.moves.export(moves)
+    await there.moves.import_(await there.moves.read(data))
+    await there.moves.unfreeze(moves)
+    await here.moves.release(moves, ELSEWHERE)
+    with pytest.raises(Misdirected):
+        await waiting
+    expected += await here.step_session(stays, 12)
+    found += await there.step_session(moves, 12)
+    assert [p.position for p in found] == [p.position for p in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert [(e.kind, e.at) for e in one.events] == [(e.kind, e.at) for e in other.events]
+        for name in ("seq", "scheduled_at", "translation", "rotations", "contacts", "flags"):
+            assert getattr(one.chunks, name).tobytes() == getattr(other.chunks, name).tobytes()
+    assert any(p.events for p in found[4:])
+    log = await there.export_log(moves)
+    assert [p async for p in there.replay(log)], "the log has gone along"
+    assert [s.session_id for s in await here.list_sessions()] == [stays]
+
+
+async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
+    here, there = await servers.start(), await servers.start()
+    made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
+    scene = made.scene_id
+    sessions = [(await here.create_session(SessionSpec(scene=scene))).session_id for _ in "ab"]
+    assert {group_of(name) for name in sessions} == {group_of(scene)}
+    person = (await here.create_agents(sessions[0], [AgentSpec(position=(6.0, 2.0))]))[0].agent_id
+    await here.give(person, goals((6, 10))[0])
+    await here.scenes.put_obstacle(scene, "crate", Cylinder((1.0, 1.0), 0.5, 1.0))
+    content = await here.scenes.content(scene)
+    await there.scenes.prepare(scene, content)
+    assert await there.scenes.list_scenes() == []
+
+    await here.scenes.freeze(scene)
+    packed = []
+    for session in sessions:
+        await here.moves.freeze(session)
+        packed.append(await here.moves.export(session))
+    coming = asyncio.create_task(here.create_session(SessionSpec(scene=scene)))
+    changing = asyncio.create_task(here.scenes.remove_obstacle(scene, "crate"))
+    await there.scenes.adopt(scene, content, here.scenes.obstacles(scene))
+    for session, data in zip(sessions, packed, strict=True):
+        await there.moves.import_(await there.moves.read(data))
+        await there.moves.unfreeze(session)
+        await here.moves.release(session, ELSEWHERE)
+    await here.scenes.release(scene, ELSEWHERE)
+    for waiting in (coming, changing):
+        with pytest.raises(Misdirected):
+            await waiting
+    assert await here.scenes.list_scenes() == [] and await here.list_sessions() == []
+    moved = await there.scenes.get_scene(scene)
+    assert moved.sessions == 2 and list(moved.obstacles) == ["crate"]
+    assert (moved.content_hash, moved.version) == (made.content_hash, made.version + 1)
+    assert (await there.get_agent(person)).goal_revision == 1
+    await there.scenes.remove_obstacle(scene, "crate")
+
+
+async def test_a_recorded_session_takes_its_log_along(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec(record=True))).session_id
+    [person] = await here.create_agents(session, [AgentSpec(noise_seed=3)])
+    await here.give(person.agent_id, goals((5, 0))[0])
+    subscription = await here.subscribe(session, StreamOptions())
+    reading = asyncio.create_task(until_elsewhere(subscription))
+    await asyncio.sleep(0.5)
+    await here.moves.freeze(session)
+    arrived = await there.moves.read(await here.moves.export(session))
+    await there.moves.import_(arrived)
+    await there.moves.unfreeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    before = await reading
+    resume = Resume(subscription.epoch, before[-1].position)
+    follows = await there.subscribe(session, StreamOptions(resume=resume))
+    async with asyncio.timeout(10):
+        after = await collected(follows, count=4)
+    log = await there.export_log(session)
+    played = {c.seq: c async for p in there.replay(log) for c in p.chunks}
+    streamed = {c.seq: c for p in before + after for c in p.chunks}
+    assert set(streamed) <= set(played)
+    for seq, chunk in streamed.items():
+        assert_same_poses(played[seq], chunk)
+
+
+async def test_what_was_told_right_before_a_move_is_in_the_log(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec(record=True))).session_id
+    people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(6)])
+    await asyncio.sleep(0.4)
+    for person in people:  # one and the other will not have planned for it yet
+        await here.give(person.agent_id, goals((5, 0))[0])
+    await here.moves.freeze(session)
+    await there.moves.import_(await there.moves.read(await here.moves.export(session)))
+    await there.moves.unfreeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    follows = await there.subscribe(session, StreamOptions())
+    async with asyncio.timeout(10):
+        await same_as_replayed(there, session, await collected(follows, count=12))
+
+
+async def same_as_replayed(runtime, session, publications):
+    """The streamed motion is in the session's log, bit for bit."""
+    log = await runtime.export_log(session)
+    played = {(c.agent_id, c.seq): c async for p in runtime.replay(log) for c in p.chunks}
+    streamed = {(c.agent_id, c.seq): c for p in publications for c in p.chunks}
+    assert streamed and set(streamed) <= set(played)
+    for key, chunk in streamed.items():
+        assert_same_poses(played[key], chunk)
+
+
+async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
+    servers, monkeypatch
+):
+    here = await servers.start()
+    there = await servers.start(admission=AdmissionRules(refuse=True))
+    session = (await here.create_session(SessionSpec())).session_id
+    await here.create_agents(session, [AgentSpec()])
+    replica = await here.replica(session, UNCOPIED)
+    exported = await here.export_session(session)
+    await servers.stop(here)
+
+    def full(*_):
+        raise ResourceExhausted("no time")
+
+    monkeypatch.setattr(Admission, "check", full)
+    with pytest.raises(ResourceExhausted, match="no time"):
+        await there.import_session(exported)
+    assert len((await there.adopt(replica.state)).agent_ids) == 1
+
+
+async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scenes(servers):
+    here = await servers.start()
+    there = await servers.start(limits=Limits(sessions=1, scenes=1))
+    field = SceneSource(SceneSpec((FIELD,)), "field")
+    scene = (await here.scenes.create_scene(field)).scene_id
+    await there.scenes.create_scene(field)
+    copies = []
+    for spec in (SessionSpec(), SessionSpec(scene=scene), SessionSpec(lock_step=True)):
+        session = (await here.create_session(spec)).session_id
+        await here.create_agents(session, [AgentSpec()])
+        copies.append((await here.replica(session)).state)
+    await there.create_session(SessionSpec())
+    await there.create_session(SessionSpec(lock_step=True))
+    content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
+    await servers.stop(here)
+
+    await there.scenes.adopt(scene, content, obstacles)
+    for copy in copies:
+        made = await there.adopt(copy)
+        assert await there.list_agents(made.session_id)
+    await there.create_agents(made.session_id, [AgentSpec()])
+    for spec in (SessionSpec(), SessionSpec(lock_step=True)):
+        with pytest.raises(ResourceExhausted, match="all 1 sessions"):
+            await there.create_session(spec)
+
+
+async def test_from_replicas_a_recorded_session_lives_on_with_its_log(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec(record=True))).session_id
+    [person] = await here.create_agents(session, [AgentSpec(noise_seed=3)])
+    subscription = await here.subscribe(session, StreamOptions())
+    reading = asyncio.create_task(all_of(subscription))
+    mark, parts = UNCOPIED, []
+    for place in ((5, 0), (0, 5)):
+        await here.give(person.agent_id, goals(place)[0])
+        await asyncio.sleep(0.7)
+        replica = await here.replica(session, mark)
+        mark, parts = replica.mark, [*parts, replica.log_part]
+    assert len(parts[1]) < len(parts[0]), "only what is new"
+    await here.give(person.agent_id, goals((-5, -5))[0])  # lost, as all after the last copy
+    await asyncio.sleep(0.4)
+    await servers.stop(here)
+
+    assert (await there.adopt(replica.state, parts)).session_id == session
+    follows = await there.subscribe(session, StreamOptions())
+    await there.give(person.agent_id, goals((9, 9))[0])
+    async with asyncio.timeout(10):
+        after = await collected(follows, count=8)
+    again = min(c.seq for p in after for c in p.chunks)
+    before = [p for p in await reading if all(c.seq < again - 2 for c in p.chunks)]
+    assert before
+    await same_as_replayed(there, session, [*before, *after])
+
+
+async def all_of(subscription):
+    return [publication async for publication in subscription]
+
+
+async def test_from_replicas_a_session_in_lock_step_lives_on_with_its_log(servers):
+    here, there = await servers.start(), await servers.start()
+    session = await stepping(here)
+    mark, parts, seen = UNCOPIED, [], []
+    for _ in range(3):
+        seen += await here.step_session(session, 4)
+        replica = await here.replica(session, mark)
+        mark, parts = replica.mark, [*parts, replica.log_part]
+    assert not any(parts[1:]), "no command came since"
+    await there.adopt(replica.state, [part for part in parts if part])
+    seen += await there.step_session(session, 6)
+    await same_as_replayed(there, session, seen)
+
+
+async def test_with_a_damaged_log_a_session_lives_on_and_its_log_begins_again(servers):
+    here, there = await servers.start(), await servers.start()
+    session = await stepping(here)
+    await here.step_session(session, 4)
+    replica = await here.replica(session)
+    await there.adopt(replica.state, [replica.log_part[:-9]])
+    await same_as_replayed(there, session, await there.step_session(session, 6))
+
+
+async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
+    here, there = await servers.start(), await servers.start()
+    scene = (await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
+    session = (await here.create_session(SessionSpec(scene=scene))).session_id
+    await here.scenes.populate(session, Crowd(6, seed=3, stay=1.0))
+    copy = (await here.replica(session)).state
+    people = {agent.spec.name for agent in await here.list_agents(session)}
+    content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
+    await servers.stop(here)  # nothing more is heard of it
+
+    await there.scenes.adopt(scene, content, obstacles)
+    await there.adopt(copy)
+
+    async def names() -> set[str]:
+        return {agent.spec.name for agent in await there.list_agents(session)}
+
+    assert await names() & people  # somebody may have left, and another come, at once
+    async with asyncio.timeout(30):
+        while not (new := await names() - people) or await names() & people == people:
+            await asyncio.sleep(0.1)
+    assert min(int(name.split()[-1]) for name in new) > len(people), "no person comes twice"
+    assert len(await names()) <= 6
+    await there.scenes.populate(session, Crowd(0))
+    async with asyncio.timeout(30):
+        while await names():
+            await asyncio.sleep(0.1)
+
+
+async def test_a_session_without_a_crowd_is_copied_as_a_snapshot(servers):
+    runtime = await servers.start()
+    session = (await runtime.create_session(SessionSpec())).session_id
+    await runtime.create_agents(session, [AgentSpec()])
+    copy = (await runtime.replica(session)).state
+    await runtime.delete_session(session)
+    assert (await runtime.import_session(copy)).session_id == session
+
+
+@pytest.mark.parametrize("cut", [10, 40, -1])
+def test_a_damaged_copy_is_refused_and_no_client_may_import_one(cut):
+    world, _ = walking(0.5)
+    crowd = CrowdPeople(Crowd(3), 1.0, leaves_at={"a": float("inf")})
+    copy = encode_record(capture_session(world, "s")._replace(crowd=crowd), STICK)
+    found = decode_record(copy, STICK, Limits())
+    assert (found.crowd, found.log, len(found.record.agents)) == (crowd, None, 4)
+    with pytest.raises(InvalidArgument, match="crowd"):
+        decode_session(copy, STICK, Limits())
+    with pytest.raises(InvalidArgument):
+        decode_record(copy[:cut], STICK, Limits())

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from wayfarer.transport.conversion.basis import Basis
+
+# The table of the field study, from glTF: p = (x, y, z), q = (x, y, z, w).
+FROM_GLTF = {
+    Basis.GLTF: (lambda x, y, z: (x, y, z), lambda x, y, z, w: (x, y, z, w)),
+    Basis.UNITY: (lambda x, y, z: (-x, y, z), lambda x, y, z, w: (x, -y, -z, w)),
+    Basis.UNREAL: (
+        lambda x, y, z: (100 * z, -100 * x, 100 * y),
+        lambda x, y, z, w: (-z, x, -y, w),
+    ),
+    Basis.UNREAL_MANNEQUIN: (
+        lambda x, y, z: (100 * x, 100 * z, 100 * y),
+        lambda x, y, z, w: (-x, -z, -y, w),
+    ),
+    Basis.BLENDER: (lambda x, y, z: (x, -z, y), lambda x, y, z, w: (x, -z, y, w)),
+    Basis.ROS: (lambda x, y, z: (z, x, y), lambda x, y, z, w: (z, x, y, w)),
+}
+
+bases = st.sampled_from(list(Basis))
+points = arrays(np.float64, (5, 3), elements=st.floats(-1e4, 1e4))
+unit = arrays(np.float64, (5, 4), elements=st.floats(-1, 1)).filter(
+    lambda q: (np.linalg.norm(q, axis=-1) > 0.1).all()
+)
+
+
+def normalise(q):
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def multiply(a, b):
+    """Hamilton product of x, y, z, w."""
+    va, wa, vb, wb = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
+    vector = wa * vb + wb * va + np.cross(va, vb)
+    return np.concatenate([vector, wa * wb - (va * vb).sum(-1, keepdims=True)], -1)
+
+
+def rotate(q, p):
+    zero = np.zeros((*p.shape[:-1], 1))
+    conjugate = q * [-1, -1, -1, 1]
+    return multiply(multiply(q, np.concatenate([p, zero], -1)), conjugate)[..., :3]
+
+
+@pytest.mark.parametrize("basis", Basis)
+def test_the_six_rows_of_the_study(basis):
+    rng = np.random.default_rng(0)
+    point, turn = rng.normal(size=3), rng.normal(size=4)
+    gltf = Basis.GLTF.axes
+    expected_point = FROM_GLTF[basis][0](*gltf.points_to_wire(point))
+    expected_turn = FROM_GLTF[basis][1](*gltf.quaternions_to_wire(turn))
+    np.testing.assert_allclose(basis.axes.points_to_wire(point), expected_point, atol=1e-12)
+    np.testing.assert_allclose(basis.axes.quaternions_to_wire(turn), expected_turn, atol=1e-12)
+
+
+@given(bases, points, unit)
+def test_round_trip(basis, place, turn):
+    axes = basis.axes
+    np.testing.assert_allclose(axes.points_to_core(axes.points_to_wire(place)), place, atol=1e-9)
+    back = axes.quaternions_to_core(axes.quaternions_to_wire(turn))
+    np.testing.assert_array_equal(back, turn)
+    assert axes.heading_to_core(axes.heading_to_wire(0.7)) == 0.7
+    assert axes.length_to_core(axes.length_to_wire(0.3)) == pytest.approx(0.3)
+
+
+@given(bases, unit, unit, points)
+def test_conversion_keeps_what_rotations_do(basis, a, b, place):
+    """Rotating, then converting = converting, then rotating; products are kept too."""
+    axes, a, b = basis.axes, normalise(a), normalise(b)
+    to = axes.quaternions_to_wire
+    np.testing.assert_allclose(to(multiply(a, b)), multiply(to(a), to(b)), atol=1e-12)
+    np.testing.assert_allclose(
+        axes.points_to_wire(rotate(a, place)),
+        rotate(to(a), axes.points_to_wire(place)),
+        atol=1e-6,
+    )
+
+
+@given(bases, st.floats(-3, 3))
+def test_heading_is_the_bases_own_turn_about_up(basis, heading):
+    """The quaternion of the wire heading about the wire's up takes forward to where it faces."""
+    axes = basis.axes
+    half = axes.heading_to_wire(heading) / 2
+    turn = np.append(axes.up * np.sin(half), np.cos(half))
+    facing = axes.matrix @ (-np.sin(heading), np.cos(heading), 0.0)
+    np.testing.assert_allclose(rotate(turn, axes.forward), facing, atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("basis", Basis)
+def test_keeps_the_type(basis, dtype):
+    assert basis.axes.points_to_wire(np.ones((2, 3), dtype)).dtype == dtype
+    assert basis.axes.quaternions_to_wire(np.ones((2, 4), dtype)).dtype == dtype
