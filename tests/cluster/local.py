@@ -1,4 +1,4 @@
-"""A cluster of a few nodes on a Ray of this process, with its entry beside it."""
+"""A cluster of a few nodes on a Ray of this process, with its entry."""
 
 import asyncio
 import contextlib
@@ -127,7 +127,7 @@ class LocalCluster:
                 await asyncio.sleep(0.05)
 
     async def process(self, name):
-        """Of a node."""
+        """The process of a node."""
         nodes = (await self.status()).nodes
         port = next(one.node.grpc_port for one in nodes if one.node.name == name)
         return next(one for one in processes("NodeActor") if port in listening(one))

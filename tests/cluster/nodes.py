@@ -78,7 +78,7 @@ class Bench:
 
     @property
     def status(self):
-        """Of the directory."""
+        """The directory's view of the cluster."""
         return self.directory.look((0, 0))[0]
 
     def owner(self, group):
@@ -86,7 +86,7 @@ class Bench:
         return owner(self.directory, group)
 
     def later(self, seconds, *names):
-        """Time goes on; only these nodes renew meanwhile, four times a second."""
+        """Lets time pass; only these nodes renew meanwhile, four times a second."""
         for _ in range(round(seconds * 4)):
             self.now += 0.25
             if names:

@@ -26,7 +26,7 @@ async def cluster():
 
 
 async def test_the_log_of_a_session_outlives_its_node(cluster):
-    """It goes on being recorded, after what was before."""
+    """The recording continues after its former entries."""
     async with Client(cluster.entry.grpc_address) as client:
         session = await client.create_session(lease=900, record=True)
         ada, bob = await session.create_agents(AgentSpec(seed=1), AgentSpec(seed=2))
@@ -101,7 +101,7 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
             assert await field.put("crate", crate) == version
 
         async def settle():
-            """All go on, and the scene has been copied by the node that has it now."""
+            """All sessions continue, and the scene's present node has copied it."""
             await all_go_on()
             name, ends_at = await with_the_scene(cluster, watched), time.monotonic() + 120
             while time.monotonic() < ends_at:
@@ -151,7 +151,7 @@ def javascript_follows(url):
 
 
 def living_on(cluster, name, watched):
-    """Those of the watched who live on this node."""
+    """The watched sessions of this node."""
     return [one for one in watched if cluster.owner(one.session) == name]
 
 

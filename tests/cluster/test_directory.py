@@ -1,4 +1,4 @@
-"""The directory: who owns what, who gets new sessions, who adopts and who drains."""
+"""The directory: owners of groups, places of new sessions, adoptions and drains."""
 
 import asyncio
 from collections import Counter

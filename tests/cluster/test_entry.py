@@ -1,4 +1,4 @@
-"""The entry alone: a directory in this process, and nodes without a process of their own."""
+"""The entry alone: the directory and the nodes are in this process."""
 
 import asyncio
 import socket
@@ -131,7 +131,7 @@ class AnsweringRig(Rig):
         if node.name in self.gone:
             raise errors.Unavailable(f"node {node.name} does not answer")
         gateway = self.gateways[self.nodes.index(node)]
-        # each in a context of its own, as in another process
+        # each in a separate context, as in another process
         return await asyncio.create_task(answer(gateway, *told))
 
 

@@ -81,7 +81,7 @@ class Command:
         return answer.status_code, answer.json()
 
     def processor_s(self):
-        """Of the command itself."""
+        """Processor time of the command itself."""
         return sum(psutil.Process(self.process.pid).cpu_times()[:2])
 
     async def until(self, good, what, seconds=90):
@@ -141,7 +141,7 @@ class Follower:
         return self
 
     def port(self, client):
-        """Of the node that has it."""
+        """The port of the node that has the session."""
         return int(client.connection.homes.home(self.session.session_id).rpartition(":")[2])
 
     async def _follow(self):
@@ -162,7 +162,7 @@ class Follower:
 
 
 async def test_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
-    """With certificates, so that all that happens is seen with them."""
+    """All stages run with certificates."""
     authority = Authority(tmp_path)
     cert, key = authority.issue("node", addresses=("127.0.0.1", LOCAL_ADDRESS))
     given = {"CERT": str(cert), "KEY": str(key), "CA": str(authority.path)}

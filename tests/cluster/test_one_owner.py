@@ -140,7 +140,7 @@ class Node:
             await asyncio.sleep(self.stopped_until - self.sim.now)
 
     async def work(self):
-        """On the motion thread."""
+        """Runs on the motion thread."""
         await asyncio.sleep(self.sim.random.choice((0.0, 0.0, TICK, 0.2)))
         await self.awake()
 

@@ -1,4 +1,4 @@
-"""What a node keeps for its neighbours."""
+"""Replicas that a node keeps for its neighbours."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a node leaves with its neighbour, second after second: states whole, logs by what is new."""
+"""Copies at the neighbour, each second: whole states, and new parts of logs."""
 
 import asyncio
 from types import SimpleNamespace
@@ -72,7 +72,7 @@ class Neighbours:
         kept.renew(owner, set(names))
 
     def log(self, name="n2"):
-        """What the session's log is there."""
+        """The session's log at the neighbour."""
         [kept] = self.kept[name]._kept.values()
         return b",".join(kept.log_parts).decode().split(",") if kept.log_parts else None
 

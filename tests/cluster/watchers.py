@@ -44,7 +44,7 @@ class Watcher:
         return group_of(self.session.session_id)
 
     async def goes_on(self, chunks=5):
-        """Wait until so many more have come."""
+        """Waits until this many more have come."""
         wanted = len(self.seqs) + chunks
         ends_at = time.monotonic() + 30
         while len(self.seqs) < wanted:
@@ -96,7 +96,7 @@ class Stepped:
 
 
 class Seen:
-    """What a stream has brought."""
+    """The chunks and events of a stream."""
 
     def __init__(self, session):
         self.session = session

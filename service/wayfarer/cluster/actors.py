@@ -35,7 +35,7 @@ NAMESPACE: Final = "wayfarer"
 DIRECTORY: Final = "directory"
 
 ANSWER_S: Final = 1.5
-"""For an answer of the directory."""
+"""Seconds to wait for an answer of the directory."""
 
 HANGS_S: Final = 15.0
 """Seconds without a turn of the event loop after which a node that was ready ends."""
@@ -120,7 +120,7 @@ class RayNodes:
 
 
 class DirectoryActor(Directory):
-    """One for a cluster. Started again, it knows nothing, and is told by the nodes."""
+    """The directory of a cluster. After a restart it knows nothing until the nodes report."""
 
     def __init__(self, rules: LeaseRules) -> None:
         with warnings.catch_warnings(action="ignore"):  # Ray's, of what it calls itself
@@ -133,7 +133,7 @@ class DirectoryActor(Directory):
 class NodeActor:
     """A node: a whole server on a thread of this process, with its own event loop.
 
-    Each life has a name of its own. One that hangs ends itself.
+    Each life has a separate name. A node that hangs ends itself.
     """
 
     def __init__(self, plan: NodePlan, serve: str) -> None:
@@ -155,7 +155,7 @@ class NodeActor:
         signal.signal(signal.SIGHUP, lambda *_: self.reload())
         threading.Thread(target=self._run, name="node", daemon=True).start()
 
-    # What it is asked from elsewhere; each on a thread of Ray's
+    # Methods for other processes; Ray calls each on one of its threads
 
     def until_ready(self) -> None:
         """Return once it takes calls. Raises what its start raised."""
@@ -184,7 +184,7 @@ class NodeActor:
     # What its server calls, on its own thread
 
     def listen(self, stop: Callable[[], None], reload: Callable[[], None]) -> None:
-        """Let calls and signals do this, on the running event loop."""
+        """Connects calls and signals with these functions, on the running event loop."""
         tell = asyncio.get_running_loop().call_soon_threadsafe
         self._tell_reload, self._tell_stop = partial(tell, reload), partial(tell, stop)
         if self._stopping.is_set():
@@ -201,7 +201,7 @@ class NodeActor:
     def ready(self) -> None:
         """It takes calls. If the event loop hangs from now on, the process ends.
 
-        Not before: what is compiled or loaded at a start takes as long as it takes.
+        Not before: there is no limit for compiling and loading at a start.
         """
         self._started.set_result(None)
         loop = asyncio.get_running_loop()
@@ -224,7 +224,7 @@ class NodeActor:
 
     def _run(self) -> None:
         if self.plan.cores and hasattr(os, "sched_setaffinity"):
-            os.sched_setaffinity(0, self.plan.cores)  # this thread, and those that it starts
+            os.sched_setaffinity(0, self.plan.cores)  # this thread, and threads that it starts
         try:
             self._tell("ended", self._place)
             pkgutil.resolve_name(self._serve)(self)
@@ -242,7 +242,7 @@ class NodeActor:
         self._ended.set()
         if not self._all_end:
             self._tell("ended", self.plan.name)
-        # it has ended of its own will: who covers this machine again gives it a new node
+        # the node has ended as it was asked to: a later `cluster start` gives the machine a new one
         ray.kill(ray.get_runtime_context().current_actor, no_restart=True)
 
 

@@ -8,10 +8,10 @@ which "never two owners" rests:
 - A group changes its owner only by its owner's wish (`claim`), or after its owner has ended or
   its lease has. Each change gives it an epoch greater than any before.
 - A move is decided here and nowhere else. The owner freezes what lives in the group and sends it to
-  the new node, which asks for the group once it has everything, and lets it go on after the answer.
-  An owner that does not hear from the new node asks to keep the group. Of these two the first that
-  arrives gets it. Each asks until it is answered, and what it has stays frozen meanwhile; the same
-  question always has the same answer.
+  the new node, which asks for the group once it has everything, and resumes it after the answer.
+  An owner that does not hear from the new node asks to keep the group. The first of these two
+  questions to arrive decides. Each node asks until it is answered, and keeps the group frozen
+  meanwhile; the same question always has the same answer.
 - A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
   tell it what they hold. Between two that claim one group the greater epoch is right.
 - In each renewal a share of the groups is compared, so that a node and the directory that disagree
@@ -51,24 +51,24 @@ REMEMBERED: Final = 4096
 """Placements known by their request, so that a create sent twice meets its first reply."""
 
 LOGGED: Final = 8192
-"""Changes of the view that are kept; who has seen less gets the whole."""
+"""Changes of the view that are kept; a reader that has seen less gets the whole view."""
 
 AT_ONCE: Final = 4
 """Groups that a draining node moves at a time."""
 
 SHARES: Final = 16
-"""In each renewal a node names one in so many of its groups, by their last digit. The next renewal
-names others."""
+"""In each renewal a node names one of this many of its groups, by their last digit. The next
+renewal names others."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeaseRules:
-    """Of one cluster."""
+    """The rules of a cluster's leases."""
 
     lease_s: float = 2.0
     nodes: int = 0
     """How many there will be, if that is known, and if no directory was before this one: it gives
-    nothing away until all have told what they have kept."""
+    nothing away until all nodes have named the groups that they have kept."""
     keep: bool = False
     """Nodes keep on disk what they own. Nobody adopts it: it waits for its node's next life."""
 
@@ -114,7 +114,7 @@ class Directory:
     ) -> None:
         """`generation`: greater than that of any directory before; microseconds since 1970 are.
 
-        Epochs begin there, so that they go on growing when a directory is started again.
+        Epochs begin there, so that they still grow after a restart of the directory.
         """
         self.rules = rules
         self._clock = clock
@@ -160,7 +160,7 @@ class Directory:
                 self._own(group, told.name, known or self._next_epoch())
             if not self._has(told.name, group, epoch):
                 lost.append(group)
-        # an adoption that it was to make goes on
+        # an adoption that the node had been asked for continues
         freed = told.freed if whole is None else node.used.difference(told.held)
         for group in node.used.intersection(freed):
             if not self._is_adopted(group):
@@ -200,7 +200,7 @@ class Directory:
         for group in sorted(node.used):
             entry = self._groups[group]
             if entry.keepers is None:
-                # who gave it away may not have heard that, and have it frozen
+                # the node that gave it away may not know that, and still hold it frozen
                 giver = entry.before[:1] if entry.before else ()
                 entry.keepers = (*node.keepers, *giver)
             self._pass_on(group)
@@ -213,7 +213,7 @@ class Directory:
             self._end(self._nodes.pop(node.info.name))
 
     def drain(self, name: str) -> None:
-        """Let a node give its sessions to others, and end. Raises NotFound, FailedPrecondition."""
+        """Asks a node to give its sessions away and to end. Raises NotFound, FailedPrecondition."""
         node = self._nodes.get(name)
         if node is None:
             known = ", ".join(sorted(self._nodes)) or "none"
@@ -234,7 +234,7 @@ class Directory:
         """Give a group to `to`, if `owner` still has it with this epoch; its new epoch.
 
         `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group:
-        nobody else gets it with this epoch then. Safe to call twice.
+        no other node gets it with this epoch then. Safe to call twice.
 
         Raises Aborted when the group has another owner or epoch, FailedPrecondition; Unavailable
         while that is not known: ask again.
@@ -295,8 +295,8 @@ class Directory:
             for node in self._nodes.values()
             if node.load.ready and not node.draining and node.lease_until > now
         ]
-        # of several kinds the one that has most nodes: in a rolling change the new ones follow
-        # once the old ones drain
+        # of several kinds the one with the most nodes: in a rolling change new nodes become
+        # the majority once old ones drain
         kinds = Counter(node.info.fingerprint for node in found)
         kind = kinds.most_common(1)[0][0] if kinds else ""
         return [node for node in found if node.info.fingerprint == kind]
@@ -360,9 +360,7 @@ class Directory:
             yield NodeOrder(kind="move", group=group, epoch=self._groups[group].epoch, to=to)
 
     def look(self, seen: tuple[int, int]) -> tuple[Status, Changes | None]:
-        """At a glance, and who owns what: what has changed since (generation, version), if
-        anything.
-        """
+        """The state of the cluster, and changes of owners since (generation, version)."""
         self.expire()
         return self._status(), self._changes(seen)
 
@@ -448,7 +446,7 @@ class Directory:
         self._epoch += 1
         return self._epoch
 
-    # ---- nodes, once more
+    # ---- lives of nodes
 
     def _alike(self, one: _Node, other: _Node) -> bool:
         return one.info.fingerprint == other.info.fingerprint

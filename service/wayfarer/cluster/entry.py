@@ -1,9 +1,9 @@
 """The service that clients of a cluster meet first: it says which node to call.
 
-It relays nothing. A call ends with Misdirected and the node's endpoint: the one that has the
-session, or the one with the most room for what is made new. Only what concerns all nodes, the entry
-answers itself (every_node.py). Any number of copies may run: what they know comes from the
-directory, and what they knew last is right in most things while it is away.
+It relays nothing. A call ends with Misdirected and the endpoint of a node: the node that has the
+session or, for a new session, the node with the most room. The entry itself answers only calls that
+concern all nodes (every_node.py). Any number of entries may run: their knowledge comes from the
+directory, and is mostly right while the directory is away.
 """
 
 import asyncio
@@ -69,10 +69,10 @@ LOOK_S: Final = 0.25
 """Between looks at the directory."""
 
 AWAY_S: Final = 3.0
-"""A directory that has not answered for so long is away."""
+"""Seconds without an answer after which the directory counts as away."""
 
 FIRST_S: Final = 10.0
-"""Within which a call must say what it is about."""
+"""Seconds within which a call must name its session or scene."""
 
 VERBS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
 
@@ -92,7 +92,7 @@ class NodeFinder:
         """Ray's head answers. None: there is no Ray, or nobody has looked yet."""
 
     async def watch(self) -> None:
-        """For ever: follow the directory."""
+        """Follows the directory, without end."""
         while True:
             was_away = self.away
             await self._look()
@@ -128,11 +128,11 @@ class NodeFinder:
 
     @property
     def nodes(self) -> list[NodeInfo]:
-        """Those that run."""
+        """The running nodes."""
         return list(self._view.nodes.values())
 
     async def all_nodes(self) -> list[NodeInfo]:
-        """Those that run now, not a moment ago; those known last, while the directory is away."""
+        """The running nodes, asked anew; while the directory is away, the nodes known last."""
         await self._look()
         return self.nodes
 
@@ -292,7 +292,7 @@ class Entry:
         return JSONResponse(told | {"head": self.finder.head})
 
     async def _drain(self, request: Request) -> Response:
-        """Let a node give its sessions to others, and end."""
+        """Asks a node to give its sessions to others and to end."""
         current_caller().require(Scope.ADMIN)
         name = request.path_params["name"]
         await self.finder.drain(name)
@@ -301,7 +301,7 @@ class Entry:
 
 
 class _Redirecting(grpc.GenericRpcHandler):
-    """Ends every call of ours with the node that takes it, but for those on all nodes."""
+    """Ends each call with the endpoint of the node that takes it, except calls to all nodes."""
 
     def __init__(self, finder: NodeFinder, calls: Calls) -> None:
         self._finder = finder
@@ -345,7 +345,7 @@ CHANGES: Final = ("placed", "moved", "adopted", "lost", "expired")
 
 
 class _ClusterFigures(Collector):
-    """Metrics of the cluster, as the directory told last."""
+    """Metrics of the cluster, by the last answer of the directory."""
 
     def __init__(self, finder: NodeFinder) -> None:
         self._finder = finder

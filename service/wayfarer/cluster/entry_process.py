@@ -1,5 +1,5 @@
-"""The process of `serve --workers` and of `wayfarer cluster`: an entry, and beside it the start of
-the nodes.
+"""The process of `serve --workers` and of `wayfarer cluster`: an entry, which
+also starts the nodes.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 class OneMachine:
-    """`wayfarer serve --workers N`: a Ray of its own with N nodes. A context manager."""
+    """`wayfarer serve --workers N`: a separate Ray with N nodes. A context manager."""
 
     def __init__(self, settings: Settings, serve: str) -> None:
         """`serve`: see `NodeActor`."""

@@ -1,4 +1,4 @@
-"""What a node or an entry knows of the directory: who lives where, a moment ago."""
+"""The directory as a node or an entry saw it last: which node owns which group."""
 
 from typing import Final
 
@@ -42,7 +42,7 @@ class GroupMap:
 
     @property
     def places(self) -> list[Endpoint]:
-        """The nodes, and before them those that were; `MOST_PLACES` at most."""
+        """Former nodes, then the present ones; at most `MOST_PLACES`."""
         return list(self._places.values())
 
     def owner(self, name: str) -> NodeInfo | None:

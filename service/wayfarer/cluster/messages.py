@@ -41,7 +41,7 @@ class ClusterMessage(BaseModel):
 
 
 class NodePlan(ClusterMessage):
-    """What a node is to be."""
+    """The name, place and options of a node."""
 
     name: str
     number: int
@@ -51,7 +51,7 @@ class NodePlan(ClusterMessage):
 
 
 class NodeInfo(ClusterMessage):
-    """What does not change while a node lives."""
+    """The fields that do not change while a node lives."""
 
     name: str
     number: int  # of its plan, from 0
@@ -63,7 +63,7 @@ class NodeInfo(ClusterMessage):
 
 
 class NodeLoad(ClusterMessage):
-    """What a node has to do."""
+    """The load of a node."""
 
     agents: int = 0
     sessions: int = 0
@@ -75,7 +75,7 @@ class LeaseRenewal(ClusterMessage):
     """Renews the lease, several times in its length. Everything in it may be said twice."""
 
     name: str
-    count: int  # greater with each: one that comes after its successor is not heard
+    count: int  # grows with each renewal: one that arrives after its successor is ignored
     load: NodeLoad = NodeLoad()
     node: NodeInfo | None = None  # it comes, or comes again: `held` is all that it has
     leased: bool = False  # a lease of an earlier directory still holds
@@ -88,11 +88,11 @@ class LeaseRenewal(ClusterMessage):
 
 
 class NodeOrder(ClusterMessage):
-    """What a node shall do with a group; said again until it is done."""
+    """A node's task with a group; repeated until it is done."""
 
     kind: Literal["adopt", "move"]
     group: str
-    epoch: int  # adopt: the new one; move: the one that it has
+    epoch: int  # adopt: the new epoch; move: the present one
     to: str = ""  # move: the node
 
 
@@ -107,11 +107,11 @@ class Changes(ClusterMessage):
 
 
 class Answer(ClusterMessage):
-    """To a renewal."""
+    """The directory's answer to a renewal."""
 
     fenced: bool = False  # the node is not known, or its lease has ended: it tells all that it has
     lease_s: float = 0.0  # from when the request was sent; 0: none yet, ask again
-    epochs: dict[str, int] = {}  # of groups that it owns: those that it named, and the same share
+    epochs: dict[str, int] = {}  # of owned groups: all that it named, and the same share
     lost: tuple[str, ...] = ()  # groups that have another owner: release them before stepping
     neighbour: str = ""  # the node that keeps this one's replicas; empty: there is none
     draining: bool = False

@@ -58,7 +58,7 @@ Copies = dict[str, tuple[bytes, bytes, int]]
 
 
 class NodeAgent:
-    """Of one node."""
+    """The agent of a node: renews its lease and carries out the directory's orders."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class NodeAgent:
         self._busy: dict[str, asyncio.Task[Any]] = {}
 
     async def renewing(self) -> None:
-        """For ever: renew the lease, and do what the directory says."""
+        """Renews the lease and carries out the directory's orders, without end."""
         while True:
             try:
                 await self._renew()
@@ -149,7 +149,7 @@ class NodeAgent:
             if given is None:
                 raise Unavailable(f"{owner} does not give group {group} away any more")
         except BaseException as error:
-            for name in reversed(came):  # its owner goes on with all of them
+            for name in reversed(came):  # its owner continues with all of them
                 await self._moves.release(name, None)
             self._tenancy.refused(group)
             if isinstance(error, WayfarerError):
@@ -172,7 +172,7 @@ class NodeAgent:
     async def _claim(self, group: str, owner: str, epoch: int) -> int | None:
         """The new epoch of a group that `owner` gives to this node, or keeps; None: another has it.
 
-        Asks until the directory answers: what the group has is frozen here, so it can wait.
+        Asks until the directory answers: the group is frozen on this node, so it can wait.
         """
         told = group, owner, epoch, self._tenancy.node.name
         while True:
@@ -189,7 +189,7 @@ class NodeAgent:
     # The lease
 
     async def _renew(self) -> None:
-        if not (self._tenancy.registered or self._gateway.started):  # what it kept is not there yet
+        if not (self._tenancy.registered or self._gateway.started):  # it still restores
             return
         load = await self._load()
         sent_at, told = boot_clock(), self._tenancy.renewal(load, self._moves.groups)
@@ -200,7 +200,7 @@ class NodeAgent:
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
-        """What it had last, where it has no time to count: a busy node is not an empty one."""
+        """The present load; the last one if there is no time to count: busy nodes are not empty."""
         with contextlib.suppress(WayfarerError, TimeoutError):
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()
@@ -223,7 +223,7 @@ class NodeAgent:
     async def _obey(self, answer: Answer) -> None:
         for group in self._tenancy.lost:
             if not (self._is_busy(group) and self._busy[group].get_name() != "move"):
-                await self._give_up(group)  # else more may come into it; nothing is stepped so long
+                await self._give_up(group)  # otherwise more may come into it; nobody is stepped
         self._replication.neighbour = answer.neighbour
         self._busy = {group: task for group, task in self._busy.items() if not task.done()}
         for order in answer.orders:
@@ -231,7 +231,7 @@ class NodeAgent:
                 work = self._adopt(order) if order.kind == "adopt" else self._move(order)
                 self._busy[order.group] = asyncio.create_task(work, name=order.kind)
         empty = not (self._gateway.streams or self._busy or self._moves.groups)
-        if answer.done and empty:  # all know where to go on
+        if answer.done and empty:  # all clients know the new node
             log.info("drained: nothing lives here any more")
             self._stop()
 
@@ -239,7 +239,7 @@ class NodeAgent:
         return group in self._busy and not self._busy[group].done()
 
     async def _give_up(self, group: str) -> None:
-        """What was here has another owner: end it, before anything steps again."""
+        """Ends a group that has another owner, before any agent is stepped again."""
         for name in self._moves.of(group):
             owner = None
             with contextlib.suppress(Unavailable):
@@ -249,8 +249,8 @@ class NodeAgent:
         self._tenancy.released(group)
 
     async def _adopt(self, order: NodeOrder) -> None:
-        """Let all live on whose replicas are here. Without room all of it waits, or lives on at
-        another node.
+        """Resumes the sessions whose replicas are on this node. Without room the whole group waits,
+        or is resumed by another node.
         """
         group, adopted = order.group, list[str]()
         self._tenancy.coming(group, order.epoch)
@@ -323,7 +323,7 @@ class NodeAgent:
         if node is None or not all(map(self._moves.is_movable, names)):
             return
         try:
-            for name in filter(is_scene, names):  # which takes long, while they live on
+            for name in filter(is_scene, names):  # takes long; the sessions run meanwhile
                 content = await self._moves.content(name)
                 await self._nodes.call(node, "prepare", own, name, content, seconds=PREPARE_S)
         except WayfarerError as error:
@@ -393,7 +393,7 @@ def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
 
 
 def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
-    """Of this process; its ports come later."""
+    """The tenancy of this process; its ports come later."""
     node = NodeInfo(
         name=plan.name,
         number=plan.number,

@@ -1,4 +1,4 @@
-"""What each node of `wayfarer serve --workers N` is to be: its ports, cores and state folder."""
+"""The plan of each node of `wayfarer serve --workers N`: its ports, cores and state folder."""
 
 import sys
 from itertools import pairwise
@@ -74,7 +74,7 @@ def check_state(settings: Settings) -> None:
 
 
 def _kept(folder: Path) -> int:
-    """Of how many nodes there are sessions."""
+    """The number of nodes whose sessions the folder holds."""
     if (folder / JOURNAL).exists():
         return 1
     return sum(1 for path in folder.glob(f"{FOLDER}*") if path.is_dir())

@@ -20,13 +20,13 @@ from wayfarer.errors import Unavailable
 log = structlog.get_logger(__name__)
 
 LOCAL_ADDRESS: Final = "127.0.0.2"
-"""Address of Ray on one machine: at 127.0.0.1 it waits for ever."""
+"""Address of Ray on one machine: at 127.0.0.1 its start never ends."""
 
 OBJECT_BYTES: Final = 80 * 1024 * 1024
-"""Ray's least: nothing is kept in its store."""
+"""Ray's minimum: nothing is kept in its store."""
 
 STARTS: Final = 4
-"""Ray starts as many processes at a time as it is told that there are cores."""
+"""The number of cores given to Ray: it starts as many processes at a time."""
 
 LEAVE_S: Final = 8.0
 """Ray is left within 2 s; within 7 s if its head has ended, and never if its head hangs."""
@@ -35,10 +35,10 @@ TRIES: Final = 2
 """Starts of a local Ray, which gives up after 30 s on a busy machine."""
 
 FIND_S: Final = 3.0
-"""For a connection to Ray's head, before Ray itself looks for it."""
+"""Seconds for a connection to Ray's head, before Ray itself looks for it."""
 
 GRACE_S: Final = 5.0
-"""Beyond what a node takes at most to drain."""
+"""Seconds beyond the maximum time of a drain."""
 
 CALLS: Final = 16
 """Calls that a node answers at a time, each on a thread."""
@@ -51,7 +51,7 @@ class RayCluster:
     """Calls of Ray block: not on an event loop."""
 
     def __init__(self, address: str = "") -> None:
-        """`address`: of a Ray cluster; empty: one of its own on this machine, which ends with it.
+        """`address`: of a Ray cluster; empty: a Ray on this machine that ends with this object.
 
         Raises Unavailable.
         """
@@ -159,7 +159,7 @@ class RayCluster:
         await asyncio.gather(*(until(*one) for one in enumerate(self._nodes.values())))
 
     def reload(self) -> None:
-        """Let all nodes read their keys again."""
+        """Asks all nodes to read their keys again."""
         for node in self._nodes.values():
             node.reload.remote()
 

@@ -1,4 +1,4 @@
-"""What a node keeps for the nodes whose neighbour it is."""
+"""The replicas that a node keeps for the nodes whose neighbour it is."""
 
 import time
 from collections.abc import Callable
@@ -12,16 +12,16 @@ REPLICA_BYTES: Final = 512 * 1024 * 1024
 """All replicas that a node keeps for others."""
 
 LOG_BYTES: Final = 128 * 1024 * 1024
-"""The logs beside them. A log without room is not kept, and begins again when its node dies."""
+"""Bytes of their logs. A log without room is not kept, and begins anew when its node dies."""
 
 PART_BYTES: Final = 64
-"""What a part of a log takes beside its own bytes."""
+"""Bytes that a part of a log takes in addition to its content."""
 
 KEPT_S: Final = 60.0
-"""A replica that nobody has renewed for so long is dropped."""
+"""Seconds after which a replica without renewal is dropped."""
 
 CONTENT: Final = "/content"
-"""Behind a scene's id: the replica of what never changes of it; under the id is what does."""
+"""Suffix of a scene's id: its constant content. The replica under the id is its state."""
 
 
 @dataclass(slots=True)
@@ -82,7 +82,7 @@ class Replicas:
 
     @property
     def bytes(self) -> int:
-        """Of all states."""
+        """The size of all states."""
         return sum(len(replica.state) for replica in self._kept.values())
 
     def __len__(self) -> int:

@@ -1,5 +1,5 @@
-"""A node leaves a copy of all that lives on it with its neighbour, once a second. Runs on the
-node's event loop.
+"""Once a second a node copies its sessions and scenes to its neighbour. Runs on the node's event
+loop.
 
 The state of a session or scene is sent whole each time. What never changes of a scene is sent once
 to each neighbour, and of the log of a recorded session what is new.
@@ -27,10 +27,10 @@ LOG_PART_BYTES: Final = 32 * 1024 * 1024
 """A log that has grown by more since its last copy is not copied: no message would take it."""
 
 BATCH_BYTES: Final = 1024 * 1024
-"""Of one message, somewhat exceeded."""
+"""Bytes of one message, somewhat exceeded."""
 
 PREPARE_S: Final = 60.0
-"""Within which a scene is baked."""
+"""Seconds within which a scene is baked."""
 
 TOLD: Final = 4
 """Refused replicas of a round that are named in the log."""
@@ -38,7 +38,7 @@ TOLD: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class _LogCopy:
-    """What the neighbour has of a log."""
+    """The parts of a log that the neighbour has."""
 
     parts: int = 0
     mark: LogMark = UNCOPIED
@@ -47,18 +47,18 @@ class _LogCopy:
 
 @dataclass(frozen=True, slots=True)
 class _Copy:
-    """One that is sent."""
+    """A copy that is sent."""
 
     state: bytes
     part: bytes  # of its log
-    after: int  # so many parts
+    after: int  # number of parts before it
     known: _LogCopy  # before
     mark: LogMark  # of the log, with this part
     sent: int  # parts, if all arrive; -1: the log is too large
 
 
 class Replication:
-    """Of one node."""
+    """The copies of one node at its neighbour."""
 
     def __init__(self, tenancy: Tenancy, moves: SessionMoves, link: NodeLink) -> None:
         self.neighbour = ""
@@ -89,7 +89,7 @@ class Replication:
         self._send_content(node)
         keys = {_key(node, name) for name in names}
         self._logs = {key: known for key, known in self._logs.items() if key in keys}
-        # First: what has ended makes room there, and a node that is away fails the round at once.
+        # First: ended sessions make room there; a neighbour that is away fails the round at once.
         own, refused = self._tenancy.node.name, dict[str, str]()
         await self._link.call(node, "present", own, names)
         batch, size = dict[str, _Copy](), 0
@@ -128,7 +128,7 @@ class Replication:
         return _Copy(made.state, made.log_part, after, known, made.mark, sent)
 
     def _heard(self, node: NodeInfo, name: str, one: "_Copy", kept: int | str) -> dict[str, str]:
-        """What the neighbour has of a log now; why it has not kept a replica."""
+        """Notes the parts that the neighbour has now, or returns its reason for a refusal."""
         if isinstance(kept, str):
             return {name: kept}
         if one.known.refused:
@@ -143,7 +143,7 @@ class Replication:
     # Scenes
 
     def _send_content(self, node: NodeInfo) -> None:
-        """Of each scene, once to this life of the neighbour; it bakes while sessions are copied."""
+        """Sends each scene once to a life of the neighbour, which bakes it meanwhile."""
         here = {_key(node, scene_id): scene_id for scene_id in self._moves.scenes}
         for key, sending in list(self._contents.items()):
             if key not in here or (sending.done() and sending.exception() is not None):

@@ -1,4 +1,4 @@
-"""What a call is about, over gRPC and over HTTP alike: so it goes to the node that has that."""
+"""The session, scene or agent of a call, over gRPC and HTTP: its node takes the call."""
 
 import json
 from collections.abc import Mapping
@@ -49,7 +49,7 @@ def grpc_subject(call: Rpc, data: bytes) -> Subject:
 
 
 def _scene_in(message: Any) -> str:
-    """The scene in which a session is to be."""
+    """The scene of a new session."""
     return str(message.scene) if message.DESCRIPTOR.name == "CreateSessionRequest" else ""
 
 
@@ -80,7 +80,7 @@ def http_is_for_all(method: str, path: str) -> bool:
 
 
 def http_subject(method: str, path: str, query: str, key: str, body: bytes) -> Subject:
-    """Of a request that is not for all; `key`: its Idempotency-Key."""
+    """The route of a request that is not for all nodes; `key`: its Idempotency-Key."""
     if path == "/v1/events":
         return "named", session_of(query)
     call, name = http_call(method, path)

@@ -24,12 +24,12 @@ renewal names the group again."""
 
 
 def boot_clock() -> float:
-    """Seconds that go on while the process, or the whole machine, is stopped."""
+    """Seconds of a clock that runs while the process, or the whole machine, is stopped."""
     return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
 
 
 class Tenancy:
-    """Of one node."""
+    """The groups that a node owns, and its lease."""
 
     def __init__(self, node: NodeInfo, clock: Callable[[], float] = boot_clock) -> None:
         self.node = node
@@ -42,12 +42,12 @@ class Tenancy:
         self._until = float("-inf")  # of the lease
         self._draining = False
         self._count = 0  # of messages
-        self._held: dict[str, int] = {}  # groups in use, and their epochs; 0: not told yet
+        self._held: dict[str, int] = {}  # groups in use, and their epochs; 0: not known yet
         self._lost: frozenset[str] = frozenset()  # to be released before another step
         self._moving: set[str] = set()
         # some of what lives there is not here yet: the epoch of an adoption; 0: not owned yet
         self._coming: dict[str, int] = {}
-        # what the directory has not heard yet
+        # changes that the directory does not know yet
         self._freed: set[str] = set()
         self._adopted: set[str] = set()
         self._failed: dict[str, tuple[int, str]] = {}  # see `LeaseRenewal`
@@ -99,7 +99,7 @@ class Tenancy:
                     await self._answered.wait()
 
     def may_step(self) -> bool:
-        """The lease holds, and nothing is here that has another owner."""
+        """Whether the lease holds and no group of this node has another owner."""
         return self.leased and not self._lost
 
     def epoch(self, session_id: str) -> int:
@@ -113,7 +113,7 @@ class Tenancy:
             return has
         return not has and self._failed.get(order.group, (0, ""))[0] != order.epoch
 
-    # ---- what the directory is told
+    # ---- reports to the directory
 
     @property
     def leased(self) -> bool:
@@ -127,13 +127,11 @@ class Tenancy:
 
     @property
     def lost(self) -> frozenset[str]:
-        """Groups whose sessions are to be released here."""
+        """Groups whose sessions this node must release."""
         return self._lost
 
     def renewal(self, load: NodeLoad, present: Collection[str]) -> LeaseRenewal:
-        """`present`: groups of the sessions and scenes that are here; a journal may have kept
-        them.
-        """
+        """`present`: groups of this node's sessions and scenes; a journal may have kept them."""
         for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
             self._held[group] = 0
             self._freed.discard(group)
@@ -172,7 +170,7 @@ class Tenancy:
         for group, failure in told.failed.items():
             if self._failed.get(group) == failure:
                 del self._failed[group]
-        # of what has changed since it was told, the answer says nothing
+        # the answer does not cover changes after the renewal was sent
         owned = self._owned()
         same = {group for group, epoch in told.held.items() if owned.get(group) == epoch}
         lost = same.intersection(answer.lost) - self._moving  # of these `claim` tells
@@ -192,7 +190,7 @@ class Tenancy:
         return True
 
     def _owned(self) -> dict[str, int]:
-        """Groups in use, with those that are being adopted, and their epochs."""
+        """Groups in use or being adopted, and their epochs."""
         return self._held | {group: epoch for group, epoch in self._coming.items() if epoch}
 
     # ---- what has happened here
@@ -216,8 +214,8 @@ class Tenancy:
         self._held[group] = epoch
 
     def coming(self, group: str, epoch: int = 0) -> None:
-        """What lives in it is being put in here; end that with `came`, `adopted`, `failed` or
-        `refused`. `epoch`: once this node owns it, by a claim or an adoption's order.
+        """Notes that its sessions are being put into this node, until `came`, `adopted`, `failed`
+        or `refused`. `epoch`: once this node owns it, by a claim or an order to adopt.
         """
         self._coming[group] = epoch
         self._freed.discard(group)  # it lived here once
@@ -229,7 +227,7 @@ class Tenancy:
         self._freed.discard(group)
 
     def adopted(self, group: str, epoch: int) -> None:
-        """Its sessions live on here, from their replicas."""
+        """Notes that this node has resumed its sessions from their replicas."""
         self.came(group, epoch)
         self._adopted.add(group)
 
@@ -238,6 +236,6 @@ class Tenancy:
         self._coming.pop(group, None)
 
     def failed(self, group: str, epoch: int, to: str = "") -> None:
-        """No replica of it was here, or no room; `to` has the replicas now."""
+        """Notes that this node had no replica or no room; `to` has the replicas now."""
         self._coming.pop(group, None)
         self._failed[group] = epoch, to

@@ -26,7 +26,7 @@ kind.
 """
 
 _HEAD: Final = struct.Struct("<8sHI")
-LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at any level
+LEVEL: Final = 1  # poses hardly shrink; goals and names do at any level
 
 
 class ContainerKind(Enum):
@@ -72,7 +72,7 @@ def beginning(kind: ContainerKind, data: bytes, most: int) -> bytes:
 
 
 def unseal(kind: ContainerKind, data: bytes, most: int) -> Content:
-    """What was sealed, if it is no longer than `most` bytes.
+    """Opens a container of at most `most` bytes.
 
     Raises InvalidArgument; FailedPrecondition when it is of another version.
     """

@@ -2,7 +2,7 @@
 
 A file in the state folder counts the starts, and is removed once the server has run for a while or
 stops in good order. After `STARTS` starts that ended early, sessions are tried one after the other
-before they go on; a session during whose trials the process has ended twice is set aside.
+before they resume; a session during whose trials the process has ended twice is set aside.
 """
 
 import json
@@ -52,8 +52,8 @@ class CrashLoopGuard:
         return is_needed
 
     def passes(self, name: str, run: Callable[[], object]) -> bool:
-        """Whether a session or scene can go on, by `run`: which steps the session in a world apart,
-        or restores the scene.
+        """Whether a session or scene can resume. `run` steps the session in a separate world, or
+        restores the scene.
         """
         if self._ended.get(name, 0) >= TRIES:
             log.error("the process has ended twice while this was tried; it is left out", name=name)

@@ -1,9 +1,9 @@
 """Nothing lost: sessions, agents, goals and motion, kept on disk while the service runs.
 
 The motion thread hands over what has changed: plain values and copied rows, which take
-microseconds. A thread of its own turns them into bytes and writes them, whatever has gathered in
+microseconds. A separate thread turns them into bytes and writes them, all that have gathered in
 one transaction. Only the newest of each entry waits, so a disk that is slow or full costs no
-memory; while it takes nothing, the service goes on and `failing` says so.
+memory; while nothing can be written, the service continues and `failing` is true.
 """
 
 import asyncio
@@ -77,7 +77,7 @@ class Journal:
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
         self.failing = False
-        """Nothing can be written at present; what has changed since is kept in memory."""
+        """Whether nothing can be written at present; changes are kept in memory until then."""
 
     # Life
 
@@ -167,8 +167,8 @@ class Journal:
         self._put(_gone(agent_ids))
 
     def set_aside(self, session_id: str, agent_ids: Iterable[str], scene_id: str = "") -> None:
-        """Move what the file holds of a session into a journal of its own, in a folder of
-        `ASIDE` that a server can be started on; its scene is copied.
+        """Moves the entries of a session into a separate journal, in a folder of `ASIDE` with which
+        a server can be started; its scene is copied.
         """
         kinds = (EntryKind.AGENT, EntryKind.MOTION)
         keys = [(kind, name) for name in agent_ids for kind in kinds]
@@ -229,7 +229,7 @@ class Journal:
     def _try_write(self, taken: dict[Key, Value]) -> None:
         try:
             self._meter.journal(self._write(taken), failed=False)
-        except Exception as error:  # whatever it is, the waiters must not wait for ever
+        except Exception as error:  # whatever it is, the waiters must be told
             self._meter.journal(0, failed=True)
             if not self.failing:
                 log.error(
@@ -285,7 +285,7 @@ def _gone(agent_ids: Iterable[str]) -> dict[Key, Value]:
 
 @dataclass(frozen=True, slots=True)
 class _Aside:
-    """A session to be set aside: entries that are moved, and those that are copied."""
+    """A session to be set aside: entries to move, and entries to copy."""
 
     session_id: str
     keys: Sequence[Key]

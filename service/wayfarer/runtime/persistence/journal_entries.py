@@ -72,7 +72,7 @@ Value = BodyStamp | SessionPart | Member | Row | ScenePart | ObstaclesPart | Non
 
 
 def encode(values: Mapping[Key, Value]) -> dict[Key, bytes | None]:
-    """The entries as bytes. One that cannot be written is logged; the others are not stopped."""
+    """The entries as bytes. An entry that cannot be encoded is logged and left out."""
     found: dict[Key, bytes | None] = {}
     for key, value in values.items():
         try:
@@ -100,7 +100,7 @@ def _bytes(value: Value) -> bytes | None:
             return OBSTACLES.dump_json(value)
 
 
-# What a file held
+# Entries of a file
 
 
 def check_origin(entries: Entries, body: BodyStamp, path: Path) -> None:

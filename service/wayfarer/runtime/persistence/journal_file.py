@@ -169,7 +169,7 @@ def _connect(path: Path, damaged: bool = False) -> sqlite3.Connection:
     # Transactions are ours alone (isolation_level None); the writer is not the thread that opens.
     connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     try:
-        connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # no shared memory: nobody else reads
+        connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # no shared memory: no other reads
         if damaged:  # else SQLite does not read a file at all that has been cut short
             connection.execute("PRAGMA writable_schema = ON")
         connection.execute("PRAGMA journal_mode = WAL")

@@ -167,7 +167,7 @@ def most_log_bytes(most_entries: int) -> int:
     return SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
 
 
-# To parts
+# Logs to parts
 
 
 def poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
@@ -177,7 +177,7 @@ def poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
 
 
 def track_part(track: AgentTrack, last: int) -> TrackPart:
-    """What the header says of a track; with what counts from chunk `last` on, or before."""
+    """The header's entry of a track, with the orders from chunk `last` on, or before it."""
     start = track.start
     return TrackPart(
         agent_id=track.agent_id,

@@ -58,7 +58,7 @@ class Persistence:
     def restore_scenes(self, book: SceneRegistry) -> None:
         """Let every scene that was read be there again; bakes them, which takes time.
 
-        To be called before `restore`. What cannot be here is left in the journal.
+        To be called before `restore`. Scenes that cannot be restored stay in the journal.
         """
         self._are_tried = self._guard.begin()
         for record in self._scenes:
@@ -74,10 +74,10 @@ class Persistence:
         put: Callable[[SessionRecord], object],
         try_out: Callable[[SessionRecord], object],
     ) -> None:
-        """Let every session that was read go on, by `put`; what does not fit stays on disk.
+        """Resumes every session that was read, by `put`; sessions without room stay on disk.
 
-        One that fails is set aside. When the server keeps ending as it starts, `try_out` steps each
-        session in a world apart before.
+        A session that fails is set aside. When the server keeps ending during its start, `try_out`
+        first steps each session in a separate world.
         """
         for record in self._records:
             run = partial(try_out, record)
@@ -113,7 +113,7 @@ class Persistence:
         self.set_aside(record.session_id, names, record.spec.scene)
 
     def set_aside(self, session_id: str, agent_ids: Sequence[str], scene_id: str) -> None:
-        """Keep what the disk has of a session that is taken out, in a folder of its own."""
+        """Keeps the journal's entries of a session that is taken out, in a separate folder."""
         if self._journal is not None:
             self._journal.set_aside(session_id, agent_ids, scene_id)
 

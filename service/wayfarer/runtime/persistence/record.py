@@ -26,7 +26,7 @@ from wayfarer.world.rows import Index
 from wayfarer.world.stepping.due import Due
 
 SAME_TIME: Final = 1e-6
-"""Seconds: chunks that far from their schedule are on it, but for rounding."""
+"""Seconds: chunks within this of their schedule are on time, except for rounding."""
 
 RESTART_COST: Final = 16
 """Entries that a restart counts for, beside the goals of its path: it holds a pose."""
@@ -49,12 +49,12 @@ class ChunkRun:
     first: int
     candidates: int  # 0: held
     model: str  # its stamp; see models.py
-    replanned: bool = False  # in place of a planned one that was discarded
+    replanned: bool = False  # replaces a planned chunk that was discarded
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Chunk `first` was to be shown at that time, and those after it each 0.2 s later."""
+    """Chunk `first` was due at that time, and each later chunk 0.2 s after the one before."""
 
     first: int
     at: float  # Unix seconds
@@ -81,8 +81,7 @@ class AgentTrack:
     planned: int = 0  # = seq of the next chunk to plan
     end: int = 0  # = seq of the next chunk to send
     restarts: list[AgentRecord] = field(default_factory=list)
-    """From each of them it went on, from that chunk on: as it stood there, and on another server.
-    """
+    """Records from which it resumed at that chunk, on this or another server."""
 
     @property
     def first(self) -> int:
@@ -107,8 +106,8 @@ class AgentTrack:
         )
 
     def enter(self, entry: LogEntry) -> None:
-        """Something was told. An order may throw away the chunk that earlier ones first counted
-        for: then they count from where it does.
+        """Adds an order. It may discard the chunk from which earlier orders counted: then
+        these count from the same chunk as the new one.
         """
         if not isinstance(entry.command, AgentChange):
             later = bisect_left(self.entries, entry.seq + 1, key=_SEQ)
@@ -117,10 +116,10 @@ class AgentTrack:
         insort_right(self.entries, entry, key=_SEQ)
 
     def restart(self, after: "AgentTrack") -> None:
-        """It went on elsewhere, as `after` from a record: what counted for chunks that were to
-        come by then is in the record, or is void.
+        """Continues with `after`, which began elsewhere from a record: orders for chunks that were
+        still to come at that time are in the record, or void.
         """
-        assert isinstance(after.start, AgentRecord)  # nobody goes on from a spec
+        assert isinstance(after.start, AgentRecord)  # a track never resumes from a spec
         seq = after.first
         self.entries = [entry for entry in self.entries if entry.seq < seq] + after.entries
         self.runs = [run for run in self.runs if run.first < seq] + after.runs

@@ -110,7 +110,7 @@ def _as_it_was(chunk: MotionChunk, track: AgentTrack) -> MotionChunk:
 
 
 def _step(world: World, run: ChunkRun, now: float) -> MotionChunk:
-    """Plan the next chunk and send it: what is planned has always been sent before."""
+    """Plans the next chunk and sends it: each planned chunk is sent before the next is planned."""
     world.step(now, DegradationLevel(max(run.candidates, 1), hold_idle=run.candidates == 0))
     chunks = world.collect(now + world.settings.lead * STEP_SECONDS)
     if len(chunks) != 1 or chunks[0].candidates != run.candidates:

@@ -4,8 +4,8 @@ A container (container.py): a JSON header, which pydantic validates, then for ea
 raw arrays. That much is a *snapshot*, which clients export and import (snapshot.py). A *copy*, for
 when this server dies, has the session's crowd, if there is one. A session that *moves* also has
 when its next chunks are due, the last seconds of publications for streams that resume, and the log
-of a recorded session; another server goes on as if nothing had happened. Copies and moves are
-between servers only; checked all the same.
+of a recorded session; another server resumes it exactly. Copies and moves pass between
+servers only, and are checked nevertheless.
 """
 
 from dataclasses import dataclass, fields
@@ -47,12 +47,12 @@ RING_BYTES: Final = 8 << 20
 """Bytes of publications that go along, the latest; a stream that resumes before them has a gap."""
 
 MAX_COUNT: Final = 2**53
-STORED: Final = 0  # zlib's level: what is large here has been compressed, or is poses
+STORED: Final = 0  # zlib's level: large parts are compressed already, or are poses
 
 
 @dataclass(slots=True, eq=False)
 class _ChunkRows(Rows):
-    """`MotionChunks` but for the ids."""
+    """`MotionChunks` without the ids."""
 
     alias: Int
     seq: Int
@@ -112,7 +112,7 @@ class SessionCopy:
     """A session of another server."""
 
     record: SessionRecord
-    rows: LiveRows | None = None  # of its agents, in order; with `log`: it is on its way
+    rows: LiveRows | None = None  # of its agents, in order; present in a move, as `log` is
     log: SessionLog | None = None
     crowd: CrowdPeople | None = None
     recording: bytes = b""  # as `ExportLog` gives it; empty: it is not recorded
@@ -173,7 +173,7 @@ def most_record_bytes(limits: Limits) -> int:
 
 
 def _log_part(log: SessionLog) -> tuple[_LogPart, list[MotionChunks]]:
-    """With the publications that fit into `RING_BYTES`, and their chunks."""
+    """The log with the publications that fit into `RING_BYTES`, and their chunks."""
     room, kept = RING_BYTES // row_bytes(_ChunkRows), list[QueuedPublication]()
     for one in reversed(log.held):
         room -= len(one.publication.chunks)

@@ -158,7 +158,7 @@ def open_snapshot(
 def named_session(data: bytes) -> str:
     """Id of the session in a snapshot; empty where it says none.
 
-    The bytes are untrusted, and only `decode_session` tells whether it is sound.
+    The bytes are untrusted; only `decode_session` checks them.
     """
     try:
         found = _SESSION_ID.search(beginning(ContainerKind.SNAPSHOT, data, NAMED_WITHIN))
@@ -286,7 +286,7 @@ def _check_attributes(spec: SessionSpec) -> None:
 
 
 def check_body(record: AgentRecord, where: str) -> None:
-    """The motion is one that a body on the floor can have. Raises InvalidArgument."""
+    """Checks that a body on the floor can move like this. Raises InvalidArgument."""
     seed = record.motion.seed
     hips = seed.translation[0]
     spans = {
