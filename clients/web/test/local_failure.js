@@ -3,11 +3,15 @@
 import { readFile } from "node:fs/promises";
 import { pathToFileURL } from "node:url";
 import { LocalHost } from "../src/local/host.js";
+import { unpacked } from "../src/local/unpacked.js";
 
 const folder = `${pathToFileURL(process.argv[2]).href}/`;
-const about = JSON.parse(await readFile(new URL("wayfarer.json", folder), "utf8"));
-const { buffer, byteOffset, byteLength } = await readFile(new URL("body_female.bin", folder));
-const bodies = { female: buffer.slice(byteOffset, byteOffset + byteLength) };
+const read = async (name) => {
+  const { buffer, byteOffset, byteLength } = await readFile(new URL(name, folder));
+  return unpacked(buffer.slice(byteOffset, byteOffset + byteLength));
+};
+const about = JSON.parse(new TextDecoder().decode(await read("wayfarer.json")));
+const bodies = { female: await read("body_female.bin") };
 const told = [];
 const run = async () => { throw new Error("the graph cannot be run"); };
 const host = new LocalHost({ about, bodies, run }, (message) => told.push(message));
