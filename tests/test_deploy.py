@@ -14,6 +14,7 @@ import typer
 import yaml
 
 from wayfarer.commands import cluster as cluster_command
+from wayfarer.commands.serve import serve_command
 from wayfarer.config import sources
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.edge.metrics import Metrics
@@ -150,6 +151,33 @@ def unknown(group: Any, words: list[str]) -> list[str]:
     name, *rest = words
     known = {option for param in group.commands[name].params for option in param.opts}
     return [word for word in rest if word.startswith("--") and word not in known]
+
+
+def starts_in_documents() -> list[list[str]]:
+    """The words after `wayfarer` of the commands in docs/ that start servers."""
+    texts = [path.read_text() for path in sorted((ROOT / "docs").glob("*.md"))]
+    found = re.findall(
+        r"^ *[^`|#\n]*?\bwayfarer ((?:serve|cluster start)\b[^#\n]*)", "\n".join(texts), re.M
+    )
+    return [shlex.split(line) for line in found]
+
+
+def test_servers_start_as_the_documents_say():
+    commands, guarded = typer.Typer(), {"--keys-file", "--insecure-no-auth"}
+    commands.command("serve")(serve_command)
+    commands.add_typer(cluster_command.app, name="cluster")
+    group = typer.main.get_command(commands)
+    starts = starts_in_documents()
+    assert {words[0] for words in starts} == {"serve", "cluster"} and len(starts) > 4
+    for words in starts:
+        name, *rest = words
+        if name == "cluster":
+            assert unknown(group.commands[name], rest) == [], words
+        else:
+            assert unknown(group, words) == [], words
+        if "--host" in words:
+            host = words[words.index("--host") + 1]
+            sources.load({"host": host, "insecure_no_auth": bool(guarded & set(words))})
 
 
 def test_three_nodes_in_compose_run_commands_that_there_are(monkeypatch):

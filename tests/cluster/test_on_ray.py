@@ -62,7 +62,7 @@ class Command:
         self.said.extend(self.process.stderr)
 
     def processes(self, name=""):
-        """Of Ray or of nodes; see `processes`."""
+        """Processes of Ray or of nodes; see `processes`."""
         return processes(name, self.process.pid)
 
     def kill(self, name):
@@ -248,7 +248,7 @@ async def test_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
 
 
 def handle(result=None):
-    """Of an actor that answers so to all; None: never."""
+    """A handle of an actor that gives this answer to all calls; None: it never answers."""
     answered = Future()
     if isinstance(result, Exception):
         answered.set_exception(result)

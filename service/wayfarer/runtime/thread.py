@@ -306,7 +306,7 @@ class MotionThread:
         return min(max(max(event, self._publish_at) - self._clock(), 0.0), HEARTBEAT)
 
     def _keep_schedule(self, now: float) -> None:
-        """Postpones agents that wait for a slow reader, and those that are too late."""
+        """Postpones agents that are too late or wait for a slow reader."""
         waiting = self._publisher.waiting_sessions(now)
         self._figures.held = len(waiting)
         for session_id in waiting:

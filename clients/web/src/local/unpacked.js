@@ -1,7 +1,7 @@
 // Files of an export and of onnxruntime-web, packed or not.
 
 /**
- * What a file holds. Files may be packed with gzip under their own names, since few web hosts pack what is not text.
+ * Unpacks the content of a file. Files may be packed with gzip under their own names, since few web hosts pack what is not text.
  * @param {ArrayBuffer} bytes
  */
 export async function unpacked(bytes) {
