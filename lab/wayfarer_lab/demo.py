@@ -64,6 +64,7 @@ def write_demo(out: Path) -> None:
         _copy(RUNTIME / name, out / "onnxruntime" / name)
     for name in CLIENT:
         _copy(WEB / "src" / name, out / "viewer" / "client" / name)
+    shutil.rmtree(out / "people", ignore_errors=True)  # an older export has other files
     export_for_engines(ASSETS / "models" / "gamma-anny52", out / "people", 1, _say, halves=True)
     scene = write_scene(EXAMPLES[SCENE](), out / "scene")
     drawn = scene_convert.outlines(outlines(scene), Basis.GLTF.axes)

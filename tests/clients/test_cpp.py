@@ -76,7 +76,7 @@ def sanitized() -> Path:
 
 @pytest.fixture(scope="module")
 def environment() -> dict[str, str]:
-    """Variables for the readme's build, in a folder that is kept: clang, no optimizer, with tests."""
+    """Variables for the readme's build, in a folder that is kept: clang, no optimizer, tests."""
     folder = ROOT / "build" / "cpp-clang"
     folder.mkdir(parents=True, exist_ok=True)
     quick = folder / "quick.cmake"
