@@ -51,7 +51,7 @@ class Moves:
     async def release(self, name, to):
         self.frozen.pop(name, None)
 
-    async def adopt(self, name, state, content, log_parts):
+    async def adopt(self, name, state, content):
         if refusals := self.refusals.get(name):
             raise refusals.pop(0)
         self.frozen[name] = False
@@ -218,15 +218,14 @@ def test_without_room_all_of_a_group_is_handed_on_to_a_node_that_has_some():
 
         async def peer(self, node, verb, owner, copies):
             assert verb == "keep"
-            [(name, (_, part, after))] = copies.items()
-            left.setdefault(node.name, []).append((owner, name[-2:], part, after))
-            return {name: after + 1}
+            [(name, state)] = copies.items()
+            left.setdefault(node.name, []).append((owner, name[-2:], state))
+            return {}
 
     pair = Three()
-    for end, part in (("00", b"one"), ("01", b"")):
+    for end in ("00", "01"):
         name = f"{pair.name[:-2]}{end}"
-        pair.replicas["n2"].keep("n1", name, b"state", part)
-    pair.replicas["n2"].keep("n1", f"{pair.name[:-2]}00", b"state", b"two", 1)
+        pair.replicas["n2"].keep("n1", name, end.encode())
     pair.moves["n2"].refusals[name] = [ResourceExhausted("full")] * 1000
     pair.bench.directory.ended("n1")
     del pair.bench.nodes["n1"]
@@ -239,7 +238,7 @@ def test_without_room_all_of_a_group_is_handed_on_to_a_node_that_has_some():
         orders.extend(pair.bench.beat("n3")["n3"].orders)
 
     virtual_time.run(obey())
-    assert left == {"n3": [("n1", "00", b"one", 0), ("n1", "00", b"two", 1), ("n1", "01", b"", 0)]}
+    assert left == {"n3": [("n1", "00", b"00"), ("n1", "01", b"01")]}
     assert not pair.moves["n2"].frozen and not len(pair.replicas["n2"])
     assert [(one.kind, one.group) for one in orders] == [("adopt", pair.group)]
     assert not pair.bench.directory.counters["lost"]

@@ -88,7 +88,7 @@ class Moves:
         self.node.sim.seen["moved"] += 1
         self.node.sim.check()
 
-    async def adopt(self, name, state, content, log_parts):
+    async def adopt(self, name, state, content):
         await self.node.work()
         if name in self.frozen:
             raise AlreadyExists(name)

@@ -41,34 +41,3 @@ def test_there_is_a_limit(monkeypatch):
     kept.keep("a", SESSION, b"123")
     with pytest.raises(ResourceExhausted):
         kept.keep("a", OTHER, b"1")
-
-
-def logs_of(kept):
-    return {name: replica.log_parts for name, replica in kept.of("00ff").items()}
-
-
-def test_the_parts_of_a_log_gather_while_its_state_is_replaced():
-    kept = Replicas()
-    assert kept.keep("a", SESSION, b"1", b"x") == 1
-    assert kept.keep("a", SESSION, b"2", b"", 1) == 1
-    assert kept.keep("a", SESSION, b"3", b"y", 1) == 2
-    [replica] = kept.of("00ff").values()
-    assert (replica.state, replica.log_parts) == (b"3", [b"x", b"y"])
-
-
-def test_where_parts_are_missing_the_log_is_asked_for_again_and_the_state_is_kept():
-    kept = Replicas()
-    assert kept.keep("a", SESSION, b"1", b"z", 2) == 0
-    assert len(kept) == 1
-    assert kept.keep("a", SESSION, b"2", b"x") == 1
-    assert kept.keep("a", SESSION, b"3", b"x") == 1, "from its beginning"
-    assert logs_of(kept) == {SESSION: [b"x"]}
-
-
-def test_logs_have_a_limit_of_their_own(monkeypatch):
-    monkeypatch.setattr(replicas, "LOG_BYTES", 2 * (replicas.PART_BYTES + 1))
-    kept = Replicas()
-    assert kept.keep("a", SCENE, b"1", b"x") == 1
-    assert kept.keep("a", SESSION, b"1", b"x") == 1
-    assert kept.keep("a", SESSION, b"2", b"y", 1) == 0
-    assert logs_of(kept) == {SCENE: [b"x"], SESSION: []}

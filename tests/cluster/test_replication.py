@@ -1,4 +1,4 @@
-"""Copies at the neighbour, each second: whole states, and new parts of logs."""
+"""Copies at the neighbour, each second."""
 
 import asyncio
 from types import SimpleNamespace
@@ -6,12 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from tests.cluster.nodes import info
-from wayfarer.cluster import replicas, replication
+from wayfarer.cluster import replication
 from wayfarer.cluster.replicas import Replicas
 from wayfarer.cluster.replication import Replication
 from wayfarer.errors import Unavailable
-from wayfarer.runtime.persistence.log_copy import Replica
-from wayfarer.runtime.persistence.record import UNCOPIED, LogMark
 
 SESSION = "session-00ff34"
 
@@ -19,29 +17,23 @@ SESSION = "session-00ff34"
 OTHERS = tuple(f"session-00ee{number}" for number in range(10, 14))
 
 
-class Recorded:
-    """Sessions of one node: one, with a log of numbers."""
+class Sessions:
+    """Sessions of one node; each state has another number."""
 
     scenes = ()
 
     def __init__(self):
         self.sessions = [SESSION]
-        self.state, self.log_id, self.entries = 0, "a", ["0"]
-        self.broken = None
+        self.state, self.broken = 0, None
 
     def is_movable(self, name):
         return True
 
-    async def replica(self, name, mark):
+    async def replica(self, name):
         self.state += 1
-        state = str(self.state).encode()
         if name == self.broken:
             raise KeyError(name)
-        if mark is None or name != SESSION:
-            return Replica(state)
-        mark = mark if mark.log_id == self.log_id else UNCOPIED
-        part = ",".join(self.entries[mark.tracks :]).encode()
-        return Replica(state, part, LogMark(self.log_id, len(self.entries), {}))
+        return str(self.state).encode()
 
 
 class Neighbours:
@@ -49,32 +41,29 @@ class Neighbours:
 
     def __init__(self):
         self.kept = {"n2": Replicas(), "n3": Replicas()}
-        self.away = self.forgets = self.broken = False
+        self.away = self.broken = False
         self.refuses = None
 
     async def call(self, node, verb, owner, told, seconds=0):
+        if self.away:
+            raise Unavailable("away")
         return getattr(self, verb)(self.kept[node.name], owner, told)
 
     def keep(self, kept, owner, copies):
-        if self.away:
-            raise Unavailable("away")
-        if self.forgets:
-            kept.renew(owner, set())
-            self.forgets = False
-        return {
-            name: "too large" if name == self.refuses else kept.keep(owner, name, *copy)
-            for name, copy in copies.items()
-        }
+        for name, state in copies.items():
+            if name != self.refuses:
+                kept.keep(owner, name, state)
+        return {name: "too large" for name in copies if name == self.refuses}
 
     def present(self, kept, owner, names):
         if self.broken:
             raise KeyError("a bug")
         kept.renew(owner, set(names))
 
-    def log(self, name="n2"):
-        """The session's log at the neighbour."""
+    def state(self, name="n2"):
+        """Of the one session at the neighbour."""
         [kept] = self.kept[name]._kept.values()
-        return b",".join(kept.log_parts).decode().split(",") if kept.log_parts else None
+        return int(kept.state)
 
 
 @pytest.fixture
@@ -84,7 +73,7 @@ async def copies(monkeypatch):
     tenancy = SimpleNamespace(
         node=nodes["n1"], view=SimpleNamespace(nodes=nodes), may_step=lambda: True
     )
-    made = SimpleNamespace(moves=Recorded(), peers=Neighbours())
+    made = SimpleNamespace(moves=Sessions(), peers=Neighbours())
     made.work = Replication(tenancy, made.moves, made.peers)
     made.work.neighbour = "n2"
 
@@ -101,42 +90,23 @@ async def copies(monkeypatch):
     await asyncio.gather(running, return_exceptions=True)
 
 
-async def test_a_log_grows_by_what_is_new(copies):
-    for number in range(1, 4):
-        await copies.rounds()
-        copies.moves.entries.append(str(number))
+async def test_each_round_replaces_the_copy_also_after_a_failure(copies):
     await copies.rounds()
-    assert copies.peers.log() == ["0", "1", "2", "3"]
-
-
-async def test_after_a_failure_and_after_a_loss_it_is_sent_whole_again(copies):
+    before = copies.peers.state()
     await copies.rounds()
+    assert copies.peers.state() > before
     copies.peers.away = True
-    copies.moves.entries.append("1")
+    await asyncio.sleep(0.05)
+    before, copies.peers.away = copies.peers.state(), False
     await copies.rounds()
-    copies.peers.away = False
-    await copies.rounds()
-    assert copies.peers.log() == ["0", "1"]
-    copies.peers.forgets = True
-    copies.moves.entries.append("2")
-    await copies.rounds()
-    assert copies.peers.log() == ["0", "1", "2"]
+    assert copies.peers.state() > before
 
 
-async def test_a_new_neighbour_gets_all_of_it(copies):
-    copies.moves.entries.append("1")
+async def test_a_new_neighbour_gets_a_copy(copies):
     await copies.rounds()
     copies.work.neighbour = "n3"
     await copies.rounds()
-    assert copies.peers.log("n3") == ["0", "1"]
-
-
-async def test_a_log_that_begins_again_under_the_same_id_replaces_the_one_before(copies):
-    copies.moves.entries += ["1", "2"]
-    await copies.rounds()
-    copies.moves.log_id, copies.moves.entries = "b", ["new"]
-    await copies.rounds()
-    assert copies.peers.log() == ["new"]
+    assert copies.peers.state("n3") > copies.peers.state("n2")
 
 
 @pytest.mark.parametrize("trouble", ["refused", "broken"])
@@ -163,23 +133,6 @@ async def test_a_round_that_fails_is_not_the_last_one(copies, caplog):
         while "a round of copies failed" not in caplog.text:
             await asyncio.sleep(0.005)
     copies.peers.broken = False
-    copies.moves.entries.append("1")
+    before = copies.peers.state()
     await copies.rounds()
-    assert copies.peers.log() == ["0", "1"]
-
-
-@pytest.mark.parametrize(
-    ("where", "limit"), [(replicas, "LOG_BYTES"), (replication, "LOG_PART_BYTES")]
-)
-async def test_where_a_log_has_no_room_the_state_is_kept_all_the_same(
-    copies, monkeypatch, caplog, where, limit
-):
-    monkeypatch.setattr(where, limit, 0)
-    copies.work.neighbour = "n3"
-    await copies.rounds()
-    before = copies.moves.state
-    await copies.rounds()
-    assert copies.peers.log("n3") is None
-    [kept] = copies.peers.kept["n3"]._kept.values()
-    assert int(kept.state) > before
-    assert caplog.text.count("log not copied") == 1
+    assert copies.peers.state() > before

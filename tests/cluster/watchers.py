@@ -93,30 +93,3 @@ class Stepped:
             assert np.array_equal(one.times, same.times)
         self.steps.append([(frames.seq, frames.times[0]) for frames in batch.frames])
         assert np.allclose(np.diff(self.steps, axis=0), (1, 0.2)), self.steps
-
-
-class Seen:
-    """The chunks and events of a stream."""
-
-    def __init__(self, session):
-        self.session = session
-        self.frames = []
-        self.gaps = 0
-        self.task = asyncio.create_task(self._follow())
-
-    async def _follow(self):
-        async with self.session.stream(deadline=30) as stream:
-            async for batch in stream:
-                self.gaps += any(event.kind == "gap" for event in batch.events)
-                self.frames += batch.frames
-
-    async def goes_on(self, chunks):
-        wanted = len(self.frames) + chunks
-        async with asyncio.timeout(60):
-            while len(self.frames) < wanted:
-                assert not self.task.done(), self.task
-                await asyncio.sleep(0.05)
-
-    async def close(self):
-        self.task.cancel()
-        await asyncio.gather(self.task, return_exceptions=True)

@@ -20,7 +20,6 @@ from wayfarer.errors import (
 from wayfarer.ids import group_of
 from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
 from wayfarer.runtime.persistence.capture import capture_planned, capture_session
-from wayfarer.runtime.persistence.record import UNCOPIED
 from wayfarer.runtime.persistence.session_record import decode_record, encode_record
 from wayfarer.runtime.persistence.snapshot import decode_session
 from wayfarer.runtime.streams.publications import Resume, StreamOptions
@@ -353,7 +352,7 @@ async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     there = await servers.start(admission=AdmissionRules(refuse=True))
     session = (await here.create_session(SessionSpec())).session_id
     await here.create_agents(session, [AgentSpec()])
-    replica = await here.replica(session, UNCOPIED)
+    replica = await here.replica(session)
     exported = await here.export_session(session)
     await servers.stop(here)
 
@@ -363,7 +362,7 @@ async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     monkeypatch.setattr(Admission, "check", full)
     with pytest.raises(ResourceExhausted, match="no time"):
         await there.import_session(exported)
-    assert len((await there.adopt(replica.state)).agent_ids) == 1
+    assert len((await there.adopt(replica)).agent_ids) == 1
 
 
 async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scenes(servers):
@@ -376,7 +375,7 @@ async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scene
     for spec in (SessionSpec(), SessionSpec(scene=scene), SessionSpec(lock_step=True)):
         session = (await here.create_session(spec)).session_id
         await here.create_agents(session, [AgentSpec()])
-        copies.append((await here.replica(session)).state)
+        copies.append(await here.replica(session))
     await there.create_session(SessionSpec())
     await there.create_session(SessionSpec(lock_step=True))
     content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
@@ -392,59 +391,27 @@ async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scene
             await there.create_session(spec)
 
 
-async def test_from_replicas_a_recorded_session_lives_on_with_its_log(servers):
+@pytest.mark.parametrize("lock_step", [False, True])
+async def test_from_its_replica_a_recorded_session_lives_on_and_its_log_begins_there(
+    servers, lock_step
+):
     here, there = await servers.start(), await servers.start()
-    session = (await here.create_session(SessionSpec(record=True))).session_id
+    session = (await here.create_session(SessionSpec(record=True, lock_step=lock_step))).session_id
     [person] = await here.create_agents(session, [AgentSpec(noise_seed=3)])
-    subscription = await here.subscribe(session, StreamOptions())
-    reading = asyncio.create_task(all_of(subscription))
-    mark, parts = UNCOPIED, []
-    for place in ((5, 0), (0, 5)):
-        await here.give(person.agent_id, goals(place)[0])
-        await asyncio.sleep(0.7)
-        replica = await here.replica(session, mark)
-        mark, parts = replica.mark, [*parts, replica.log_part]
-    assert len(parts[1]) < len(parts[0]), "only what is new"
-    await here.give(person.agent_id, goals((-5, -5))[0])  # lost, as all after the last copy
-    await asyncio.sleep(0.4)
+    await here.give(person.agent_id, goals((5, 0))[0])
+    if lock_step:
+        await here.step_session(session, 4)
+    replica = await here.replica(session)
     await servers.stop(here)
 
-    assert (await there.adopt(replica.state, parts)).session_id == session
-    follows = await there.subscribe(session, StreamOptions())
-    await there.give(person.agent_id, goals((9, 9))[0])
-    async with asyncio.timeout(10):
-        after = await collected(follows, count=8)
-    again = min(c.seq for p in after for c in p.chunks)
-    before = [p for p in await reading if all(c.seq < again - 2 for c in p.chunks)]
-    assert before
-    await same_as_replayed(there, session, [*before, *after])
-
-
-async def all_of(subscription):
-    return [publication async for publication in subscription]
-
-
-async def test_from_replicas_a_session_in_lock_step_lives_on_with_its_log(servers):
-    here, there = await servers.start(), await servers.start()
-    session = await stepping(here)
-    mark, parts, seen = UNCOPIED, [], []
-    for _ in range(3):
-        seen += await here.step_session(session, 4)
-        replica = await here.replica(session, mark)
-        mark, parts = replica.mark, [*parts, replica.log_part]
-    assert not any(parts[1:]), "no command came since"
-    await there.adopt(replica.state, [part for part in parts if part])
-    seen += await there.step_session(session, 6)
-    await same_as_replayed(there, session, seen)
-
-
-async def test_with_a_damaged_log_a_session_lives_on_and_its_log_begins_again(servers):
-    here, there = await servers.start(), await servers.start()
-    session = await stepping(here)
-    await here.step_session(session, 4)
-    replica = await here.replica(session)
-    await there.adopt(replica.state, [replica.log_part[:-9]])
-    await same_as_replayed(there, session, await there.step_session(session, 6))
+    assert (await there.adopt(replica)).session_id == session
+    if lock_step:
+        after = await there.step_session(session, 6)
+    else:
+        follows = await there.subscribe(session, StreamOptions())
+        async with asyncio.timeout(10):
+            after = await collected(follows, count=3)
+    await same_as_replayed(there, session, after)
 
 
 async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
@@ -452,7 +419,7 @@ async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
     scene = (await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
     session = (await here.create_session(SessionSpec(scene=scene))).session_id
     await here.scenes.populate(session, Crowd(6, seed=3, stay=1.0))
-    copy = (await here.replica(session)).state
+    copy = await here.replica(session)
     people = {agent.spec.name for agent in await here.list_agents(session)}
     content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
     await servers.stop(here)  # nothing more is heard of it
@@ -479,7 +446,7 @@ async def test_a_session_without_a_crowd_is_copied_as_a_snapshot(servers):
     runtime = await servers.start()
     session = (await runtime.create_session(SessionSpec())).session_id
     await runtime.create_agents(session, [AgentSpec()])
-    copy = (await runtime.replica(session)).state
+    copy = await runtime.replica(session)
     await runtime.delete_session(session)
     assert (await runtime.import_session(copy)).session_id == session
 

@@ -53,10 +53,6 @@ SESSION_S: Final = 0.1
 """How much longer a call may take for each session that it gives away."""
 
 
-Copies = dict[str, tuple[bytes, bytes, int]]
-"""By id: state, what is new of its log, and how many parts are before that."""
-
-
 class NodeAgent:
     """The agent of a node: renews its lease and carries out the directory's orders."""
 
@@ -101,15 +97,15 @@ class NodeAgent:
 
     # What other nodes and entries call
 
-    async def keep(self, owner: str, copies: Copies) -> dict[str, int | str]:
-        """Keep these replicas; see `Replicas.keep`: for each what it returns, or why not."""
-        kept = dict[str, int | str]()
-        for name, copy in copies.items():
+    async def keep(self, owner: str, copies: dict[str, bytes]) -> dict[str, str]:
+        """Keep these replicas, by id; why those that are not kept are not."""
+        refused = dict[str, str]()
+        for name, state in copies.items():
             try:
-                kept[name] = self._replicas.keep(owner, name, *copy)
+                self._replicas.keep(owner, name, state)
             except ResourceExhausted as error:
-                kept[name] = str(error)
-        return kept
+                refused[name] = str(error)
+        return refused
 
     async def present(self, owner: str, names: list[str]) -> None:
         """These sessions and scenes are on the owner now, and no others."""
@@ -263,7 +259,7 @@ class NodeAgent:
             name = names[0]
             try:
                 found, content = kept[name], _content(kept, name)
-                await self._moves.adopt(name, found.state, content, found.log_parts)
+                await self._moves.adopt(name, found.state, content)
             except WayfarerError as error:
                 if isinstance(error, Unavailable | ResourceExhausted) and now() < ends:
                     if now() > offer_at:
@@ -307,11 +303,8 @@ class NodeAgent:
                     told = one.owner, scene_id, one.state
                     await self._nodes.call(node, "prepare", *told, seconds=PREPARE_S)
                     continue
-                for after, part in enumerate(one.log_parts or [b""]):
-                    copies = {name: (one.state, part, after)}
-                    found = await self._nodes.call(node, "keep", one.owner, copies)
-                    if isinstance(found[name], str):  # there is no room for it
-                        return ""
+                if await self._nodes.call(node, "keep", one.owner, {name: one.state}):
+                    return ""  # there is no room for it
         except WayfarerError:
             return ""
         return node.name

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from wayfarer.errors import ResourceExhausted
@@ -10,12 +10,6 @@ from wayfarer.ids import group_of
 
 REPLICA_BYTES: Final = 512 * 1024 * 1024
 """All replicas that a node keeps for others."""
-
-LOG_BYTES: Final = 128 * 1024 * 1024
-"""Bytes of their logs. A log without room is not kept, and begins anew when its node dies."""
-
-PART_BYTES: Final = 64
-"""Bytes that a part of a log takes in addition to its content."""
 
 KEPT_S: Final = 60.0
 """Seconds after which a replica without renewal is dropped."""
@@ -31,8 +25,6 @@ class KeptReplica:
     owner: str  # node
     state: bytes
     at: float  # monotonic
-    log_parts: list[bytes] = field(default_factory=list)  # of a recorded session
-    log_bytes: int = 0
 
 
 class Replicas:
@@ -42,25 +34,12 @@ class Replicas:
         self._clock = clock
         self._kept: dict[str, KeptReplica] = {}  # by id of a session or scene
 
-    def keep(self, owner: str, name: str, state: bytes, part: bytes = b"", after: int = 0) -> int:
-        """In place of an earlier one. `part` of its log follows `after` others, if it is not empty.
-
-        Returns how many parts there are now: none where others are missing, or where there is no
-        room for a log. Raises ResourceExhausted.
-        """
+    def keep(self, owner: str, name: str, state: bytes) -> None:
+        """In place of an earlier one. Raises ResourceExhausted."""
         before = self._kept.get(name)
         if self.bytes + len(state) - (len(before.state) if before else 0) > REPLICA_BYTES:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
-        now = KeptReplica(owner, state, self._clock())
-        if before is not None and after and len(before.log_parts) == after:
-            now.log_parts, now.log_bytes = before.log_parts, before.log_bytes
-        self._kept[name] = now
-        if part and len(now.log_parts) == after:
-            now.log_parts.append(part)
-            now.log_bytes += len(part) + PART_BYTES
-        if sum(replica.log_bytes for replica in self._kept.values()) > LOG_BYTES:
-            now.log_parts, now.log_bytes = [], 0
-        return len(now.log_parts)
+        self._kept[name] = KeptReplica(owner, state, self._clock())
 
     def renew(self, owner: str, present: set[str]) -> None:
         """These are on the owner now, and no others."""

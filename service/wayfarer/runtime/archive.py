@@ -1,14 +1,13 @@
 """Snapshots and logs that leave a server or come to it, packed off the motion thread."""
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from wayfarer.runtime.persistence.capture import capture_session
-from wayfarer.runtime.persistence.log_copy import Replica, encode_part, join_parts
 from wayfarer.runtime.persistence.log_format import LogOrigin, decode_log, encode_log
-from wayfarer.runtime.persistence.record import CommandLog, LogMark, LogNews
+from wayfarer.runtime.persistence.record import CommandLog
 from wayfarer.runtime.persistence.replay import replay
 from wayfarer.runtime.persistence.session_record import CapturedSession, encode_record
 from wayfarer.runtime.persistence.snapshot import decode_session
@@ -42,34 +41,12 @@ class Archive:
 
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """Implements `MotionService`, as do the methods below."""
-        taken, _ = await self._taken(home, session_id, None)
+        taken = await self._taken(home, session_id)
         return await self._packed(taken._replace(crowd=None))
 
-    async def replica(self, home: Home, session_id: str, mark: LogMark | None) -> Replica:
+    async def replica(self, home: Home, session_id: str) -> bytes:
         """The data from which it resumes after this server has died. Raises NotFound."""
-        taken, news = await self._taken(home, session_id, mark)
-        return await self.with_log(await self._packed(taken), news)
-
-    async def with_log(self, state: bytes, news: LogNews | None) -> Replica:
-        """The replica of a session, with the part of its log that was new at that moment."""
-        if news is None:
-            return Replica(state)
-        part = await asyncio.to_thread(encode_part, news, self.origin)
-        return Replica(state, part, news.mark)
-
-    def news(self, session_id: str, mark: LogMark | None) -> LogNews | None:
-        """The new part of a log; called on the thread of the session's world. None: the session is
-        not recorded, or `mark` is None.
-        """
-        return None if mark is None else self._worlds.recordings.since(session_id, mark)
-
-    async def joined_log(self, parts: Sequence[bytes]) -> CommandLog | None:
-        """Joins the log in a session's replicas; None: it has been dropped.
-
-        Raises InvalidArgument, FailedPrecondition.
-        """
-        most = self._limits.log_entries
-        return await asyncio.to_thread(join_parts, parts, self.origin, self._limits, most)
+        return await self._packed(await self._taken(home, session_id))
 
     async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
         """Reads a snapshot's session; `attributes` take precedence over its own.
@@ -90,18 +67,15 @@ class Archive:
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 
-    async def _taken(
-        self, home: Home, session_id: str, mark: LogMark | None
-    ) -> tuple[CapturedSession, LogNews | None]:
-        """Takes its state, with the part of its log after `mark`. Raises NotFound."""
+    async def _taken(self, home: Home, session_id: str) -> CapturedSession:
+        """Takes its state. Raises NotFound."""
         for _ in range(SETTLE_TRIES):
             if await home.ask(lambda world, _: world.members.is_settled(session_id)):
                 break
             await asyncio.sleep(SETTLE_SECONDS)
         return await home.ask(
-            lambda world, _: (
-                capture_session(world, session_id)._replace(crowd=world.crowds.copy(session_id)),
-                self.news(session_id, mark),
+            lambda world, _: capture_session(world, session_id)._replace(
+                crowd=world.crowds.copy(session_id)
             )
         )
 

@@ -129,10 +129,9 @@ class LockStep:
 
     async def taken(self, session_id: str) -> CapturedSession:
         """The state of the session for another server, between two steps. Raises NotFound."""
-        return await self.ask(lambda *_: self.taken_now(session_id))
+        return await self.ask(lambda *_: self._taken(session_id))
 
-    def taken_now(self, session_id: str) -> CapturedSession:
-        """`taken` for callers on the session's thread."""
+    def _taken(self, session_id: str) -> CapturedSession:
         session = self.world.registry.session(session_id)
         seconds, stopping = self._steps * STEP_SECONDS, dict(self._goal_events.stopping)
         log = SessionLog(LOCK_STEP, self._position, seconds, None, stopping, ())

@@ -22,9 +22,7 @@ from wayfarer.runtime.lockstep import LockStep, LockSteps
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.moving import LiveMoves
 from wayfarer.runtime.offline import Offline
-from wayfarer.runtime.persistence.log_copy import Replica
 from wayfarer.runtime.persistence.persistence import SAVE_PARTS, Persistence
-from wayfarer.runtime.persistence.record import UNCOPIED, LogMark
 from wayfarer.runtime.scenes import SceneService
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.publications import Publication, StreamOptions
@@ -280,28 +278,27 @@ class MotionService:
         """Its state as of the last frames sent. Raises NotFound."""
         return await self._archive.export_session(self._home(session_id), session_id)
 
-    async def replica(self, session_id: str, mark: LogMark | None = UNCOPIED) -> Replica:
-        """The data from which `adopt` resumes it after this server has died; with its log since
-        `mark`, the mark of the replica before, or without its log if that is None. Raises NotFound.
+    async def replica(self, session_id: str) -> bytes:
+        """The data from which `adopt` resumes it after this server has died. Its log is not there.
+
+        Raises NotFound.
         """
         if self.moves.is_lock_step(session_id):
-            return await self.moves.replica(session_id, mark)
-        return await self._archive.replica(self._home(session_id), session_id, mark)
+            return await self.moves.replica(session_id)
+        return await self._archive.replica(self._home(session_id), session_id)
 
-    async def adopt(self, replica: bytes, log_parts: Sequence[bytes] = ()) -> SessionInfo:
-        """Resumes a session from a replica's state, and its log from the parts of all replicas.
+    async def adopt(self, replica: bytes) -> SessionInfo:
+        """Resumes a session from its replica. The log of a recorded one begins there.
 
         Also beyond `limits.sessions`, and if there is no time for its agents, since no other server
         steps them. All agents are then late, and degraded. Raises as `import_session`.
         """
         copy = await self.moves.read(replica)
         if copy.log is not None:
-            return await self.moves.adopt(copy, log_parts)
+            return await self.moves.adopt(copy)
         made = await self._go_on(copy.record, admit=False)
         if copy.crowd is not None:
             await self._live.put_crowd(made.session_id, copy.crowd)
-        if log_parts:
-            await self.moves.go_on_with_log(made.session_id, log_parts)
         return made
 
     async def import_session(

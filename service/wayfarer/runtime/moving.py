@@ -7,7 +7,7 @@ the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 import structlog
@@ -17,10 +17,9 @@ from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.gates import SessionGates
 from wayfarer.runtime.live import LiveMotion
 from wayfarer.runtime.lockstep import LockSteps
-from wayfarer.runtime.persistence.log_copy import Replica
 from wayfarer.runtime.persistence.log_format import decode_log
 from wayfarer.runtime.persistence.persistence import Persistence
-from wayfarer.runtime.persistence.record import CommandLog, LogMark
+from wayfarer.runtime.persistence.record import CommandLog
 from wayfarer.runtime.persistence.session_record import (
     SessionCopy,
     decode_record,
@@ -129,41 +128,21 @@ class LiveMoves:
 
         return await self._put(session, entered)
 
-    # Replicas of sessions in lock-step, and of logs: for the time when this server has died
+    # Replicas of sessions in lock-step: for the time when this server has died
 
-    async def replica(self, session_id: str, mark: LogMark | None) -> Replica:
+    async def replica(self, session_id: str) -> bytes:
         """Implements `MotionService` for a session in lock-step. Raises NotFound."""
         home = self._lock_steps.session(session_id)
         if home is None:
             raise NotFound(f"no session {session_id!r} is in lock-step")
-        taken, news = await home.ask(
-            lambda *_: (home.taken_now(session_id), self._archive.news(session_id, mark))
-        )
-        state = await asyncio.to_thread(encode_record, taken, self._worlds.body)
-        return await self._archive.with_log(state, news)
+        taken = await home.taken(session_id)
+        return await asyncio.to_thread(encode_record, taken, self._worlds.body)
 
-    async def adopt(self, copy: SessionCopy, log_parts: Sequence[bytes]) -> SessionInfo:
+    async def adopt(self, copy: SessionCopy) -> SessionInfo:
         """Implements `MotionService` for a session in lock-step. Raises as `import_`."""
         made = await self._put(copy, lambda: None, admit=False)
-        try:
-            if log_parts:
-                await self.go_on_with_log(made.session_id, log_parts)
-        finally:
-            self._gates.open(made.session_id)
+        self._gates.open(made.session_id)
         return made
-
-    async def go_on_with_log(self, session_id: str, parts: Sequence[bytes]) -> None:
-        """Continues an adopted session's log; if that is damaged, starts a new one.
-
-        Raises NotFound.
-        """
-        try:
-            kept = await self._archive.joined_log(parts)
-        except (InvalidArgument, FailedPrecondition) as error:
-            log.error("a log begins again", session_id=session_id, reason=str(error))
-            return
-        go_on, home = self._worlds.recordings.go_on, self._lock_steps.session(session_id)
-        await (home or self._live).ask(lambda *_: go_on(kept, session_id, restarted=True))
 
     async def _put(
         self, session: SessionCopy, entered: Callable[[], None], admit: bool = True

@@ -326,7 +326,7 @@ async def test_a_crowd_that_comes_from_another_server_counts_as_it_was_asked_for
             return info
 
         service.adopt = adopt
-        await api.moves.adopt(session_id, b"", b"", ())
+        await api.moves.adopt(session_id, b"", b"")
         await service.delete_agent(guest.agent_id)
         with pytest.raises(ResourceExhausted, match="has 3 agents and may have 4; 2 more"):
             await api.agents.create(session_id, TWO)

@@ -1,6 +1,6 @@
 """Opaque bytes for outside the server: a JSON header and arrays, compressed, of several kinds.
 
-    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFPART"
+    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG"
     2 bytes  format version        uint16, little-endian
     4 bytes  length of the header  uint32, little-endian
     rest     zlib (with its checksum) of: header, then arrays
@@ -19,10 +19,9 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 
 VERSION: Final = 1
 
-BETWEEN_SERVERS: Final = 4
-"""To be raised when what only servers send each other changes: live sessions, replicas, parts of
-logs, and the calls that bring them (cluster/node_agent.py). Nodes of other numbers are of another
-kind.
+BETWEEN_SERVERS: Final = 5
+"""To be raised when what only servers send each other changes: live sessions, replicas, and the
+calls that bring them (cluster/node_agent.py). Nodes of other numbers are of another kind.
 """
 
 _HEAD: Final = struct.Struct("<8sHI")
@@ -34,16 +33,11 @@ class ContainerKind(Enum):
 
     SNAPSHOT = b"WAYFSNAP"
     LOG = b"WAYFCLOG"
-    LOG_PART = b"WAYFPART"
 
     @property
     def field(self) -> str:
         """Name of the request's field that brings it."""
-        return {
-            b"WAYFSNAP": "snapshot",
-            b"WAYFCLOG": "log",
-            b"WAYFPART": "part of a log",
-        }[self.value]
+        return self.name.lower()
 
 
 class Content(NamedTuple):

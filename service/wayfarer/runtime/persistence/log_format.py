@@ -114,21 +114,16 @@ class LogHeader(BaseModel):
 def encode_log(log: CommandLog, origin: LogOrigin) -> bytes:
     """The log, as far as its chunks have been sent, and with what counts from the next one on."""
     tracks = log.tracks.values()
-    header = log_header(log, origin, tuple(track_part(track, track.end) for track in tracks))
-    text = header.model_dump_json(exclude_none=True)
-    return seal(ContainerKind.LOG, text.encode(), pack_agents(poses(tracks)))
-
-
-def log_header(log: CommandLog, origin: LogOrigin, tracks: tuple[TrackPart, ...]) -> LogHeader:
-    """The header of a log with these tracks."""
-    return LogHeader(
+    header = LogHeader(
         fps=FPS,
         origin=origin,
         session_id=log.session_id,
         spec=log.spec,
         created_at=log.created_at,
-        tracks=tracks,
+        tracks=tuple(map(_track_part, tracks)),
     )
+    text = header.model_dump_json(exclude_none=True)
+    return seal(ContainerKind.LOG, text.encode(), pack_agents(_poses(tracks)))
 
 
 def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int) -> CommandLog:
@@ -137,19 +132,13 @@ def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int
     Raises InvalidArgument that names what is wrong, FailedPrecondition when it is sound but was
     made with another model, body or format.
     """
-    content = unseal(ContainerKind.LOG, data, most_log_bytes(most_entries))
+    most = SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
+    content = unseal(ContainerKind.LOG, data, most)
     header = parse(LogHeader, content.header, ContainerKind.LOG, values=32 * most_entries)
-    return read_log(header, content.arrays, origin, limits, most_entries)
-
-
-def read_log(
-    header: LogHeader, arrays: bytes, origin: LogOrigin, limits: Limits, most_entries: int
-) -> CommandLog:
-    """See `decode_log`."""
     _check_origin(header, origin)
     check_session_id(header.session_id)
     log = CommandLog(header.session_id, header.spec, header.created_at)
-    rows = iter(_rows(arrays))
+    rows = iter(_rows(content.arrays))
     for number, part in enumerate(header.tracks):
         track = _track(part, rows, limits, f"tracks[{number}]")
         if track.agent_id in log.tracks:
@@ -162,28 +151,22 @@ def read_log(
     return log
 
 
-def most_log_bytes(most_entries: int) -> int:
-    """Upper bound of a log with this number of entries, before compression."""
-    return SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
-
-
 # Logs to parts
 
 
-def poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
+def _poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
     """The objects with rows in the arrays, in their order."""
     starts = (start for track in tracks for start in (track.start, *track.restarts))
     return [start for start in starts if isinstance(start, AgentRecord)]
 
 
-def track_part(track: AgentTrack, last: int) -> TrackPart:
-    """The header's entry of a track, with the orders from chunk `last` on, or before it."""
+def _track_part(track: AgentTrack) -> TrackPart:
     start = track.start
     return TrackPart(
         agent_id=track.agent_id,
         alias=track.alias,
         created_at=track.created_at,
-        entries=tuple(_entry_part(e) for e in track.entries if e.seq <= last),
+        entries=tuple(_entry_part(e) for e in track.entries if e.seq <= track.end),
         runs=tuple(run for run in track.runs if run.first < track.end),
         schedules=tuple(track.schedules),
         end=track.end,

@@ -5,11 +5,9 @@ effect, and from the number of candidates for each chunk. Agents do not depend o
 each has its own track. Most chunks are alike, so they are stored as runs.
 """
 
-import secrets
 from bisect import bisect_left, insort_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from operator import attrgetter
 from typing import Final
 
@@ -95,13 +93,13 @@ class AgentTrack:
         restarts = sum(RESTART_COST + len(record.path) for record in self.restarts)
         return 1 + commands + len(self.runs) + len(self.schedules) + restarts
 
-    def copy(self, since: int = 0) -> "AgentTrack":
-        """A track that does not change any more; of what counts from chunk `since` on."""
+    def copy(self) -> "AgentTrack":
+        """A track that does not change any more."""
         return replace(
             self,
-            entries=self.entries[bisect_left(self.entries, since, key=_SEQ) :],
-            runs=self.runs[bisect_left(self.runs, since, key=_FIRST) :],
-            schedules=self.schedules[bisect_left(self.schedules, since, key=_FIRST) :],
+            entries=self.entries.copy(),
+            runs=self.runs.copy(),
+            schedules=self.schedules.copy(),
             restarts=self.restarts.copy(),
         )
 
@@ -154,7 +152,6 @@ class AgentTrack:
 
 
 _SEQ: Final = attrgetter("seq")
-_FIRST: Final = attrgetter("first")
 
 
 @dataclass(slots=True)
@@ -167,32 +164,6 @@ class CommandLog:
     tracks: dict[str, AgentTrack] = field(default_factory=dict)
     size: int = 0  # entries, goals in them, runs and schedules
     overflowed: bool = False
-    log_id: str = field(default_factory=lambda: secrets.token_hex(8))
-    """Tells it from another log of a session with the same id."""
-
-
-@dataclass(frozen=True, slots=True)
-class LogMark:
-    """How far a log has been copied."""
-
-    log_id: str  # empty: not at all
-    tracks: int  # the first ones, of which those not in `ends` are complete
-    ends: Mapping[str, int]  # by agent: chunks before that one are copied
-    overflowed: bool = False
-
-
-UNCOPIED: Final = LogMark("", 0, {})
-
-
-@dataclass(frozen=True, slots=True)
-class LogNews:
-    """The news of a log since a mark."""
-
-    log: CommandLog  # tracks hold what is new only
-    new_tracks: frozenset[str]  # the others continue earlier ones
-    begins: bool  # nothing was copied before
-    overflows: bool  # the log has been dropped since
-    mark: LogMark
 
 
 class Recordings:
@@ -223,31 +194,6 @@ class Recordings:
                 f"limits.log_entries, {self._limit}"
             )
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
-
-    def since(self, session_id: str, mark: LogMark) -> LogNews | None:
-        """What counts for chunks sent since; all of it if the mark is of another log. None: the
-        session is not recorded.
-        """
-        log = self._logs.get(session_id)
-        if log is None:
-            return None
-        news, begins = replace(log, tracks={}), mark.log_id != log.log_id
-        if begins:
-            mark = UNCOPIED
-        if log.overflowed:
-            now = LogMark(log.log_id, 0, {}, overflowed=True)
-            return LogNews(news, frozenset(), begins, not mark.overflowed, now)
-        new, ends = dict.fromkeys(islice(log.tracks, mark.tracks, None)), dict[str, int]()
-        for name in (*mark.ends, *new):
-            track, lives = log.tracks[name], name in self._tracks
-            found = track.copy(mark.ends.get(name, 0))
-            if lives:
-                ends[name] = track.end
-            # where an agent that lives has come to, its own copy says
-            if name in new or not lives or found.entries or found.runs or found.schedules:
-                news.tracks[name] = found
-        now = LogMark(log.log_id, len(log.tracks), ends)
-        return LogNews(news, frozenset(new), begins, False, now)
 
     def go_on(self, log: CommandLog | None, session_id: str, restarted: bool) -> None:
         """Continues the log of a session from another server; None: it was dropped.

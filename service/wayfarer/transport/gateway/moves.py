@@ -12,8 +12,6 @@ from typing import Final, TypeVar
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
-from wayfarer.runtime.persistence.log_copy import Replica
-from wayfarer.runtime.persistence.record import LogMark
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.gateway.residence import misdirected
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
@@ -89,17 +87,13 @@ class SessionMoves:
 
     # Copies
 
-    async def replica(self, name: str, mark: LogMark | None) -> Replica:
-        """The state of a session or scene, as `adopt` takes it; with `mark`, also the part of a
-        recorded session's log that is newer than `mark`. Raises NotFound.
-        """
+    async def replica(self, name: str) -> bytes:
+        """The state of a session or scene, as `adopt` takes it. Raises NotFound."""
         if is_scene(name):
-            return Replica(self._context.service.scenes.obstacles(name))
-        return await self._context.service.replica(name, mark)
+            return self._context.service.scenes.obstacles(name)
+        return await self._context.service.replica(name)
 
-    async def adopt(
-        self, name: str, replica: bytes, content: bytes, log_parts: Sequence[bytes]
-    ) -> None:
+    async def adopt(self, name: str, replica: bytes, content: bytes) -> None:
         """Resumes it from a copy; `content` is a scene's. New streams begin with a gap.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
@@ -107,7 +101,7 @@ class SessionMoves:
         if is_scene(name):
             self._open(await self._scene(name, replica, content))
         else:
-            self._open(await self._session(await self._context.service.adopt(replica, log_parts)))
+            self._open(await self._session(await self._context.service.adopt(replica)))
 
     # Moves
 
