@@ -76,6 +76,14 @@ class Bench:
             node.take(answers[name], told, self.now)
         return answers
 
+    def adopt(self, name, order):
+        """This node has what lives in a group."""
+        node, group = self.nodes[name], order.group
+        node.coming(group, order.epoch)
+        node.decided(group, self.directory.claim(group, name, order.epoch, name))
+        node.came(group)
+        self.present[name].add(group)
+
     @property
     def status(self):
         """The directory's view of the cluster."""

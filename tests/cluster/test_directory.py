@@ -9,7 +9,7 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
 from wayfarer.cluster.directory import DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
-from wayfarer.cluster.messages import Changes, NodeLoad
+from wayfarer.cluster.messages import Answer, Changes, NodeLoad
 from wayfarer.cluster.tenancy import CLAIM_S
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
@@ -165,8 +165,9 @@ def test_the_groups_of_a_dead_node_are_adopted_by_its_neighbour():
     order = bench.beat(neighbour)[neighbour].orders[0]
     assert (order.kind, order.group) == ("adopt", group) and order.epoch > epoch
     assert bench.beat(neighbour)[neighbour].orders == (order,)  # until it is done
-    bench.nodes[neighbour].adopted(group, order.epoch)
-    bench.present[neighbour].add(group)
+    assert bench.nodes[neighbour].owes(order)
+    bench.adopt(neighbour, order)
+    assert not bench.nodes[neighbour].owes(order), "an answer from before may repeat it"
     assert bench.beat(neighbour)[neighbour].orders == ()
     assert bench.owner(group) == neighbour
     assert bench.directory.counters["adopted"] == 1
@@ -182,28 +183,36 @@ def test_where_no_replica_is_the_group_goes_to_who_may_have_an_older_one_and_is_
     for keeper in (first, second):
         (order,) = bench.beat(keeper)[keeper].orders
         assert order.group == group and bench.nodes[keeper].owes(order)
-        bench.nodes[keeper].failed(group, order.epoch)
-        assert not bench.nodes[keeper].owes(order), "it is said again until the failure is heard"
+        bench.directory.decline(group, keeper, order.epoch, "")
         assert bench.beat(keeper)[keeper].orders == ()
     assert bench.directory.counters["lost"] == 1
     assert group not in bench.directory._groups
 
 
-def test_the_failure_of_an_adoption_told_again_does_not_end_a_later_one():
+def test_an_adoption_declined_again_does_not_end_a_later_one():
     bench = Bench(["n0", "n1", "n2"])
     group = bench.new_session("n0")
     first = bench.beat()["n0"].neighbour
     second = ({"n1", "n2"} - {first}).pop()
     bench.directory.ended("n0")
-    told = {}
+    told = []
     for name, to in ((first, second), (second, first)):  # each hands it on to the other
         (order,) = bench.beat(name)[name].orders
-        told[name] = order.epoch, to
-        bench.nodes[name].failed(group, *told[name])
-        bench.beat(name)
-    again = renewal(first, count=99, failed={group: told[first]})  # its answer was lost
-    (order,) = bench.directory.renew(again).orders
+        told.append((group, name, order.epoch, to))
+        bench.directory.decline(*told[-1])
+    for again in told:  # the answer was lost
+        with pytest.raises(Aborted):
+            bench.directory.decline(*again)
+    (order,) = bench.beat(first)[first].orders
     assert order.group == group and bench.owner(group) == first
+
+
+def test_a_message_that_comes_after_the_end_of_its_node_enters_nobody():
+    bench = Bench(["n0", "n1"])
+    late = coming("n0", count=99)
+    bench.directory.ended("n0")
+    assert bench.directory.renew(late) == Answer()
+    assert [one.node.name for one in bench.status.nodes] == ["n1"]
 
 
 def test_an_adopter_that_dies_too_hands_on_to_its_own_neighbour():
@@ -213,8 +222,7 @@ def test_an_adopter_that_dies_too_hands_on_to_its_own_neighbour():
     second = ({"n1", "n2"} - {first}).pop()
     bench.directory.ended("n0")
     order = bench.beat(first)[first].orders[0]
-    bench.nodes[first].adopted(group, order.epoch)
-    bench.present[first].add(group)
+    bench.adopt(first, order)
     bench.beat()
     bench.directory.ended(first)
     assert [o.group for o in bench.beat(second)[second].orders] == [group]
@@ -246,9 +254,9 @@ def test_a_drained_node_moves_what_it_has_and_is_done():
         assert answer.orders and answer.draining
         for order in answer.orders:
             epoch = bench.directory.claim(order.group, "n0", order.epoch, order.to)
-            bench.nodes["n0"].moved(order.group)
+            bench.nodes["n0"].decided(order.group, 0)
             bench.present["n0"].discard(order.group)
-            bench.nodes[order.to].came(order.group, epoch)
+            bench.nodes[order.to].decided(order.group, epoch)
             bench.present[order.to].add(order.group)
             moved.add(order.group)
     assert moved == groups
@@ -303,9 +311,9 @@ def test_a_directory_that_does_not_know_all_decides_no_move():
     bench.beat()
     epoch = bench.nodes["n0"].epoch(named(group))
     given = bench.directory.claim(group, "n0", epoch, "n1")
-    bench.nodes["n1"].came(group, given)
+    bench.nodes["n1"].decided(group, given)
     bench.present = {"n0": {group}, "n1": {group}}
-    bench.nodes["n0"].moving(group)
+    bench.nodes["n0"].going(group)
     bench.directory = Directory(LeaseRules(LEASE), given + 1000, lambda: bench.now, seed=1)
     bench.beat()  # fenced
     bench.beat("n0")
@@ -326,8 +334,7 @@ def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
     directory.ended("n1")
     with pytest.raises(Unavailable, match="adopted by n2"):
         directory.claim(group, "n0", epoch, "n0")
-    bench.nodes["n2"].failed(group, directory._groups[group].epoch)
-    bench.beat("n2")
+    directory.decline(group, "n2", directory._groups[group].epoch, "")
     assert directory.claim(group, "n0", epoch, "n0") > epoch
     assert not bench.beat("n0")["n0"].orders and not directory.counters["lost"]
 

@@ -70,14 +70,16 @@ class Moves:
         self.frozen[name] = False
         self.node.sim.check()
 
-    async def take(self, name, live, content):
+    async def take(self, name, live, content, orphan=False):
         await self.node.work()
         if name in self.frozen:
             raise AlreadyExists(name)
-        if self.node.sim.chance(0.05):
+        if self.node.sim.chance(0.05) or (orphan and self.node.sim.now < self.full_until):
             raise Unavailable("no room")
+        if orphan and self.node.sim.chance(0.1):
+            self.full_until = self.node.sim.now + 4 * LEASE
         self.frozen[name] = True
-        return SimpleNamespace(name=name)
+        return SimpleNamespace(name=name, way="adopted" if orphan else "moved")
 
     async def enter(self, arrival):
         await self.node.work()
@@ -85,20 +87,7 @@ class Moves:
             raise NotFound(arrival.name)
         self.frozen[arrival.name] = False
         self.open[arrival.name] = True
-        self.node.sim.seen["moved"] += 1
-        self.node.sim.check()
-
-    async def adopt(self, name, state, content):
-        await self.node.work()
-        if name in self.frozen:
-            raise AlreadyExists(name)
-        if self.node.sim.chance(0.1) or self.node.sim.now < self.full_until:
-            raise Unavailable("no room")
-        if self.node.sim.chance(0.1):
-            self.full_until = self.node.sim.now + 4 * LEASE
-        self.frozen[name] = False
-        self.open[name] = True
-        self.node.sim.seen["adopted"] += 1
+        self.node.sim.seen[arrival.way] += 1
         self.node.sim.check()
 
     async def release(self, name, to):

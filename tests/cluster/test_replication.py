@@ -7,23 +7,22 @@ import pytest
 
 from tests.cluster.nodes import info
 from wayfarer.cluster import replication
-from wayfarer.cluster.replicas import Replicas
+from wayfarer.cluster.replicas import CONTENT, Replicas
 from wayfarer.cluster.replication import Replication
 from wayfarer.errors import Unavailable
 
 SESSION = "session-00ff34"
 
 
+SCENES = ("scene-00dd11",)
 OTHERS = tuple(f"session-00ee{number}" for number in range(10, 14))
 
 
 class Sessions:
     """Sessions of one node; each state has another number."""
 
-    scenes = ()
-
     def __init__(self):
-        self.sessions = [SESSION]
+        self.sessions, self.scenes = [SESSION], []
         self.state, self.broken = 0, None
 
     def is_movable(self, name):
@@ -35,6 +34,9 @@ class Sessions:
             raise KeyError(name)
         return str(self.state).encode()
 
+    async def content(self, scene_id):
+        return b"content"
+
 
 class Neighbours:
     """They keep what they are sent, unless they are away."""
@@ -42,7 +44,7 @@ class Neighbours:
     def __init__(self):
         self.kept = {"n2": Replicas(), "n3": Replicas()}
         self.away = self.broken = False
-        self.refuses = None
+        self.refuses, self.contents = None, []
 
     async def call(self, node, verb, owner, told, seconds=0):
         if self.away:
@@ -50,6 +52,7 @@ class Neighbours:
         return getattr(self, verb)(self.kept[node.name], owner, told)
 
     def keep(self, kept, owner, copies):
+        self.contents += [name for name in copies if name.endswith(CONTENT)]
         for name, state in copies.items():
             if name != self.refuses:
                 kept.keep(owner, name, state)
@@ -58,7 +61,7 @@ class Neighbours:
     def present(self, kept, owner, names):
         if self.broken:
             raise KeyError("a bug")
-        kept.renew(owner, set(names))
+        return {name for name in kept.renew(owner, set(names)) if name in SCENES}
 
     def state(self, name="n2"):
         """Of the one session at the neighbour."""
@@ -107,6 +110,23 @@ async def test_a_new_neighbour_gets_a_copy(copies):
     copies.work.neighbour = "n3"
     await copies.rounds()
     assert copies.peers.state("n3") > copies.peers.state("n2")
+
+
+async def test_the_content_of_a_scene_is_sent_once_to_each_neighbour_and_until_it_is_kept(copies):
+    content = SCENES[0] + CONTENT
+    copies.peers.refuses, copies.moves.scenes = content, list(SCENES)
+    await copies.rounds(6)
+    tried = len(copies.peers.contents)
+    assert tried > 1
+    copies.peers.refuses = None
+    await copies.rounds(6)
+    assert copies.peers.kept["n2"]._kept[content].state == b"content"
+    sent = len(copies.peers.contents)
+    await copies.rounds(6)
+    assert len(copies.peers.contents) == sent
+    copies.work.neighbour = "n3"
+    await copies.rounds(6)
+    assert content in copies.peers.kept["n3"]._kept and len(copies.peers.contents) == sent + 1
 
 
 @pytest.mark.parametrize("trouble", ["refused", "broken"])

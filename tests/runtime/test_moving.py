@@ -345,6 +345,12 @@ async def same_as_replayed(runtime, session, publications):
         assert_same_poses(played[key], chunk)
 
 
+async def lives_on(runtime, copy):
+    made = await runtime.moves.import_(await runtime.moves.read(copy), orphan=True)
+    await runtime.moves.unfreeze(made.session_id)
+    return made
+
+
 async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     servers, monkeypatch
 ):
@@ -352,7 +358,7 @@ async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     there = await servers.start(admission=AdmissionRules(refuse=True))
     session = (await here.create_session(SessionSpec())).session_id
     await here.create_agents(session, [AgentSpec()])
-    replica = await here.replica(session)
+    replica = await here.moves.replica(session)
     exported = await here.export_session(session)
     await servers.stop(here)
 
@@ -362,7 +368,7 @@ async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     monkeypatch.setattr(Admission, "check", full)
     with pytest.raises(ResourceExhausted, match="no time"):
         await there.import_session(exported)
-    assert len((await there.adopt(replica)).agent_ids) == 1
+    assert len((await lives_on(there, replica)).agent_ids) == 1
 
 
 async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scenes(servers):
@@ -375,7 +381,7 @@ async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scene
     for spec in (SessionSpec(), SessionSpec(scene=scene), SessionSpec(lock_step=True)):
         session = (await here.create_session(spec)).session_id
         await here.create_agents(session, [AgentSpec()])
-        copies.append(await here.replica(session))
+        copies.append(await here.moves.replica(session))
     await there.create_session(SessionSpec())
     await there.create_session(SessionSpec(lock_step=True))
     content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
@@ -383,7 +389,7 @@ async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scene
 
     await there.scenes.adopt(scene, content, obstacles)
     for copy in copies:
-        made = await there.adopt(copy)
+        made = await lives_on(there, copy)
         assert await there.list_agents(made.session_id)
     await there.create_agents(made.session_id, [AgentSpec()])
     for spec in (SessionSpec(), SessionSpec(lock_step=True)):
@@ -401,10 +407,10 @@ async def test_from_its_replica_a_recorded_session_lives_on_and_its_log_begins_t
     await here.give(person.agent_id, goals((5, 0))[0])
     if lock_step:
         await here.step_session(session, 4)
-    replica = await here.replica(session)
+    replica = await here.moves.replica(session)
     await servers.stop(here)
 
-    assert (await there.adopt(replica)).session_id == session
+    assert (await lives_on(there, replica)).session_id == session
     if lock_step:
         after = await there.step_session(session, 6)
     else:
@@ -419,13 +425,13 @@ async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
     scene = (await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
     session = (await here.create_session(SessionSpec(scene=scene))).session_id
     await here.scenes.populate(session, Crowd(6, seed=3, stay=1.0))
-    copy = await here.replica(session)
+    copy = await here.moves.replica(session)
     people = {agent.spec.name for agent in await here.list_agents(session)}
     content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
     await servers.stop(here)  # nothing more is heard of it
 
     await there.scenes.adopt(scene, content, obstacles)
-    await there.adopt(copy)
+    await lives_on(there, copy)
 
     async def names() -> set[str]:
         return {agent.spec.name for agent in await there.list_agents(session)}
@@ -446,7 +452,7 @@ async def test_a_session_without_a_crowd_is_copied_as_a_snapshot(servers):
     runtime = await servers.start()
     session = (await runtime.create_session(SessionSpec())).session_id
     await runtime.create_agents(session, [AgentSpec()])
-    copy = await runtime.replica(session)
+    copy = await runtime.moves.replica(session)
     await runtime.delete_session(session)
     assert (await runtime.import_session(copy)).session_id == session
 

@@ -1,7 +1,7 @@
 """Who owns which group: leases, epochs, placement, adoption, drains. No network, no Ray.
 
-What nodes and entries call: `renew`, `claim`, `ended`, `place`, `drain` and `look`. The rules, on
-which "never two owners" rests:
+What nodes and entries call: `renew`, `claim`, `decline`, `ended`, `place`, `drain` and `look`. The
+rules, on which "never two owners" rests:
 
 - A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
   here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
@@ -27,7 +27,7 @@ import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeVar
 
 from wayfarer.cluster.messages import (
     Answer,
@@ -41,6 +41,8 @@ from wayfarer.cluster.messages import (
 )
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
+V = TypeVar("V")
+
 DRIFT: Final = 1.1
 """A lease is this much longer here than at the node: clocks differ in rate by far less."""
 
@@ -48,7 +50,8 @@ UNSEEN_S: Final = 2.0
 """Seconds after which a placed session is in its node's reports."""
 
 REMEMBERED: Final = 4096
-"""Placements known by their request, so that a create sent twice meets its first reply."""
+"""Placements known by their request, so that a create sent twice meets its first reply; and nodes
+that have ended, so that none is entered by a message that it sent before."""
 
 LOGGED: Final = 8192
 """Changes of the view that are kept; a reader that has seen less gets the whole view."""
@@ -127,6 +130,7 @@ class Directory:
         self._nodes_version = 0
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
         self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
+        self._over: OrderedDict[str, None] = OrderedDict()  # nodes that have ended, as they told
         self._came: set[int] = set()  # numbers of the nodes that have ever come
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
         self._random = random.Random(seed)
@@ -141,6 +145,8 @@ class Directory:
         self.expire()
         node, whole = self._nodes.get(told.name), told.node
         if whole is not None:
+            if told.name in self._over:  # sent before it ended
+                return Answer()
             if not (self._settled() or told.leased or self.rules.nodes) and told.held:
                 return Answer()  # who of two claimants is right is known once all have come
             node = node or self._enter(whole)
@@ -165,13 +171,6 @@ class Directory:
         for group in node.used.intersection(freed):
             if not self._is_adopted(group):
                 self._disown(group)
-        for group in filter(self._is_adopted, node.used.intersection(told.adopted)):
-            self._groups[group].keepers = None
-            self.counters["adopted"] += 1
-        for group in filter(self._is_adopted, node.used.intersection(told.failed)):
-            epoch, to = told.failed[group]
-            if epoch == self._groups[group].epoch:  # not of an adoption before this one
-                self._pass_on(group, to)
         compared = node.used.intersection({*told.held, *share_of(node.used, told.count)})
         epochs = {g: self._groups[g].epoch for g in compared if not self._is_adopted(g)}
         return self._answer(node, told.seen, tuple(lost), epochs)
@@ -189,6 +188,7 @@ class Directory:
         where the next one starts. The keepers of its replicas adopt its groups, or they wait for
         its next life (`LeaseRules.keep`).
         """
+        _remember(self._over, name, None)
         for one in [one for one in self._nodes if name in (one, one.rpartition("-")[0])]:
             self._end(self._nodes.pop(one))
 
@@ -233,8 +233,9 @@ class Directory:
     def claim(self, group: str, owner: str, epoch: int, to: str) -> int:
         """Give a group to `to`, if `owner` still has it with this epoch; its new epoch.
 
-        `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group:
-        no other node gets it with this epoch then. Safe to call twice.
+        `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group,
+        or because it has adopted it: no other node gets it with this epoch then. Safe to call
+        twice.
 
         Raises Aborted when the group has another owner or epoch, FailedPrecondition; Unavailable
         while that is not known: ask again.
@@ -247,18 +248,37 @@ class Directory:
         if entry is not None and has and (owner == to or entry.before == (owner, epoch)):
             entry.keepers = None  # said twice; or it was to adopt the group, and needs no replica
             return entry.epoch
-        if entry is not None and owner == to and self._is_adopted(group):  # if there is a replica
+        is_its = entry is not None and (entry.owner, entry.epoch) == (owner, epoch)
+        if entry is not None and owner == to and not is_its and self._is_adopted(group):
+            # it is its own if there is no replica
             raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
-        if source is None or entry is None or (entry.owner, entry.epoch) != (owner, epoch):
-            found = f"{entry.owner}'s with epoch {entry.epoch}" if entry else "nobody's"
-            raise Aborted(f"group {group} is not {owner}'s with epoch {epoch}: it is {found}")
+        if source is None or not is_its:
+            raise self._not_its(group, owner, epoch)
         if not self._alike(target, source):
             raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
+        if self._is_adopted(group):
+            self.counters["adopted"] += 1
+        elif to != owner:
+            self.counters["moved"] += 1
         self._own(group, to, self._next_epoch())
         self._groups[group].before = (owner, epoch)
-        if to != owner:
-            self.counters["moved"] += 1
         return self._groups[group].epoch
+
+    def decline(self, group: str, owner: str, epoch: int, to: str) -> None:
+        """`owner` cannot adopt a group, as it was told to with this epoch: it has no replica, or no
+        room. The node `to` has the replicas now; empty: none is known to.
+
+        Raises Aborted when the group has another owner or epoch.
+        """
+        entry = self._groups.get(group)
+        if entry is None or (entry.owner, entry.epoch) != (owner, epoch):
+            raise self._not_its(group, owner, epoch)
+        self._pass_on(group, to)
+
+    def _not_its(self, group: str, owner: str, epoch: int) -> Aborted:
+        entry = self._groups.get(group)
+        found = f"{entry.owner}'s with epoch {entry.epoch}" if entry else "nobody's"
+        return Aborted(f"group {group} is not {owner}'s with epoch {epoch}: it is {found}")
 
     # ---- new sessions
 
@@ -284,9 +304,7 @@ class Directory:
         chosen.placed.append((now, chosen.load.sessions))
         self.counters["placed"] += 1
         if request:
-            self._placed[request] = chosen.info.name
-            if len(self._placed) > REMEMBERED:
-                self._placed.popitem(last=False)
+            _remember(self._placed, request, chosen.info.name)
         return chosen.info
 
     def _able(self, now: float) -> list[_Node]:
@@ -491,6 +509,12 @@ def rendezvous(group: str, names: Iterable[str]) -> str:
     Ravishankar 1998).
     """
     return max(names, key=lambda name: _hash(f"{group}/{name}"), default="")
+
+
+def _remember(known: OrderedDict[str, V], name: str, value: V) -> None:
+    known[name] = value
+    if len(known) > REMEMBERED:
+        known.popitem(last=False)
 
 
 def _hash(text: str) -> int:

@@ -81,9 +81,6 @@ class LeaseRenewal(ClusterMessage):
     leased: bool = False  # a lease of an earlier directory still holds
     held: dict[str, int] = {}  # groups and their epochs: new ones, and a share of the others
     freed: tuple[str, ...] = ()  # groups that hold none any more
-    adopted: tuple[str, ...] = ()  # adoptions that succeeded, and
-    # those without a replica or room: epoch, and the node that has the replicas now, or ""
-    failed: dict[str, tuple[int, str]] = {}
     seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
 
 

@@ -21,8 +21,8 @@ from wayfarer.cluster.messages import (
     NodeOrder,
     NodePlan,
 )
-from wayfarer.cluster.replicas import CONTENT, KeptReplica, Replicas
-from wayfarer.cluster.replication import PREPARE_S, Replication
+from wayfarer.cluster.replicas import CONTENT, KEEP_S, KeptReplica, Replicas
+from wayfarer.cluster.replication import Replication
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import (
     Aborted,
@@ -98,23 +98,24 @@ class NodeAgent:
     # What other nodes and entries call
 
     async def keep(self, owner: str, copies: dict[str, bytes]) -> dict[str, str]:
-        """Keep these replicas, by id; why those that are not kept are not."""
+        """Keep these replicas, by id, and bake scenes whose content is among them; why those that
+        are refused are.
+        """
         refused = dict[str, str]()
         for name, state in copies.items():
             try:
                 self._replicas.keep(owner, name, state)
-            except ResourceExhausted as error:
+                if name.endswith(CONTENT):
+                    await self._moves.prepare(name.removesuffix(CONTENT), state)
+            except WayfarerError as error:
                 refused[name] = str(error)
         return refused
 
-    async def present(self, owner: str, names: list[str]) -> None:
-        """These sessions and scenes are on the owner now, and no others."""
-        self._replicas.renew(owner, set(names))
-
-    async def prepare(self, owner: str, scene_id: str, content: bytes) -> None:
-        """A scene of this content may come: bake it."""
-        self._replicas.keep(owner, scene_id + CONTENT, content)
-        await self._moves.prepare(scene_id, content)
+    async def present(self, owner: str, names: list[str]) -> set[str]:
+        """These sessions and scenes are on the owner now, and no others. Returns scenes whose
+        content is not here.
+        """
+        return set(filter(is_scene, self._replicas.renew(owner, set(names))))
 
     async def ask(self, method: str, caller: Caller, told: dict[str, Any]) -> Any:
         """See every_node.py."""
@@ -141,45 +142,51 @@ class NodeAgent:
         try:
             for name, data in live.items():
                 came[name] = await self._moves.take(name, data, _content(kept, name))
-            given = await self._claim(group, owner, epoch)
-            if given is None:
-                raise Unavailable(f"{owner} does not give group {group} away any more")
         except BaseException as error:
-            for name in reversed(came):  # its owner continues with all of them
-                await self._moves.release(name, None)
-            self._tenancy.refused(group)
+            await self._leave(group, came)
             if isinstance(error, WayfarerError):
                 return error
             raise
-        self._tenancy.coming(group, given)
+        return await self._enter(owner, group, epoch, came)
+
+    async def _enter(
+        self, owner: str, group: str, epoch: int, came: dict[str, Arrival]
+    ) -> WayfarerError | None:
+        """All of a group is here, frozen. The directory decides whether it lives on here."""
+        given = await self._decision("claim", group, owner, epoch, self._tenancy.node.name)
+        if not given:
+            await self._leave(group, came)
+            return Unavailable(f"{owner} does not give group {group} away any more")
+        self._tenancy.decided(group, given)
         self._replicas.drop(group)
         try:
             for arrival in came.values():
                 with contextlib.suppress(NotFound):
                     await self._moves.enter(arrival)
         finally:
-            if group in self._tenancy.lost:
-                self._tenancy.refused(group)
-            else:
-                self._tenancy.came(group, given)
-        log.info("sessions came", sessions=list(came), epoch=given, at=boot_clock())
+            self._tenancy.came(group)
+        log.info("sessions came", sessions=list(came), of=owner, epoch=given, at=boot_clock())
         return None
 
-    async def _claim(self, group: str, owner: str, epoch: int) -> int | None:
-        """The new epoch of a group that `owner` gives to this node, or keeps; None: another has it.
+    async def _leave(self, group: str, came: dict[str, Arrival]) -> None:
+        for name in reversed(came):  # another node continues with all of them
+            await self._moves.release(name, None)
+        self._tenancy.decided(group, 0)
+
+    async def _decision(self, verb: str, group: str, owner: str, epoch: int, to: str) -> int:
+        """The directory's answer to `claim` or `decline`; 0: another node has the group.
 
         Asks until the directory answers: the group is frozen on this node, so it can wait.
         """
-        told = group, owner, epoch, self._tenancy.node.name
         while True:
             try:
                 if self._tenancy.registered:  # else the directory does not count with this node
-                    return int(await self._directory.call("claim", *told))
+                    return int(await self._directory.call(verb, group, owner, epoch, to) or 0)
             except (Aborted, FailedPrecondition) as error:
                 log.warning("a group has another owner", group=group, reason=str(error))
-                return None
+                return 0
             except WayfarerError as error:
-                log.warning("a move waits", group=group, reason=str(error))
+                log.warning("a decision is awaited", group=group, reason=str(error))
             await asyncio.sleep(RENEW_S)
 
     # The lease
@@ -248,47 +255,35 @@ class NodeAgent:
         """Resumes the sessions whose replicas are on this node. Without room the whole group waits,
         or is resumed by another node.
         """
-        group, adopted = order.group, list[str]()
+        group, own, to = order.group, self._tenancy.node.name, ""
         self._tenancy.coming(group, order.epoch)
-        kept = self._replicas.of(group)
+        came, kept = dict[str, Arrival](), self._replicas.of(group)
         names = [name for name in kept if not name.endswith(CONTENT)]
-        names.sort(key=is_scene, reverse=True)  # first what sessions need
         now = asyncio.get_running_loop().time
         ends, offer_at = now() + ADOPT_S, now() + HAND_ON_S
-        while names and group not in self._tenancy.lost:
-            name = names[0]
-            try:
-                found, content = kept[name], _content(kept, name)
-                await self._moves.adopt(name, found.state, content)
-            except WayfarerError as error:
-                if isinstance(error, Unavailable | ResourceExhausted) and now() < ends:
+        for name in sorted(names, key=is_scene, reverse=True):  # first what sessions need
+            while name not in came and not to:
+                try:
+                    state, content = kept[name].state, _content(kept, name)
+                    came[name] = await self._moves.take(name, state, content, orphan=True)
+                except WayfarerError as error:
+                    full = isinstance(error, Unavailable | ResourceExhausted) and now() < ends
+                    if not (full and self._tenancy.epoch(name) == order.epoch):
+                        log.error("session not adopted", session_id=name, reason=str(error))
+                        break
                     if now() > offer_at:
-                        to = await self._hand_on(kept)
-                        if to and group not in self._tenancy.lost:
-                            for one in reversed(adopted):  # nobody was let in here yet
-                                await self._moves.release(one, None)
-                            self._replicas.drop(group)
-                            self._tenancy.failed(group, order.epoch, to)
-                            log.warning("no room for a group", group=group, to=to, why=str(error))
-                            return
-                        offer_at = now() + HAND_ON_S
+                        to, offer_at = await self._hand_on(kept), now() + HAND_ON_S
                     await asyncio.sleep(RENEW_S)
-                    continue
-                log.error("session not adopted", session_id=name, reason=str(error))
-            except Exception:  # the others are adopted all the same
-                log.exception("session not adopted", session_id=name)
-            else:
-                adopted.append(name)
-                log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())
-            names.pop(0)
-        if group in self._tenancy.lost:
-            self._tenancy.refused(group)
+                except Exception:  # the others are adopted all the same
+                    log.exception("session not adopted", session_id=name)
+                    break
+        if came and not to:
+            await self._enter(own, group, order.epoch, came)
             return
+        log.warning("group not adopted", group=group, to=to)
+        await self._leave(group, came)
+        await self._decision("decline", group, own, order.epoch, to)
         self._replicas.drop(group)
-        if adopted:
-            self._tenancy.adopted(group, order.epoch)
-        else:
-            self._tenancy.failed(group, order.epoch)
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
         """Leave these replicas with the node that has the most room; its name, or "" for none."""
@@ -298,16 +293,12 @@ class NodeAgent:
             if node.name == own.name or node.fingerprint != own.fingerprint:
                 return ""
             for name, one in kept.items():
-                if name.endswith(CONTENT):
-                    scene_id = name.removesuffix(CONTENT)
-                    told = one.owner, scene_id, one.state
-                    await self._nodes.call(node, "prepare", *told, seconds=PREPARE_S)
-                    continue
-                if await self._nodes.call(node, "keep", one.owner, {name: one.state}):
+                told = one.owner, {name: one.state}
+                if await self._nodes.call(node, "keep", *told, seconds=KEEP_S):
                     return ""  # there is no room for it
         except WayfarerError:
             return ""
-        return node.name
+        return str(node.name)
 
     async def _move(self, order: NodeOrder) -> None:
         """Give all that is in a group to another node, or keep it all: the directory decides."""
@@ -317,8 +308,9 @@ class NodeAgent:
             return
         try:
             for name in filter(is_scene, names):  # takes long; the sessions run meanwhile
-                content = await self._moves.content(name)
-                await self._nodes.call(node, "prepare", own, name, content, seconds=PREPARE_S)
+                content = {name + CONTENT: await self._moves.content(name)}
+                if refused := await self._nodes.call(node, "keep", own, content, seconds=KEEP_S):
+                    raise ResourceExhausted(refused[name + CONTENT])
         except WayfarerError as error:
             log.error("scene not moved", group=group, to=order.to, reason=str(error))
             return
@@ -332,22 +324,21 @@ class NodeAgent:
             log.error("session not moved", group=group, to=order.to, reason=str(error))
             await self._thaw(frozen)
             return
-        tenancy.moving(group)
+        tenancy.going(group)
         try:
             told, seconds = (own, group, order.epoch, frozen), CALL_S + SESSION_S * len(frozen)
             await self._nodes.call(node, "take", *told, seconds=seconds)
         except WayfarerError as error:  # it may have come there all the same
             log.error("session not moved", group=group, to=order.to, reason=str(error))
-            epoch = await self._claim(group, own, order.epoch)
-            if epoch is not None:
-                tenancy.stays(group, epoch)
+            if epoch := await self._decision("claim", group, own, order.epoch, own):
+                tenancy.decided(group, epoch)
                 await self._thaw(frozen)
                 return
         for name in names:
             await self._moves.release(name, endpoint(node))
             ms = round(1e3 * (boot_clock() - began))
             log.info("session moved", session_id=name, to=node.name, ms=ms)
-        tenancy.moved(group)
+        tenancy.decided(group, 0)
 
     async def _thaw(self, names: Iterable[str]) -> None:
         for name in names:

@@ -14,6 +14,9 @@ REPLICA_BYTES: Final = 512 * 1024 * 1024
 KEPT_S: Final = 60.0
 """Seconds after which a replica without renewal is dropped."""
 
+KEEP_S: Final = 120.0
+"""Seconds within which a node keeps what it is sent, and has baked it if it is a scene."""
+
 CONTENT: Final = "/content"
 """Suffix of a scene's id: its constant content. The replica under the id is its state."""
 
@@ -41,14 +44,15 @@ class Replicas:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
         self._kept[name] = KeptReplica(owner, state, self._clock())
 
-    def renew(self, owner: str, present: set[str]) -> None:
-        """These are on the owner now, and no others."""
+    def renew(self, owner: str, present: set[str]) -> set[str]:
+        """These are on the owner now, and no others; returns those without content here."""
         now = self._clock()
         for name, replica in list(self._kept.items()):
             if replica.owner == owner and name.removesuffix(CONTENT) in present:
                 replica.at = now
             elif replica.owner == owner or now - replica.at > KEPT_S:
                 del self._kept[name]
+        return {name for name in present if name + CONTENT not in self._kept}
 
     def of(self, group: str) -> dict[str, KeptReplica]:
         """Those of a group, by name; they are kept until `drop`."""

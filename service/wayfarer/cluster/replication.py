@@ -13,6 +13,7 @@ from typing import Final
 import structlog
 
 from wayfarer.cluster.messages import NodeInfo, NodeLink
+from wayfarer.cluster.replicas import CONTENT, KEEP_S
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import WayfarerError
 from wayfarer.transport.gateway.moves import SessionMoves
@@ -23,9 +24,6 @@ REPLICATE_S: Final = 1.0
 
 BATCH_BYTES: Final = 1024 * 1024
 """Bytes of one message, somewhat exceeded."""
-
-PREPARE_S: Final = 60.0
-"""Seconds within which a scene is baked."""
 
 TOLD: Final = 4
 """Refused replicas of a round that are named in the log."""
@@ -40,7 +38,7 @@ class Replication:
         self._tenancy = tenancy
         self._moves = moves
         self._link = link
-        self._contents: dict[str, asyncio.Task[None]] = {}  # of scenes, by neighbour and scene
+        self._contents: dict[tuple[str, str], asyncio.Task[None]] = {}  # being sent
 
     async def running(self) -> None:
         """For ever."""
@@ -59,10 +57,10 @@ class Replication:
     async def _replicate(self, node: NodeInfo) -> None:
         names = [name for name in self._moves.scenes if self._moves.is_movable(name)]
         names += [name for name in self._moves.sessions if self._moves.is_movable(name)]
-        self._send_content(node)
         # First: ended sessions make room there; a neighbour that is away fails the round at once.
         own, refused = self._tenancy.node.name, dict[str, str]()
-        await self._link.call(node, "present", own, names)
+        lacks = await self._link.call(node, "present", own, names)
+        self._send_contents(node, lacks)
         batch, size = dict[str, bytes](), 0
         for number, name in enumerate(names, start=1):
             try:
@@ -79,30 +77,22 @@ class Replication:
             told = dict(islice(refused.items(), TOLD))
             log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
 
-    # Scenes
+    def _send_contents(self, node: NodeInfo, lacks: set[str]) -> None:
+        """Beside the copies, since the neighbour answers once it has baked the scene."""
+        self._contents = {key: task for key, task in self._contents.items() if not task.done()}
+        for scene_id in lacks:
+            if (key := (node.name, scene_id)) not in self._contents:
+                sending = asyncio.create_task(self._send_content(node, scene_id), name="scene")
+                self._contents[key] = sending
 
-    def _send_content(self, node: NodeInfo) -> None:
-        """Sends each scene once to a life of the neighbour, which bakes it meanwhile."""
-        here = {_key(node, scene_id): scene_id for scene_id in self._moves.scenes}
-        for key, sending in list(self._contents.items()):
-            if key not in here or (sending.done() and sending.exception() is not None):
-                sending.cancel()
-                del self._contents[key]
-        for key in here.keys() - self._contents.keys():
-            work = self._send_scene(node, here[key])
-            self._contents[key] = asyncio.create_task(work, name="scene")
-
-    async def _send_scene(self, node: NodeInfo, scene_id: str) -> None:
+    async def _send_content(self, node: NodeInfo, scene_id: str) -> None:
         try:
-            content = await self._moves.content(scene_id)
-            told = self._tenancy.node.name, scene_id, content
-            await self._link.call(node, "prepare", *told, seconds=PREPARE_S)
-            log.info("scene copied", scene_id=scene_id, to=node.name)
+            copy = {scene_id + CONTENT: await self._moves.content(scene_id)}
+            own = self._tenancy.node.name
+            refused = await self._link.call(node, "keep", own, copy, seconds=KEEP_S)
         except WayfarerError as error:
-            log.warning("scene not copied", scene_id=scene_id, reason=str(error))
-            raise
-
-
-def _key(node: NodeInfo, name: str) -> str:
-    """A session or scene with this life of a neighbour."""
-    return f"{node.name} {name}"
+            refused = {scene_id: str(error)}
+        if refused:
+            log.warning("scene not copied", scene_id=scene_id, to=node.name, reason=refused)
+        else:
+            log.info("scene copied", scene_id=scene_id, to=node.name)

@@ -44,13 +44,9 @@ class Tenancy:
         self._count = 0  # of messages
         self._held: dict[str, int] = {}  # groups in use, and their epochs; 0: not known yet
         self._lost: frozenset[str] = frozenset()  # to be released before another step
-        self._moving: set[str] = set()
-        # some of what lives there is not here yet: the epoch of an adoption; 0: not owned yet
-        self._coming: dict[str, int] = {}
-        # changes that the directory does not know yet
-        self._freed: set[str] = set()
-        self._adopted: set[str] = set()
-        self._failed: dict[str, tuple[int, str]] = {}  # see `LeaseRenewal`
+        self._frozen: set[str] = set()  # until the directory has decided who gets them
+        self._coming: set[str] = set()  # some of what lives there is not here yet
+        self._freed: set[str] = set()  # the directory does not know that yet
 
     # ---- Ownership
 
@@ -108,10 +104,10 @@ class Tenancy:
 
     def owes(self, order: NodeOrder) -> bool:
         """Whether an order has still to be done."""
-        has = self._held.get(order.group) == order.epoch
+        epoch = self._held.get(order.group, 0)
         if order.kind == "move":
-            return has
-        return not has and self._failed.get(order.group, (0, ""))[0] != order.epoch
+            return epoch == order.epoch
+        return epoch < order.epoch or order.group in self._frozen  # it has begun, and failed
 
     # ---- reports to the directory
 
@@ -132,16 +128,16 @@ class Tenancy:
 
     def renewal(self, load: NodeLoad, present: Collection[str]) -> LeaseRenewal:
         """`present`: groups of this node's sessions and scenes; a journal may have kept them."""
-        for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
+        for group in set(present) - self._held.keys() - self._lost - self._coming:
             self._held[group] = 0
             self._freed.discard(group)
-        for group in set(self._held) - set(present) - self._moving:
+        for group in set(self._held) - set(present) - self._frozen - self._coming:
             del self._held[group]
             self._freed.add(group)
         self._count += 1
         named = share_of(self._held, self._count)
         named.update(group for group, epoch in self._held.items() if not epoch)
-        held = {group: self._held[group] for group in sorted(named - self._moving)}
+        held = {group: self._held[group] for group in sorted(named - self._frozen)}
         comes = not self.registered
         return LeaseRenewal(
             name=self.node.name,
@@ -149,10 +145,8 @@ class Tenancy:
             load=load,
             node=self.node if comes else None,
             leased=comes and self.leased,
-            held=self._owned() if comes else held,
+            held=dict(self._held) if comes else held,
             freed=tuple(sorted(self._freed)),
-            adopted=tuple(sorted(self._adopted)),
-            failed=dict(self._failed),
             seen=self.view.seen,
         )
 
@@ -166,21 +160,16 @@ class Tenancy:
             return False
         self.registered = True
         self._freed -= set(told.freed)
-        self._adopted -= set(told.adopted)
-        for group, failure in told.failed.items():
-            if self._failed.get(group) == failure:
-                del self._failed[group]
         # the answer does not cover changes after the renewal was sent
-        owned = self._owned()
-        same = {group for group, epoch in told.held.items() if owned.get(group) == epoch}
-        lost = same.intersection(answer.lost) - self._moving  # of these `claim` tells
-        self._lost |= lost
-        for group in lost:
-            self._held.pop(group, None)
+        same = {group for group, epoch in told.held.items() if self._held.get(group) == epoch}
+        lost = same.intersection(answer.lost)
+        self._lost |= lost - self._frozen  # nobody steps the others, and `claim` tells of them
+        for group in lost - (self._frozen - self._coming):
+            del self._held[group]
         for group, epoch in answer.epochs.items():
-            if group in same and group in self._held:
+            if group in same and group in self._held and group not in self._frozen:
                 self._held[group] = epoch
-            elif group not in owned and group not in self._coming:
+            elif group not in self._held and group not in self._coming:
                 self._freed.add(group)
         self.view.take(answer.changes)
         self._until = sent_at + answer.lease_s
@@ -189,53 +178,38 @@ class Tenancy:
         self._answered = asyncio.Event()
         return True
 
-    def _owned(self) -> dict[str, int]:
-        """Groups in use or being adopted, and their epochs."""
-        return self._held | {group: epoch for group, epoch in self._coming.items() if epoch}
-
     # ---- what has happened here
 
     def released(self, group: str) -> None:
         """Nothing of this group is here any more."""
         self._lost -= {group}
 
-    def moving(self, group: str) -> None:
-        """All of it is frozen, to be given away; end that with `moved` or `stays`."""
-        self._moving.add(group)
-
-    def moved(self, group: str) -> None:
-        """It has another owner."""
-        self._moving.discard(group)
-        self._held.pop(group, None)
-
-    def stays(self, group: str, epoch: int) -> None:
-        """It was not given away, and has this epoch now."""
-        self._moving.discard(group)
-        self._held[group] = epoch
+    def going(self, group: str) -> None:
+        """All of it is frozen, to be given away, until `decided`."""
+        self._frozen.add(group)
 
     def coming(self, group: str, epoch: int = 0) -> None:
-        """Notes that its sessions are being put into this node, until `came`, `adopted`, `failed`
-        or `refused`. `epoch`: once this node owns it, by a claim or an order to adopt.
+        """Notes that its sessions are being put into this node, frozen, until `decided`. `epoch`:
+        of the order to adopt it.
         """
-        self._coming[group] = epoch
+        self._frozen.add(group)
+        self._coming.add(group)
         self._freed.discard(group)  # it lived here once
+        if epoch:
+            self._held[group] = epoch
 
-    def came(self, group: str, epoch: int) -> None:
-        """It was given to this node."""
-        self._coming.pop(group, None)
-        self._held[group] = epoch
-        self._freed.discard(group)
+    def decided(self, group: str, epoch: int) -> None:
+        """Notes that this node has the group, with this epoch; 0: another node has it.
 
-    def adopted(self, group: str, epoch: int) -> None:
-        """Notes that this node has resumed its sessions from their replicas."""
-        self.came(group, epoch)
-        self._adopted.add(group)
+        What comes is still `coming` until `came`, unless another node has it.
+        """
+        self._frozen.discard(group)
+        if epoch:
+            self._held[group] = epoch
+        else:
+            self._held.pop(group, None)
+            self._coming.discard(group)
 
-    def refused(self, group: str) -> None:
-        """It could not be put in, or has another owner."""
-        self._coming.pop(group, None)
-
-    def failed(self, group: str, epoch: int, to: str = "") -> None:
-        """Notes that this node had no replica or no room; `to` has the replicas now."""
-        self._coming.pop(group, None)
-        self._failed[group] = epoch, to
+    def came(self, group: str) -> None:
+        """All of it can be found here."""
+        self._coming.discard(group)

@@ -31,7 +31,6 @@ from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Append, GoalCommand
-from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.world import World
 
 log = structlog.get_logger(__name__)
@@ -132,11 +131,11 @@ class LiveMotion:
         with self._counted("create_session"):
             return await self.ask(lambda world, now: world.create_session(spec, now))
 
-    async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
+    async def put_session(self, record: SessionRecord) -> SessionInfo:
         """Resumes a session from another server; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, record)
-            return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
+            return await self.ask(lambda _, now: self.adopt(record, now, examined=True))
 
     async def delete_session(self, session_id: str) -> None:
         """Implements `MotionService`."""
@@ -192,15 +191,11 @@ class LiveMotion:
             )
         )
 
-    async def put_crowd(self, session_id: str, crowd: CrowdPeople) -> None:
-        """Resumes a crowd from another server; its people are already on this one."""
-        await self.ask(lambda world, _: world.crowds.put(session_id, crowd))
-
-    async def put_live(self, session: SessionCopy) -> SessionInfo:
+    async def put_live(self, session: SessionCopy, admit: bool) -> SessionInfo:
         """Enters a session from another server, frozen; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, session.record)
-            return await self.ask(lambda world, now: self._put_live(world, session, now))
+            return await self.ask(lambda world, now: self._put_live(world, session, now, admit))
 
     # Streams
 
@@ -294,11 +289,14 @@ class LiveMotion:
             self._publisher.publish(due.session_id, due.chunks)
         self._publisher.flush()
 
-    def _put_live(self, world: World, session: SessionCopy, now: float) -> SessionInfo:
-        record = session.record
-        made = world.members.put_session(record, now, examined=True, live=session.rows)
+    def _put_live(self, world: World, session: SessionCopy, now: float, admit: bool) -> SessionInfo:
+        record, put = session.record, world.members.put_session
+        made = put(record, now, admit, examined=True, live=session.rows)
+        world.members.freeze(made, True)
         if session.log is not None:
             self._publisher.restore(record.session_id, session.log)
+        else:
+            self._publisher.adopt(record)
         if session.crowd is not None:
             world.crowds.put(record.session_id, session.crowd)
         return made.info()

@@ -278,29 +278,6 @@ class MotionService:
         """Its state as of the last frames sent. Raises NotFound."""
         return await self._archive.export_session(self._home(session_id), session_id)
 
-    async def replica(self, session_id: str) -> bytes:
-        """The data from which `adopt` resumes it after this server has died. Its log is not there.
-
-        Raises NotFound.
-        """
-        if self.moves.is_lock_step(session_id):
-            return await self.moves.replica(session_id)
-        return await self._archive.replica(self._home(session_id), session_id)
-
-    async def adopt(self, replica: bytes) -> SessionInfo:
-        """Resumes a session from its replica. The log of a recorded one begins there.
-
-        Also beyond `limits.sessions`, and if there is no time for its agents, since no other server
-        steps them. All agents are then late, and degraded. Raises as `import_session`.
-        """
-        copy = await self.moves.read(replica)
-        if copy.log is not None:
-            return await self.moves.adopt(copy)
-        made = await self._go_on(copy.record, admit=False)
-        if copy.crowd is not None:
-            await self._live.put_crowd(made.session_id, copy.crowd)
-        return made
-
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None
     ) -> SessionInfo:
@@ -309,23 +286,20 @@ class MotionService:
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
         record = await self._archive.read_session(snapshot, attributes or {})
-        return await self._go_on(record, admit=True)
+        scene = record.spec.scene
+        async with self._gates.through(scene) if scene else nullcontext(), self._door:
+            await self._refuse_taken(record.session_id)
+            if record.spec.lock_step:
+                made = await asyncio.to_thread(self._lock_steps.put, record)
+            else:
+                made = await self._live.put_session(record)
+            return await self._persistence.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
         return await self._archive.export_log(self._home(session_id), session_id)
 
     # Private
-
-    async def _go_on(self, record: SessionRecord, admit: bool) -> SessionInfo:
-        scene = record.spec.scene
-        async with self._gates.through(scene) if scene else nullcontext(), self._door:
-            await self._refuse_taken(record.session_id)
-            if record.spec.lock_step:
-                made = await asyncio.to_thread(self._lock_steps.put, record, admit=admit)
-            else:
-                made = await self._live.put_session(record, admit)
-            return await self._persistence.durable(made)
 
     def _home(self, session_id: str) -> LiveMotion | LockStep:
         return self._lock_steps.session(session_id) or self._live

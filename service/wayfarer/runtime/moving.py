@@ -7,12 +7,11 @@ the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes
 
 import asyncio
 import contextlib
-from collections.abc import Callable
 from typing import Final
 
 import structlog
 
-from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, WayfarerError
+from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.gates import SessionGates
 from wayfarer.runtime.live import LiveMotion
@@ -57,10 +56,6 @@ class LiveMoves:
         self._lock_steps = lock_steps
         self._persistence = persistence
         self._gates = gates
-
-    def is_lock_step(self, session_id: str) -> bool:
-        """Whether it is in lock-step on this server."""
-        return self._lock_steps.session(session_id) is not None
 
     async def freeze(self, session_id: str) -> None:
         """Makes calls that change the session wait, stops planning, and sends the planned motion.
@@ -113,55 +108,47 @@ class LiveMoves:
         limits = self._worlds.settings.limits
         return await asyncio.to_thread(decode_record, data, self._worlds.body, limits)
 
-    async def import_(self, session: SessionCopy) -> SessionInfo:
+    async def import_(self, session: SessionCopy, orphan: bool = False) -> SessionInfo:
         """Puts it into the world, frozen; calls that change it wait until `unfreeze`.
+
+        An `orphan` is a copy whose server has ended. It comes also beyond `limits.sessions`, and if
+        there is no time for its agents, since no other server steps them; all agents are then late,
+        and degraded. The log of a recorded one begins here.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
         """
         spec, session_id = session.record.spec, session.record.session_id
+        if session.log is None and not orphan:
+            raise InvalidArgument(f"session {session_id!r} is not on its way", "log")
         kept = await self._log(session.recording) if session.recording else None
 
         def entered() -> None:
-            if spec.record:
+            if spec.record and not orphan:
                 # a lock-step session resumes in its last state; LiveRows are for real time
                 self._worlds.recordings.go_on(kept, session_id, restarted=spec.lock_step)
 
-        return await self._put(session, entered)
-
-    # Replicas of sessions in lock-step: for the time when this server has died
-
-    async def replica(self, session_id: str) -> bytes:
-        """Implements `MotionService` for a session in lock-step. Raises NotFound."""
-        home = self._lock_steps.session(session_id)
-        if home is None:
-            raise NotFound(f"no session {session_id!r} is in lock-step")
-        taken = await home.taken(session_id)
-        return await asyncio.to_thread(encode_record, taken, self._worlds.body)
-
-    async def adopt(self, copy: SessionCopy) -> SessionInfo:
-        """Implements `MotionService` for a session in lock-step. Raises as `import_`."""
-        made = await self._put(copy, lambda: None, admit=False)
-        self._gates.open(made.session_id)
-        return made
-
-    async def _put(
-        self, session: SessionCopy, entered: Callable[[], None], admit: bool = True
-    ) -> SessionInfo:
-        session_id = session.record.session_id
-        if session.log is None:
-            raise InvalidArgument(f"session {session_id!r} is not on its way", "log")
         await self._gates.close(session_id)
         try:
-            if session.record.spec.lock_step:
-                put = self._lock_steps.put
-                made = await asyncio.to_thread(put, session.record, session.log, entered, admit)
+            if spec.lock_step:
+                told = session.record, session.log, entered, not orphan
+                made = await asyncio.to_thread(self._lock_steps.put, *told)
             else:
-                made = await self._live.put_live(session)
+                made = await self._live.put_live(session, admit=not orphan)
                 await self._live.ask(lambda *_: entered())
         except BaseException:
             self._gates.open(session_id)
             raise
         return await self._persistence.durable(made)
+
+    async def replica(self, session_id: str) -> bytes:
+        """Packs its present state for the time when this server has ended, without its streams and
+        log. Raises NotFound.
+        """
+        home = self._lock_steps.session(session_id)
+        if home is None:
+            return await self._archive.replica(self._live, session_id)
+        taken = await home.taken(session_id)
+        return await asyncio.to_thread(encode_record, taken, self._worlds.body)
 
     async def _log(self, recording: bytes) -> CommandLog:
         limits = self._worlds.settings.limits

@@ -1,5 +1,6 @@
 import asyncio
 from contextlib import aclosing
+from types import SimpleNamespace
 
 import pytest
 
@@ -322,11 +323,11 @@ async def test_a_crowd_that_comes_from_another_server_counts_as_it_was_asked_for
         service.people = [guest.agent_id]
         info = await service.get_session(session_id)
 
-        async def adopt(*_: object) -> object:
+        async def comes(*_: object) -> object:
             return info
 
-        service.adopt = adopt
-        await api.moves.adopt(session_id, b"", b"")
+        service.moves = SimpleNamespace(read=comes, import_=comes, unfreeze=comes)
+        await api.moves.enter(await api.moves.take(session_id, b"", b"", orphan=True))
         await service.delete_agent(guest.agent_id)
         with pytest.raises(ResourceExhausted, match="has 3 agents and may have 4; 2 more"):
             await api.agents.create(session_id, TWO)

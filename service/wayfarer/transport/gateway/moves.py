@@ -88,20 +88,10 @@ class SessionMoves:
     # Copies
 
     async def replica(self, name: str) -> bytes:
-        """The state of a session or scene, as `adopt` takes it. Raises NotFound."""
+        """The state of a session or scene, as `take` takes an orphan's. Raises NotFound."""
         if is_scene(name):
             return self._context.service.scenes.obstacles(name)
-        return await self._context.service.replica(name)
-
-    async def adopt(self, name: str, replica: bytes, content: bytes) -> None:
-        """Resumes it from a copy; `content` is a scene's. New streams begin with a gap.
-
-        Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
-        """
-        if is_scene(name):
-            self._open(await self._scene(name, replica, content))
-        else:
-            self._open(await self._session(await self._context.service.adopt(replica)))
+        return await self._context.service.moves.replica(name)
 
     # Moves
 
@@ -130,16 +120,17 @@ class SessionMoves:
         else:
             await _served(lambda: self._context.service.moves.unfreeze(name))
 
-    async def take(self, name: str, live: bytes, content: bytes) -> Arrival:
-        """Installs what another server froze; it stays frozen. `content` is a scene's.
+    async def take(self, name: str, data: bytes, content: bytes, orphan: bool = False) -> Arrival:
+        """Installs what another server froze, or, of an `orphan`, copied before it ended. It stays
+        frozen. `content` is a scene's. An orphan is refused by no limit of sessions.
 
         Followed by `enter` or `release`. Raises InvalidArgument, FailedPrecondition, AlreadyExists,
         ResourceExhausted, Unavailable.
         """
         if is_scene(name):
-            return await self._scene(name, live, content)
+            return await self._scene(name, data, content)
         moves = self._context.service.moves
-        return await self._session(await moves.import_(await moves.read(live)))
+        return await self._session(await moves.import_(await moves.read(data), orphan))
 
     async def enter(self, arrival: Arrival) -> None:
         """Resumes a taken session or scene on this server. Raises NotFound, Unavailable."""
