@@ -13,6 +13,9 @@ import pytest
 import typer
 import yaml
 
+from tests.cluster.nodes import Link
+from wayfarer.cluster.directory import Directory, LeaseRules
+from wayfarer.cluster.node_finder import ClusterFigures, NodeFinder
 from wayfarer.commands import cluster as cluster_command
 from wayfarer.commands.serve import serve_command
 from wayfarer.config import sources
@@ -32,9 +35,13 @@ SUFFIXES = {
 TARGET_LABELS = {"le", "job", "instance"}  # of histograms, and of Prometheus itself
 
 
-def exported() -> set[str]:
+def exported(of_cluster: bool = False) -> set[str]:
     """Names of all series."""
     metrics = Metrics()
+    if of_cluster:
+        finder = NodeFinder(Link(LeaseRules()))
+        finder.head, finder.status = True, Directory(LeaseRules(), 1).look((0, 0))[0]
+        metrics.registry.register(ClusterFigures(finder))
     metrics.refresh(LoopStats(*([0] * 9)))
     return {
         family.name + suffix
@@ -46,7 +53,7 @@ def exported() -> set[str]:
 def labels() -> set[str]:
     """Labels that some metric of ours has."""
     metrics = Metrics()
-    found = {"state", "sight"}  # of collectors of our own
+    found = {"state", "sight", "kind"}  # of collectors of our own
     for collector in set(metrics.registry._collector_to_names):
         found.update(getattr(collector, "_labelnames", ()))
     return found
@@ -64,7 +71,7 @@ def expressions() -> Iterator[str]:
 def test_every_metric_and_label_in_dashboard_and_alerts_exists(expression):
     names = set(re.findall(r"\b(?:wayfarer|process|python)_\w+", expression))
     assert names or "up{" in expression
-    assert names <= exported()
+    assert names <= exported(of_cluster=True)
     grouped = {
         label.strip() for by in re.findall(r"by \(([^)]*)\)", expression) for label in by.split(",")
     }
@@ -112,6 +119,16 @@ def scraped() -> str:
     scrape = yaml.safe_load((DEPLOY / "prometheus/prometheus.yml").read_text())
     (target,) = scrape["scrape_configs"][0]["static_configs"][0]["targets"]
     return target
+
+
+def test_a_cluster_is_scraped_where_its_entry_names_its_nodes():
+    scrape = yaml.safe_load((DEPLOY / "prometheus/cluster.yml").read_text())
+    entry, nodes = scrape["scrape_configs"]
+    (address,) = entry["static_configs"][0]["targets"]
+    (found,) = nodes["http_sd_configs"]
+    assert found["url"] == f"http://{address}/v1/cluster/targets"  # see tests/cluster/test_entry.py
+    assert address.split(":")[0] in cluster_compose()["services"]
+    assert (DEPLOY / "prometheus" / scrape["rule_files"][0]).exists()
 
 
 def test_compose_sets_what_the_service_knows(monkeypatch):
@@ -208,6 +225,21 @@ def test_three_nodes_in_compose_run_commands_that_there_are(monkeypatch):
 def kube_cluster() -> dict:
     """The RayCluster of deploy/kuberay."""
     return next(yaml.safe_load_all((DEPLOY / "kuberay/wayfarer.yaml").read_text()))["spec"]
+
+
+def test_the_head_in_a_pod_keeps_its_state():
+    others = list(yaml.safe_load_all((DEPLOY / "kuberay/wayfarer.yaml").read_text()))[1:]
+    host, port = kube_cluster()["gcsFaultToleranceOptions"]["redisAddress"].split(":")
+    (service,) = (
+        one for one in others if one["metadata"]["name"] == host and one["kind"] == "Service"
+    )
+    (store,) = (one for one in others if one["kind"] == "StatefulSet")
+    (container,) = store["spec"]["template"]["spec"]["containers"]
+    assert store["spec"]["template"]["metadata"]["labels"] == service["spec"]["selector"]
+    (there,), (here,) = service["spec"]["ports"], container["ports"]
+    assert (there["port"], there["targetPort"]) == (int(port), here["name"])
+    password = kube_cluster()["gcsFaultToleranceOptions"]["redisPassword"]
+    assert password["valueFrom"] == container["env"][0]["valueFrom"]
 
 
 def groups() -> list[dict]:

@@ -223,6 +223,9 @@ async def test_without_the_directory_what_lives_is_found_and_nothing_is_made():
 
 async def test_an_operator_sees_the_nodes_and_drains_one():
     async with Rig() as rig:
+        targets = (await rig.http.get("/v1/cluster/targets")).json()
+        assert {one["targets"][0] for one in targets} == {"127.0.0.1:2001", "127.0.0.1:2002"}
+        assert {one["labels"]["node"] for one in targets} == {"n1", "n2"}
         seen = (await rig.http.get("/v1/cluster")).json()
         assert [node["node"]["name"] for node in seen["nodes"]] == ["n1", "n2"]
         page = (await rig.http.get("/metrics")).text
@@ -242,7 +245,11 @@ async def test_who_may_not_is_told_nothing(tmp_path):
     entry = Entry(settings, Link(LeaseRules()), None, lambda: None)
     await entry.start()
     async with httpx.AsyncClient(base_url=entry.http_url) as http:
-        for verb, path in (("GET", "/v1/cluster"), ("POST", "/v1/sessions")):
+        for verb, path in (
+            ("GET", "/v1/cluster"),
+            ("GET", "/v1/cluster/targets"),
+            ("POST", "/v1/sessions"),
+        ):
             assert (await http.request(verb, path)).status_code == 401
         assert (await http.post("/v1/cluster/nodes/n1/drain")).status_code == 401
     await entry.stop()

@@ -1,10 +1,14 @@
 """What `wayfarer cluster` asks Ray beside its event loop."""
 
+import asyncio
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
+from wayfarer.commands import cluster
+from wayfarer.config.settings import Settings
 from wayfarer.errors import InvalidArgument
 
 actors = pytest.importorskip("wayfarer.cluster.actors", exc_type=ImportError)
@@ -35,3 +39,16 @@ async def test_what_ray_refuses_is_told():
 
     with pytest.raises(InvalidArgument, match="no"):
         await actors.on_daemon(refuse)
+
+
+@pytest.mark.parametrize(("asked", "ports"), [(0, (0, 0)), (9000, (9000, 9001))])
+async def test_nodes_of_all_machines_take_the_ports_that_were_asked_for(asked, ports):
+    kept = {}
+    ray = SimpleNamespace(
+        machines=lambda: {"a" * 40: "127.0.0.1", "b" * 40: "127.0.0.2"},
+        keep=lambda plan, serve, machine: kept.update({machine: plan.settings}),
+    )
+    async with cluster._covered(ray, Settings(), asked), asyncio.timeout(5):
+        while len(kept) < 2:
+            await asyncio.sleep(0.01)
+    assert {(one.http_port, one.grpc_port) for one in kept.values()} == {ports}

@@ -7,27 +7,22 @@ directory, and is mostly right while the directory is away.
 """
 
 import asyncio
-import contextlib
-import hashlib
-import random
-import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any, Final
 
 import grpc
 import structlog
 from fastapi import FastAPI
 from google.protobuf.message import DecodeError
-from prometheus_client.core import GaugeMetricFamily, Metric
-from prometheus_client.registry import Collector
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from wayfarer.cluster.every_node import Calls, EveryNode
-from wayfarer.cluster.group_map import GroupMap, endpoint
-from wayfarer.cluster.messages import DirectoryLink, NodeInfo, NodeLink, Status
+from wayfarer.cluster.group_map import endpoint
+from wayfarer.cluster.messages import DirectoryLink, NodeInfo, NodeLink
+from wayfarer.cluster.node_finder import LOOK_S, ClusterFigures, NodeFinder
 from wayfarer.cluster.routes import (
     METHODS,
     Subject,
@@ -65,101 +60,10 @@ from wayfarer.v1 import control_pb2
 
 log = structlog.get_logger(__name__)
 
-LOOK_S: Final = 0.25
-"""Between looks at the directory."""
-
-AWAY_S: Final = 3.0
-"""Seconds without an answer after which the directory counts as away."""
-
 FIRST_S: Final = 10.0
 """Seconds within which a call must name its session or scene."""
 
 VERBS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
-
-
-class NodeFinder:
-    """Which node takes a call, as far as is known here."""
-
-    def __init__(self, directory: DirectoryLink) -> None:
-        self._directory = directory
-        self._view = GroupMap()
-        self._looking = asyncio.Lock()
-        self._looked_at = float("-inf")
-        self.closing = False
-        self._heard_at = float("-inf")
-        self.status: Status | None = None
-        self.head: bool | None = None
-        """Ray's head answers. None: there is no Ray, or nobody has looked yet."""
-
-    async def watch(self) -> None:
-        """Follows the directory, without end."""
-        while True:
-            was_away = self.away
-            await self._look()
-            if self.away != was_away:
-                log.info("directory is away" if self.away else "directory answers")
-            await asyncio.sleep(LOOK_S)
-
-    async def _look(self) -> None:
-        """See the directory as it is now. Calls that wait together share one look."""
-        asked_at = time.monotonic()
-        async with self._looking:
-            if self._looked_at > asked_at:
-                return
-            self._looked_at = time.monotonic()
-            with contextlib.suppress(WayfarerError):
-                status, changes = await self._directory.call("look", self._view.seen)
-                self._view.take(changes)
-                self.status = status
-                self._heard_at = time.monotonic()
-
-    @property
-    def away(self) -> bool:
-        """The directory does not answer: nothing new is made, what lives is still found."""
-        return time.monotonic() - self._heard_at > AWAY_S
-
-    @property
-    def ready(self) -> bool:
-        """New sessions are welcome."""
-        status = self.status
-        if self.closing or self.away or status is None:
-            return False
-        return status.settled and status.capacity > 0
-
-    @property
-    def nodes(self) -> list[NodeInfo]:
-        """The running nodes."""
-        return list(self._view.nodes.values())
-
-    async def all_nodes(self) -> list[NodeInfo]:
-        """The running nodes, asked anew; while the directory is away, the nodes known last."""
-        await self._look()
-        return self.nodes
-
-    async def node(self, subject: Subject, caller: str) -> NodeInfo:
-        """Raises Unavailable."""
-        kind, text = subject
-        if kind == "new":
-            if self.closing:
-                raise Unavailable("the server is shutting down")
-            if self.away:
-                raise Unavailable("the cluster's directory is away: nothing new is made until then")
-            digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
-            placed: NodeInfo = await self._directory.call("place", digest)
-            return placed
-        if kind == "named" and self._view.owner(text) is None:
-            if self.away:  # it may live all the same
-                raise Unavailable("the cluster's directory is away: what is new is not found yet")
-            await self._look()  # it may have been made a moment ago
-        if not self.nodes:
-            raise Unavailable("no node of the cluster runs; they are starting or stopping")
-        found = self._view.node_for(text) if kind == "named" else random.choice(self.nodes)
-        assert found is not None
-        return found
-
-    async def drain(self, name: str) -> None:
-        """See `Directory.drain`."""
-        await self._directory.call("drain", name)
 
 
 class Entry:
@@ -194,7 +98,7 @@ class Entry:
             [ErrorInterceptor(), guard],
             connections=operation.connections,
         )
-        operation.metrics.registry.register(_ClusterFigures(self.finder))
+        operation.metrics.registry.register(ClusterFigures(self.finder))
         app = FastAPI(openapi_url=None)
         add_problem_handlers(app)
         app.add_middleware(
@@ -206,6 +110,7 @@ class Entry:
             WebSocketRoute("/v1/control", self._socket_redirect),
             Route("/v1/health/{probe:str}", self._health, methods=["GET"]),
             Route("/v1/cluster", self._status, methods=["GET"]),
+            Route("/v1/cluster/targets", self._targets, methods=["GET"]),
             Route("/v1/cluster/nodes/{name:str}/drain", self._drain, methods=["POST"]),
             Route("/{rest:path}", self._redirect, methods=VERBS),
         ]
@@ -291,6 +196,11 @@ class Entry:
         told = self.finder.status.model_dump(mode="json")
         return JSONResponse(told | {"head": self.finder.head})
 
+    async def _targets(self, request: Request) -> Response:
+        """Prometheus's service discovery."""
+        current_caller().require(Scope.READ)
+        return JSONResponse(self.finder.targets(request.url.hostname or "localhost"))
+
     async def _drain(self, request: Request) -> Response:
         """Asks a node to give its sessions to others and to end."""
         current_caller().require(Scope.ADMIN)
@@ -338,44 +248,6 @@ class _Redirecting(grpc.GenericRpcHandler):
         subject = grpc_subject(method, first)
         node = await self._finder.node(subject, current_caller().name)
         return _elsewhere(subject, method.path, node)
-
-
-CHANGES: Final = ("placed", "moved", "adopted", "lost", "expired")
-"""Kinds of changes that the directory counts."""
-
-
-class _ClusterFigures(Collector):
-    """Metrics of the cluster, by the last answer of the directory."""
-
-    def __init__(self, finder: NodeFinder) -> None:
-        self._finder = finder
-
-    def collect(self) -> Iterator[Metric]:
-        where = self._finder
-        yield _gauge("directory_up", "The directory answers", float(not where.away))
-        if where.head is not None:
-            yield _gauge("head_up", "Ray's head answers", float(where.head))
-        status = where.status
-        if status is None:
-            return
-        yield _gauge("nodes", "Nodes with a lease", len(status.nodes))
-        yield _gauge("capacity", "Agents that the nodes can move in time", status.capacity)
-        yield _gauge("agents", "Agents on the nodes that take sessions", status.agents)
-        sessions = sum(one.load.sessions for one in status.nodes)
-        yield _gauge("sessions", "Sessions on all nodes", sessions)
-        changes = GaugeMetricFamily(
-            "wayfarer_cluster_changes",
-            "Placed sessions, moved, adopted and lost groups, expired leases, since the directory "
-            "was started",
-            labels=["kind"],
-        )
-        for kind in CHANGES:  # from 0 on: what appears with its first change is not seen to grow
-            changes.add_metric([kind], status.counters.get(kind, 0))
-        yield changes
-
-
-def _gauge(name: str, text: str, value: float) -> Metric:
-    return GaugeMetricFamily(f"wayfarer_cluster_{name}", text, value)
 
 
 async def _opened(socket: WebSocket) -> str:

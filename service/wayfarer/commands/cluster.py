@@ -50,18 +50,24 @@ def start_command(
             min=1, max=60, help="Seconds after which a silent node has lost what it owns."
         ),
     ] = 3.0,
+    node_port: Annotated[
+        int,
+        typer.Option(
+            min=0, max=65534, help="HTTP port of each node, its next one for gRPC; 0: free ones."
+        ),
+    ] = 0,
     config: Config = None,
     **options: Any,
 ) -> None:
     """Start a node on each machine of a Ray cluster, their directory, and an entry at --host,
     --http-port and --grpc-port.
 
-    The options below are the nodes' settings, too; their ports are free ones. Ctrl-C ends the entry
-    only. For several nodes on one machine: `wayfarer serve --workers`.
+    The options below are the nodes' settings, too. Ctrl-C ends the entry only. For several nodes on
+    one machine: `wayfarer serve --workers`.
     """
     settings = _settings(config, options)
     model_folder(settings)
-    _enter(with_engine(settings), address, lease)
+    _enter(with_engine(settings), address, lease, node_port)
 
 
 @app.command("entry")
@@ -76,7 +82,9 @@ def entry_command(
     _enter(_settings(config, options), address)
 
 
-def _enter(settings: Settings, address: str, lease: float | None = None) -> None:
+def _enter(
+    settings: Settings, address: str, lease: float | None = None, node_port: int = 0
+) -> None:
     """Runs an entry; with a `lease`, also the cluster's directory and nodes if it has none yet."""
     warn_if_open(settings)
     from wayfarer.cluster.actors import RayLink
@@ -92,7 +100,7 @@ def _enter(settings: Settings, address: str, lease: float | None = None) -> None
             link, beside = RayLink.find(), contextlib.nullcontext()
         else:
             link = ray.directory(LeaseRules(lease))
-            beside = _covered(ray, settings)
+            beside = _covered(ray, settings, node_port)
 
         def announce(http_url: str, grpc_address: str) -> None:
             log.info("ready", http=http_url, grpc=grpc_address)
@@ -104,11 +112,12 @@ def _enter(settings: Settings, address: str, lease: float | None = None) -> None
 
 
 @contextlib.asynccontextmanager
-async def _covered(ray: "RayCluster", settings: Settings) -> AsyncIterator[None]:
+async def _covered(ray: "RayCluster", settings: Settings, node_port: int) -> AsyncIterator[None]:
     """Keep a node on each of Ray's machines, also on new ones."""
     from wayfarer.cluster.actors import on_daemon
 
     told = ""  # the last round's error
+    ports = {"http_port": node_port, "grpc_port": node_port and node_port + 1}
 
     def cover() -> None:
         machines = sorted(ray.machines().items())
@@ -124,7 +133,7 @@ async def _covered(ray: "RayCluster", settings: Settings) -> AsyncIterator[None]
                 name=f"node-{machine[:12]}",
                 number=number,
                 host="" if settings.is_loopback else host,
-                settings=settings.model_copy(update={"http_port": 0, "grpc_port": 0}),
+                settings=settings.model_copy(update=ports),
             )
             ray.keep(plan, NODE, machine)
 
