@@ -67,6 +67,7 @@ ONE_WORKER = {
     "tests/clients/test_files.py": "clients",
     "tests/clients/test_fit.py": "clients",
     "tests/clients/test_godot.py": "clients",
+    "tests/clients/test_mmcp.py": "clients",
     "tests/clients/test_unity.py": "clients",
     "tests/clients/test_web.py": "clients",
     "tests/clients/test_cpp_offline.py": "local",  # an export and a trace

@@ -1,6 +1,7 @@
 """The Python client under lost connections, refusals, and quicker clients."""
 
 import asyncio
+import copy
 
 import grpc
 import pytest
@@ -289,8 +290,22 @@ async def test_a_goal_and_loose_fields_are_not_mixed(client):
     session = await client.create_session()
     with pytest.raises(wf.InvalidArgument, match="speed, dwell: a Goal says itself"):
         await session.set_goal("a", wf.Goal((0, 0, 0)), speed=1.0, dwell=2.0)
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match=r"no sped; beside its place it has radius, speed, heading"):
         await session.set_goal("a", (0, 0, 0), sped=1.0)
+
+
+def test_a_goal_is_its_message():
+    """With all fields that the contract has, by position or name."""
+    goal = wf.Goal((1, 2, 3), 0.5, speed=1.25)
+    assert (goal.position, goal.radius, goal.speed, goal.dwell) == ((1, 2, 3), 0.5, 1.25, None)
+    assert goal == copy.deepcopy(goal) and hash(goal) == hash(copy.copy(goal))
+    assert (
+        goal != wf.Goal((1, 2, 3)) and repr(goal) == "Goal((1.0, 2.0, 3.0), radius=0.5, speed=1.25)"
+    )
+    with pytest.raises(AttributeError, match="sped"):
+        goal.sped  # noqa: B018
+    with pytest.raises(AttributeError, match="speed"):
+        goal.speed = 1.0
 
 
 async def test_wandering_all_over_or_in_a_disc(server, client):

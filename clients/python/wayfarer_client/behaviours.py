@@ -119,7 +119,7 @@ def _arguments(does: Any) -> dict[str, Any]:
         agent = given.pop("agent")
         given["agent_id"] = agent if isinstance(agent, str) else agent.agent_id
     if "goals" in given:
-        given["goals"] = [goal.to_wire() for goal in given["goals"]]
+        given["goals"] = [goal.message for goal in given["goals"]]
     for name in {"place", "head"} & given.keys():
         given[name] = None if given[name] is None else vector(given[name])
     return given

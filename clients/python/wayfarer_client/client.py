@@ -256,7 +256,7 @@ def _clip_request(
 ) -> motion_pb2.GenerateClipRequest:
     return motion_pb2.GenerateClipRequest(
         agent=agent.to_wire(),
-        goals=[goal.to_wire() for goal in goals],
+        goals=[goal.message for goal in goals],
         seconds=seconds,
         until_arrival=until_arrival,
         basis=enum_label(common_pb2.Basis, basis, "basis"),

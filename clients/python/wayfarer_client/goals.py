@@ -2,13 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Unpack
+from typing import Any
 
 from google.protobuf.message import Message
 
 from wayfarer_client.behaviours import Behaviour, behaviour_to_wire
 from wayfarer_client.errors import InvalidArgument
-from wayfarer_client.messages import Agent, Goal, GoalOptions, Place, vector
+from wayfarer_client.messages import Agent, Goal, Place, vector
 from wayfarer_client.v1 import goal_pb2
 
 
@@ -17,8 +17,8 @@ def id_of(agent: Agent | str) -> str:
     return agent if isinstance(agent, str) else agent.agent_id
 
 
-def _wired(goal: Goal | Place, **how: Unpack[GoalOptions]) -> goal_pb2.Goal:
-    return (goal if isinstance(goal, Goal) else Goal(goal, **how)).to_wire()
+def _wired(goal: Goal | Place, **how: Any) -> goal_pb2.Goal:
+    return (goal if isinstance(goal, Goal) else Goal(goal, **how)).message
 
 
 class GoalCommands(ABC):
@@ -38,7 +38,7 @@ class GoalCommands(ABC):
         goal: Goal | Place,
         *,
         expected: int | None = None,
-        **how: Unpack[GoalOptions],
+        **how: Any,
     ) -> int:
         """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name."""
         if isinstance(goal, Goal) and how:

@@ -7,7 +7,7 @@ Unix clock.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,28 +157,51 @@ class BodyFit:
         return AgentSpec(gender=self.gender, betas=self.betas, **more)
 
 
-@dataclass(frozen=True, slots=True)
 class Goal:
-    """A place to walk to, and how."""
+    """A place to walk to, and how, as in `Goal((2, 0, 3), speed=1.4)`: the fields of the message in
+    goal.proto, in its order or by name. The server chooses for those that are not given.
+    """
 
-    position: Place
-    radius: float | None = None  # arrived when this near; None: 0.3 m
-    speed: float | None = None  # per second; None: 1.2 m/s
-    heading: float | None = None  # radians about up, to face once stopped there; None: any
-    stop: bool = True  # False: pass through without slowing; where no goal follows, stop after it
-    strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
-    dwell: float = 0.0  # seconds to stand there before the next goal of a path
+    __slots__ = ("message",)
 
-    def to_wire(self) -> goal_pb2.Goal:
-        """As protobuf."""
-        given = {name: getattr(self, name) for name in Goal.__slots__ if name != "position"}
-        return goal_pb2.Goal(position=vector(self.position), **given)
+    def __init__(self, position: Place, *values: Any, **how: Any) -> None:
+        """`values`: radius, speed, heading … Raises TypeError for a field that there is not."""
+        names = list(goal_pb2.Goal.DESCRIPTOR.fields_by_name)[1:]
+        if unknown := [*(how.keys() - set(names)), *values[len(names) :]]:
+            raise TypeError(
+                f"a goal has no {unknown[0]}; beside its place it has {', '.join(names)}"
+            )
+        given = dict(zip(names, values, strict=False)) | how
+        self.message = goal_pb2.Goal(position=vector(position), **given)
 
     @classmethod
     def from_wire(cls, message: goal_pb2.Goal) -> "Goal":
-        """The goal of a protobuf message; absent fields take their defaults."""
-        given = {f.name: value for f, value in message.ListFields() if f.name != "position"}
-        return cls((message.position.x, message.position.y, message.position.z), **given)
+        """The goal of a protobuf message."""
+        goal = cls((0.0, 0.0, 0.0))
+        goal.message.CopyFrom(message)
+        return goal
+
+    @property
+    def position(self) -> Place:
+        """In the session's basis."""
+        place = self.message.position
+        return place.x, place.y, place.z
+
+    def __getattr__(self, name: str) -> Any:
+        """The field of this name; None if it is not given."""
+        if name not in goal_pb2.Goal.DESCRIPTOR.fields_by_name:
+            raise AttributeError(f"a goal has no {name}", name=name, obj=self)
+        return getattr(self.message, name) if self.message.HasField(name) else None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Goal) and self.message == other.message
+
+    def __hash__(self) -> int:
+        return hash(self.message.SerializeToString(deterministic=True))
+
+    def __repr__(self) -> str:
+        how = (f", {f.name}={v!r}" for f, v in self.message.ListFields() if f.name != "position")
+        return f"Goal({self.position}{''.join(how)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,17 +227,6 @@ class MotionFile:
             unit=enum_label(motion_pb2.FileUnit, self.unit, "unit"),
             detail=enum_label(motion_pb2.BodyDetail, self.detail, "detail"),
         )
-
-
-class GoalOptions(TypedDict, total=False):
-    """How to walk to a place: the fields of `Goal` without its position."""
-
-    radius: float | None
-    speed: float | None
-    heading: float | None
-    stop: bool
-    strafe: bool
-    dwell: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ const PATIENCE_SECONDS = 15; // for which a call that is refused temporarily is 
 
 /** @typedef {{ x: number, y: number, z: number }} Place */
 /**
- * A place to go to, in metres. `y` selects the storey in a scene; `heading` is the direction to face there, in radians.
- * @typedef {{ x: number, y?: number, z: number, speed?: number, heading?: number, radius?: number, stop?: boolean, dwell?: number, strafe?: boolean }} Goal
+ * A place to go to, in metres, with the other fields of a goal of the API. `y` selects the storey in a scene.
+ * @typedef {{ x: number, y?: number, z: number, [field: string]: any }} Goal
  */
 
 /** A refusal of the server, or no answer at all (status 0). */

@@ -160,7 +160,7 @@ class Entry:
         key = request.headers.get("idempotency-key", "")
         body = b"" if path == MESHES else await request.body()
         subject = http_subject(verb, path, request.url.query, key, body)
-        is_page = not path.startswith(("/v1/", "/mmcp"))
+        is_page = not path.startswith("/v1/")
         node = await self.finder.node(subject, "" if is_page else current_caller().name)
         if is_page:
             host = bracketed(node.host or request.url.hostname or "localhost")

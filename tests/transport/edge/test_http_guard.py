@@ -98,7 +98,6 @@ def test_health_and_viewer_are_open(http, path):
     "path",
     [
         *("/v1/me/x", "/v1/nothing", "/v1/", "/metrics", "/v1%2Fme/x"),
-        *("/mmcp/generate", "/mmcp/capabilities", "/mmcp%2Fgenerate"),
     ],
 )
 def test_all_else_asks_who_calls(http, path):

@@ -142,7 +142,7 @@ static func place(at: Vector3) -> Dictionary:
 	return {"x": at.x, "y": at.y, "z": at.z}
 
 
-## A goal in the form of the API. `how`: speed, heading, radius, stop, dwell, strafe.
+## A goal in the form of the API. `how`: its other fields, as {"speed": 1.4}.
 static func goal(at: Vector3, how: Dictionary = {}) -> Dictionary:
 	return how.merged({"position": place(at)})
 

@@ -24,46 +24,32 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// A place to go to, and how (docs/api.md, "Goals"): metres and radians of the session's basis. The server chooses
-    /// for null fields.
+    /// A place to go to, in metres of the session's basis, and how: the fields of a goal of the API by name (docs/api.md,
+    /// "Goals"), as in <c>new Goal(2, 0, 3) { ["speed"] = 1.4 }</c>. The server chooses for those that are absent or null,
+    /// and refuses others.
     /// </summary>
     public sealed class Goal
     {
+        private readonly JObject fields;
+
         public Goal(double x, double y, double z)
         {
-            Position = new Place(x, y, z);
+            fields = new JObject { ["position"] = new Place(x, y, z).Json() };
         }
 
-        public Place Position { get; set; }
-
-        /// <summary>Target speed on the way, 0.2 … 4 m/s.</summary>
-        public double? Speed { get; set; }
-
-        /// <summary>To face after stopping: in Unity's basis a yaw, clockwise from +Z seen from above, radians.</summary>
-        public double? Heading { get; set; }
-
-        /// <summary>Distance of the hips at which the goal is reached.</summary>
-        public double? Radius { get; set; }
-
-        /// <summary>false: pass through without slowing.</summary>
-        public bool? Stop { get; set; }
-
-        /// <summary>Seconds to stand there.</summary>
-        public double? Dwell { get; set; }
-
-        /// <summary>Hold the heading on the way, and step sideways or backwards.</summary>
-        public bool? Strafe { get; set; }
+        public JToken this[string field]
+        {
+            get => fields[field];
+            set
+            {
+                fields.Remove(field);
+                Fields.Put(fields, field, value);
+            }
+        }
 
         internal JObject Json()
         {
-            var goal = new JObject { ["position"] = Position.Json() };
-            Fields.Put(goal, "speed", Speed);
-            Fields.Put(goal, "heading", Heading);
-            Fields.Put(goal, "radius", Radius);
-            Fields.Put(goal, "stop", Stop);
-            Fields.Put(goal, "dwell", Dwell);
-            Fields.Put(goal, "strafe", Strafe);
-            return goal;
+            return fields;
         }
     }
 

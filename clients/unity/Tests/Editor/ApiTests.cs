@@ -22,8 +22,8 @@ namespace Wayfarer.Tests
             var ada = new AgentSpec { Name = "Ada", Gender = "female", Position = new Place(1, 0, 2), HeightM = 1.7, Outfit = "suit", Seed = 7 };
             JArray made = api.CreateAgents("s/1", ada, new AgentSpec { Betas = new[] { 0.5 }, FootLock = false, Heading = 1 }).Result;
             Assert.AreEqual("a", (string)made[0]["agent_id"]);
-            Wait(api.SetPath("a", new Goal(1.5, 0, -2) { Speed = 0.8, Stop = false }, new Goal(0, 0, 0) { Heading = 1, Dwell = 2 }));
-            Wait(api.AppendGoals("a", new Goal(3, 0, 4) { Radius = 0.5, Strafe = true }));
+            Wait(api.SetPath("a", new Goal(1.5, 0, -2) { ["speed"] = 0.8, ["stop"] = false }, new Goal(0, 0, 0) { ["heading"] = 1.0, ["dwell"] = 2.0 }));
+            Wait(api.AppendGoals("a", new Goal(3, 0, 4) { ["radius"] = 0.5, ["strafe"] = true, ["speed"] = null }));
             Wait(api.Wander("a", new Place(1, 0, 2), 9, new JObject { ["speed"] = 0.5 }));
             Wait(api.Roam("a"));
             Wait(api.Behave("a", JObject.Parse("{\"follow\": {\"agent_id\": \"b\"}}")));

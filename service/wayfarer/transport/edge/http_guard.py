@@ -27,8 +27,8 @@ SUBPROTOCOL: Final = "wayfarer.v1"
 TOKEN_SUBPROTOCOL: Final = "wayfarer.token."
 """Prefix of the key or token in base64url; a page can send no other header with a socket."""
 
-GUARDED: Final = ("/v1/", "/mmcp/")
-"""Paths below these need an admitted caller."""
+GUARDED: Final = "/v1/"
+"""Paths below it need an admitted caller."""
 
 READS: Final = ("GET", "HEAD", "OPTIONS")
 METHODS: Final = (*READS, "POST", "PUT", "PATCH", "DELETE")

@@ -1,6 +1,5 @@
 """The ASGI application: the API as JSON, body meshes, WebSockets, and the viewer."""
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -83,10 +82,6 @@ def http_app(gateway: Gateway, root_path: str = "") -> FastAPI:
     app.add_middleware(RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
     app.openapi = lambda: _document(app, limits, root_path)  # type: ignore[method-assign]
     app.router.routes.append(Route("/v1/{rest:path}", UnknownPath(app.openapi)))
-    if find_spec("motionmcp") is not None:
-        from wayfarer.transport.mmcp.server import mmcp_app
-
-        app.mount("/mmcp", mmcp_app(gateway), name="mmcp")
     app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
     app.mount("/docs", PageFiles(REFERENCE), name="docs")
     if VIEWER.is_dir():

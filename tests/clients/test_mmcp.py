@@ -1,24 +1,43 @@
-"""MMCP over a real server: on our skeleton and on others. The SDK makes the envelope."""
+"""The program of MMCP over a real server, on our skeleton and on others."""
 
 import base64
+import re
+import subprocess
+import sys
 
+import grpc
 import httpx
 import numpy as np
 import pytest
 
+from tests.clients.fake_server import Refusal
 from tests.clients.test_retarget import GLTF
 from tests.golden.rigs import foreign_rigs
-from tests.serving import Service
-from wayfarer.transport.mmcp.prompts import orders
 from wayfarer_client.quaternions import multiply, rotate
 
 pytest.importorskip("motionmcp", reason="needs motionmcp-sdk")
 
+from motionmcp import GenerateRequest
+from motionmcp.errors import ProtocolError
+
+from wayfarer_client.mmcp.prompts import orders
+from wayfarer_client.mmcp.walker import Walker
+
 
 @pytest.fixture(scope="module")
-def url():
-    with Service() as running:
-        yield f"{running.url}/mmcp"
+def url(real_server):
+    command = [sys.executable, "-m", "wayfarer_client.mmcp", real_server.grpc_address]
+    with subprocess.Popen([*command, "--port", "0"], stderr=subprocess.PIPE, text=True) as program:
+        try:
+            said = []
+            for line in program.stderr:
+                said.append(line)
+                if found := re.search(r"http://127\.0\.0\.1:\d+", line):
+                    break
+            assert found, "".join(said)
+            yield found[0]
+        finally:
+            program.terminate()
 
 
 @pytest.fixture(scope="module")
@@ -186,6 +205,7 @@ def test_samples_differ_and_seeds_repeat(url, model):
             "invalid_skeleton",
             "no node was found",
         ),
+        ({"timing": {"fps": 1000}}, "invalid_request", "1 to 240"),
         ({"model": "kimodo"}, "unknown_model", "kimodo"),
         ({"speed": 3}, "schema_validation", ""),
     ],
@@ -230,17 +250,13 @@ def test_what_the_grammar_does_not_have(prompt):
         orders(prompt)
 
 
-async def test_who_may_only_read_gets_no_motion(api):
-    from motionmcp import GenerateRequest
-    from motionmcp.errors import ProtocolError
+async def test_who_may_only_read_gets_no_motion(server, client):
+    def refused(_):
+        raise Refusal(grpc.StatusCode.PERMISSION_DENIED, "scope control is needed")
 
-    from tests.transport.gateway.calls import called_by, caller
-    from wayfarer.transport.edge.caller import Scope
-    from wayfarer.transport.mmcp.server import Walker
-
-    walker = Walker(api)
+    server.answers["FitBody"] = refused
     body = {"protocol_version": "1.0", "model": "wayfarer", "segments": text("walk")}
-    skeleton = walker.capabilities().canonical_skeleton.model_dump()
-    with called_by(caller("ada", Scope.READ)), pytest.raises(ProtocolError) as caught:
-        await walker.generate(GenerateRequest.model_validate(body | {"skeleton": skeleton}))
+    asked = GenerateRequest.model_validate(body | {"skeleton": skeleton_of(GLTF[0].rig)})
+    with pytest.raises(ProtocolError) as caught:
+        await Walker(client, spec=None).generate(asked)
     assert (caught.value.code, caught.value.status_code) == ("forbidden", 403)

@@ -1,1 +1,0 @@
-"""MMCP, the Motion Model Context Protocol (animatica.ai/mmcp): clips on a client's skeleton."""
