@@ -45,6 +45,8 @@ def generate(package_root: Path, package: str) -> None:
         if package == "wayfarer":
             made = package_root / package / "transport" / "schema" / "messages.py"
             made.write_text(_schema_classes(described.read_bytes()), encoding="utf-8")
+        else:
+            (target / "fields.py").write_text(_goal_fields(described.read_bytes()))
     (target / "__init__.py").write_text('"""Generated from proto/wayfarer/v1."""\n')
 
 
@@ -59,6 +61,23 @@ def _schema_classes(described: bytes) -> str:
     spec.loader.exec_module(module)
     text: str = module.Classes(FileDescriptorSet.FromString(described)).module()
     return text
+
+
+def _goal_fields(described: bytes) -> str:
+    """The fields of a goal beside its place, as types of the client's keyword arguments."""
+    from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
+
+    types = {FieldDescriptorProto.TYPE_BOOL: "bool", FieldDescriptorProto.TYPE_DOUBLE: "float"}
+    files = FileDescriptorSet.FromString(described).file
+    goal = next(kind for file in files for kind in file.message_type if kind.name == "Goal")
+    lines = [
+        f"    {field.name}: {types.get(field.type, 'Any')} | None"
+        for field in goal.field
+        if field.name != "position"
+    ]
+    head = '"""Generated from proto/wayfarer/v1."""\n\nfrom typing import Any, TypedDict\n\n\n'
+    name = 'class GoalFields(TypedDict, total=False):\n    """How to walk to a place."""\n\n'
+    return head + name + "\n".join(lines) + "\n"
 
 
 class ProtoBuildHook(BuildHookInterface):  # type: ignore[type-arg]

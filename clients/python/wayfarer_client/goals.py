@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Any
+from typing import Unpack
 
 from google.protobuf.message import Message
 
@@ -10,6 +10,7 @@ from wayfarer_client.behaviours import Behaviour, behaviour_to_wire
 from wayfarer_client.errors import InvalidArgument
 from wayfarer_client.messages import Agent, Goal, Place, vector
 from wayfarer_client.v1 import goal_pb2
+from wayfarer_client.v1.fields import GoalFields
 
 
 def id_of(agent: Agent | str) -> str:
@@ -17,7 +18,7 @@ def id_of(agent: Agent | str) -> str:
     return agent if isinstance(agent, str) else agent.agent_id
 
 
-def _wired(goal: Goal | Place, **how: Any) -> goal_pb2.Goal:
+def _wired(goal: Goal | Place, **how: Unpack[GoalFields]) -> goal_pb2.Goal:
     return (goal if isinstance(goal, Goal) else Goal(goal, **how)).message
 
 
@@ -38,7 +39,7 @@ class GoalCommands(ABC):
         goal: Goal | Place,
         *,
         expected: int | None = None,
-        **how: Any,
+        **how: Unpack[GoalFields],
     ) -> int:
         """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name."""
         if isinstance(goal, Goal) and how:

@@ -7,13 +7,14 @@ Unix clock.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer_client.errors import InvalidArgument
 from wayfarer_client.v1 import agent_pb2, common_pb2, goal_pb2, motion_pb2
+from wayfarer_client.v1.fields import GoalFields
 
 Float = NDArray[np.float32]
 Place = tuple[float, float, float]
@@ -164,14 +165,14 @@ class Goal:
 
     __slots__ = ("message",)
 
-    def __init__(self, position: Place, *values: Any, **how: Any) -> None:
+    def __init__(self, position: Place, *values: Any, **how: Unpack[GoalFields]) -> None:
         """`values`: radius, speed, heading … Raises TypeError for a field that there is not."""
         names = list(goal_pb2.Goal.DESCRIPTOR.fields_by_name)[1:]
         if unknown := [*(how.keys() - set(names)), *values[len(names) :]]:
             raise TypeError(
                 f"a goal has no {unknown[0]}; beside its place it has {', '.join(names)}"
             )
-        given = dict(zip(names, values, strict=False)) | how
+        given: dict[str, Any] = {**dict(zip(names, values, strict=False)), **how}
         self.message = goal_pb2.Goal(position=vector(position), **given)
 
     @classmethod

@@ -9,8 +9,9 @@ const PATIENCE_SECONDS = 15; // for which a call that is refused temporarily is 
 
 /** @typedef {{ x: number, y: number, z: number }} Place */
 /**
- * A place to go to, in metres, with the other fields of a goal of the API. `y` selects the storey in a scene.
- * @typedef {{ x: number, y?: number, z: number, [field: string]: any }} Goal
+ * A place to go to, in metres. `y` selects the storey in a scene; `heading` is the direction to face there, in radians.
+ * Other fields of a goal of the API pass as they are.
+ * @typedef {{ x: number, y?: number, z: number, speed?: number, heading?: number, radius?: number, stop?: boolean, dwell?: number, strafe?: boolean, [field: string]: any }} Goal
  */
 
 /** A refusal of the server, or no answer at all (status 0). */

@@ -24,9 +24,9 @@ namespace Wayfarer
     }
 
     /// <summary>
-    /// A place to go to, in metres of the session's basis, and how: the fields of a goal of the API by name (docs/api.md,
-    /// "Goals"), as in <c>new Goal(2, 0, 3) { ["speed"] = 1.4 }</c>. The server chooses for those that are absent or null,
-    /// and refuses others.
+    /// A place to go to, in metres of the session's basis, and how: the fields of a goal of the API (docs/api.md,
+    /// "Goals"), as in <c>new Goal(2, 0, 3) { Speed = 1.4, ["stop"] = false }</c>. The server chooses for those that are
+    /// absent or null, and refuses those that it does not know.
     /// </summary>
     public sealed class Goal
     {
@@ -37,6 +37,16 @@ namespace Wayfarer
             fields = new JObject { ["position"] = new Place(x, y, z).Json() };
         }
 
+        /// <summary>Target speed on the way, 0.2 … 4 m/s.</summary>
+        public double? Speed { get => (double?)this["speed"]; set => this["speed"] = value; }
+
+        /// <summary>To face after stopping: in Unity's basis a yaw, clockwise from +Z seen from above, radians.</summary>
+        public double? Heading { get => (double?)this["heading"]; set => this["heading"] = value; }
+
+        /// <summary>Distance of the hips at which the goal is reached.</summary>
+        public double? Radius { get => (double?)this["radius"]; set => this["radius"] = value; }
+
+        /// <summary>A field of the API that has no property here.</summary>
         public JToken this[string field]
         {
             get => fields[field];

@@ -83,7 +83,7 @@ namespace Wayfarer
             {
                 heading = (yaw.Value - Source.transform.eulerAngles.y) * Math.PI / 180;
             }
-            return Agents().SetPath(id, new Goal(place.X, place.Y, place.Z) { ["speed"] = speed, ["heading"] = heading });
+            return Agents().SetPath(id, new Goal(place.X, place.Y, place.Z) { Speed = speed, Heading = heading });
         }
 
         /// <summary>Make it wander within some metres of a place of the scene.</summary>
