@@ -77,6 +77,17 @@ async def first(queue, count):
         return [await anext(queue) for _ in range(count)]
 
 
+def give(loop, agent_id, goal):
+    """The revision of a goal, whose first chunk is awaited."""
+
+    def given(world, now):
+        revision = world.give(agent_id, goal, now)
+        loop.await_goal(agent_id, revision, now)
+        return revision
+
+    return loop.ask(given)
+
+
 def world_of(loop, method, *arguments):
     """The result of a method of the loop's world."""
     return loop.ask(lambda world, _: getattr(world, method)(*arguments))

@@ -65,6 +65,7 @@ async def test_a_stage_that_fails_for_one_concerns_only_that_one(name, monkeypat
         assert rig.unready == 0
         stats = await rig.service.stats()
         assert stats.failures == 0
+        assert rig.counted("wayfarer_goal_latency_seconds_count") > 0
 
 
 @pytest.mark.parametrize("stage", [Stage.COASTING, Stage.RESTING, Stage.STANDING, Stage.SENDING])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.chunks import KeepingMeter
-from tests.runtime.running import ALL, Running, first, world_of
+from tests.runtime.running import ALL, Running, first, give, world_of
 from tests.world.fakes import GOAL, people
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.runtime.live import steady_clock
@@ -20,7 +20,7 @@ async def test_agents_stream_in_real_time_to_their_goal():
         await loop.create_session(SessionSpec("s"))
         agents = await loop.create_agents("s", people(4))
         stream = await loop.subscribe("s", ALL)
-        assert await loop.give(agents[0].agent_id, GOAL) == 1
+        assert await give(loop, agents[0].agent_id, GOAL) == 1
         batches = await first(stream, 12)
         chunks = [c for p in batches for c in p.chunks]
         for agent in agents:
@@ -78,7 +78,7 @@ async def test_the_meter_is_told():
         agent, _ = await loop.create_agents("s", people(2))
         stream = await loop.subscribe("s", ALL)
         await first(stream, 2)
-        await loop.give(agent.agent_id, GOAL)
+        await give(loop, agent.agent_id, GOAL)
         await first(stream, 6)
         assert len(meter.goals) == 1 and 0 < meter.goals[0] < 1
         assert sum(agents for _, agents in meter.steps) >= 8

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.runtime.running import ALL, HeldEngine, Running, first, until, world_of
+from tests.runtime.running import ALL, HeldEngine, Running, first, give, until, world_of
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.runtime import live
@@ -151,7 +151,7 @@ async def test_commands_are_answered_while_the_engine_is_at_work():
             async with asyncio.timeout(10):
                 await loop.delete_agent(leaver.agent_id)
                 [newcomer] = await loop.create_agents("s", people(1))  # into the slot that is free
-                revision = await loop.give(walker.agent_id, Goal((0.0, 3.0, 0.0)))
+                revision = await give(loop, walker.agent_id, Goal((0.0, 3.0, 0.0)))
         finally:
             engine.let_go.set()
         chunks = [c for b in await first(stream, 6) for c in b.chunks]

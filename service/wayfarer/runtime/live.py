@@ -30,7 +30,6 @@ from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, Sessi
 from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.agents.slots import Motion
-from wayfarer.world.goals.commands import Append, GoalCommand
 from wayfarer.world.world import World
 
 log = structlog.get_logger(__name__)
@@ -166,13 +165,6 @@ class LiveMotion:
         """Moves all agents with a loaded model; returns how many had another. Raises NotFound."""
         return await self.ask(lambda *_: self._use_model(name))
 
-    # Goals
-
-    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
-        """Implements `MotionService`."""
-        asked_at = self._clock()
-        return await self.ask(lambda _, now: self._give(agent_id, command, now, expected, asked_at))
-
     # Moves to another server; see moving.py
 
     async def send_rest(self, session_id: str) -> None:
@@ -234,14 +226,12 @@ class LiveMotion:
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._workshop, call, argument)
 
-    def _give(
-        self, agent_id: str, command: GoalCommand, now: float, expected: int | None, asked_at: float
-    ) -> int:
-        revision = self._world.give(agent_id, command, now, expected)
-        if not isinstance(command, Append):  # appended goals apply later
-            session_id = self._world.session_of(agent_id)
-            self._publisher.await_goal(session_id, agent_id, revision, asked_at)
-        return revision
+    def await_goal(self, agent_id: str, revision: int, since: float) -> None:
+        """Starts to measure the time until the first chunk of a goal, for callers on the motion
+        thread.
+        """
+        session_id = self._world.session_of(agent_id)
+        self._publisher.await_goal(session_id, agent_id, revision, since)
 
     def adopt(
         self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False

@@ -35,7 +35,6 @@ from wayfarer.world.agents.agent import (
 from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.events import Event
-from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.world import World
 
 T = TypeVar("T")
@@ -122,10 +121,6 @@ class LockStep:
     async def use_model(self, name: str) -> int:
         """Moves all agents with a loaded model; returns how many had another. Raises NotFound."""
         return await self.ask(lambda *_: self._use_model(name))
-
-    async def give(self, agent_id: str, command: GoalCommand, expected: int | None) -> int:
-        """Implements `MotionService`."""
-        return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
 
     async def taken(self, session_id: str) -> CapturedSession:
         """The state of the session for another server, between two steps. Raises NotFound."""

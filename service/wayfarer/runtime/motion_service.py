@@ -32,7 +32,7 @@ from wayfarer.runtime.worlds import Worlds
 from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import SessionRecord
-from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.goals.commands import Append, GoalCommand
 from wayfarer.world.scenes.prepare import prepare
 from wayfarer.world.world import World
 
@@ -198,9 +198,17 @@ class MotionService:
         FailedPrecondition in a recorded session if it depends on other agents, and on an endless
         floor if it walks all over a scene.
         """
+        since = self._clock()
+
+        def given(world: World, now: float) -> int:
+            revision = world.give(agent_id, command, now, expected)
+            if world is self._world and not isinstance(command, Append):  # those apply later
+                self._live.await_goal(agent_id, revision, since)
+            return revision
+
         try:
             async with self._gates.through(agent_id):
-                revision = await self._home_of(agent_id).give(agent_id, command, expected)
+                revision = await self._home_of(agent_id).ask(given)
         except Unreachable as error:
             raise await self.scenes.explained(error) from None
         return await self._persistence.durable(revision)

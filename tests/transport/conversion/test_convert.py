@@ -14,9 +14,10 @@ from wayfarer.runtime.streams.publications import SlowReader
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.contract import FILES
-from wayfarer.transport.conversion import convert, goal_convert, wire
+from wayfarer.transport.conversion import convert, wire
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.conversion.bodies import BodyLibrary
+from wayfarer.transport.conversion.units import in_world
 from wayfarer.v1 import (
     agent_pb2,
     common_pb2,
@@ -192,7 +193,7 @@ def test_goals_there_and_back(basis):
     sent = goal_pb2.Goal(
         position=place, radius=radius, heading=0.5, stop=False, strafe=True, dwell=0.0
     )
-    given = goal_convert.goal(wire.parse(schema.Goal, sent, "goal"), basis)
+    given = in_world(Goal, wire.parse(schema.Goal, sent, "goal"), axes)
     assert given.position == pytest.approx((3.0, -4.0, 0.0))
     assert (given.radius, given.speed) == (pytest.approx(0.5), 1.2)
     assert given.heading == axes.handedness * 0.5
@@ -207,7 +208,7 @@ def test_a_goal_heading_faces_what_the_basis_means_by_it(basis, heading):
     """The wire's own turn about its up axis takes its forward axis to where the body faces."""
     axes = basis.axes
     request = schema.Goal(position=schema.Vector3(x=0, y=0, z=0), heading=heading)
-    facing = axes.matrix @ np.array([*facing_at(goal_convert.goal(request, basis).heading), 0.0])
+    facing = axes.matrix @ np.array([*facing_at(in_world(Goal, request, axes).heading), 0.0])
     side = np.cross(axes.up, axes.forward)  # where +90 degrees about +up points, either handedness
     np.testing.assert_allclose(
         facing, np.cos(heading) * axes.forward + np.sin(heading) * side, atol=1e-9
@@ -215,7 +216,8 @@ def test_a_goal_heading_faces_what_the_basis_means_by_it(basis, heading):
 
 
 def test_an_absent_heading_stays_absent():
-    given = goal_convert.goal(wire.parse(schema.Goal, goal_pb2.Goal(position={})), Basis.UNITY)
+    request = wire.parse(schema.Goal, goal_pb2.Goal(position={}))
+    given = in_world(Goal, request, Basis.UNITY.axes)
     assert given == Goal((0.0, 0.0, 0.0))
     shown = wire.message(agent_pb2.Agent, convert.agent(agent(goal=given), Basis.UNITY, BODIES))
     assert not shown.goal.HasField("heading")

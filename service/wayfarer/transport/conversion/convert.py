@@ -255,7 +255,7 @@ def fitted_body(request: schema.CharacterJoints, bodies: BodyLibrary) -> schema.
         if joint.bone in joints:
             raise InvalidArgument(f"{joint.bone!r} is there twice", f"joints[{k}].bone")
         joints[joint.bone] = np.array(place(joint.position, axes))
-    found = bodies.fit(joints, in_world(request, axes).get("floor"), request.gender)
+    found = bodies.fit(joints, in_world(dict[str, Any], request, axes).get("floor"), request.gender)
     return schema.FittedBody(
         body=bodies.name,
         gender=schema.Gender(found.gender),

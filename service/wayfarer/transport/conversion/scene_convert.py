@@ -61,7 +61,7 @@ def shape_of(solid: schema.Solid | schema.Obstacle) -> Shape:
 
 def crowd(request: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
     """The crowd in world space; `seed` is used if the client gave none."""
-    given = {"seed": seed, **in_world(request, basis.axes)}
+    given = {"seed": seed} | in_world(dict[str, Any], request, basis.axes)
     for name, (low, high) in (("speed", CROWD.speed), ("dwell", CROWD.dwell)):
         given[name] = (given.pop(f"min_{name}", low), given.pop(f"max_{name}", high))
     return runtime.Crowd(**given)
@@ -200,7 +200,7 @@ def _solid(shape: Shape, axes: Axes) -> world.Solid:
 
 
 def _walkable(walkable: schema.Walkable, axes: Axes) -> world.Walkable:
-    return world.Walkable(**in_world(walkable, axes))
+    return in_world(world.Walkable, walkable, axes)
 
 
 def _obstacle_to_wire(found: world.Obstacle, axes: Axes) -> schema.Obstacle:

@@ -4,9 +4,9 @@ A schema class defines the unit of each field (`schema.Quantity`); points are `s
 Fields without a unit mean the same in every basis.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, Final, get_args
+from typing import Any, Final, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,21 @@ from wayfarer.transport.conversion.basis import Axes
 from wayfarer.transport.schema import base as schema
 from wayfarer.transport.schema.base import Quantity
 
+Made = TypeVar("Made")
+
 TO_CORE: Final = {Quantity.LENGTH: Axes.length_to_core, Quantity.HEADING: Axes.heading_to_core}
 TO_WIRE: Final = {Quantity.LENGTH: Axes.length_to_wire, Quantity.HEADING: Axes.heading_to_wire}
 
 
-def in_world(request: BaseModel, axes: Axes) -> dict[str, Any]:
-    """The fields that are given, in world space: metres, headings about +Z, points as x, y, z.
+def in_world(kind: Callable[..., Made], request: BaseModel, axes: Axes, **others: Any) -> Made:
+    """A `kind` with the fields that are given, in world space: metres, headings about +Z, points as
+    x, y, z.
 
-    Nested messages, and lists of them, are not converted.
+    Nested messages, and lists of them, are not converted: `others` replaces them.
     """
     units = _units(type(request))
-    return {name: _in_world(v, units.get(name), axes) for name, v in request if v is not None}
+    given = {name: _in_world(v, units.get(name), axes) for name, v in request if v is not None}
+    return kind(**given | others)
 
 
 def on_wire(kind: type[BaseModel], found: object, axes: Axes) -> dict[str, Any]:

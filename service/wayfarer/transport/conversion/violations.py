@@ -6,7 +6,7 @@ from typing import Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from wayfarer.errors import unknown_name
+from wayfarer.errors import InvalidArgument, unknown_name
 from wayfarer.transport.errors import MOST_VIOLATIONS, InvalidRequest
 from wayfarer.transport.schema import LINE
 
@@ -121,3 +121,9 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
         yield annotation
     for inner in get_args(annotation):
         yield from _models(inner)
+
+
+def renamed(error: InvalidArgument, field: str) -> InvalidArgument:
+    """The same error for a field with another name, also in the text."""
+    text = str(error).replace(error.field, field) if error.field and field else str(error)
+    return InvalidArgument(text, field)

@@ -6,13 +6,17 @@ As values, enums are their short lower-case names, and bytes are base64 text.
 import asyncio
 import inspect
 from base64 import b64decode, b64encode
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import aclosing
 from typing import Any, Final, TypeVar
 
+import grpc
 from google.protobuf.message import Message as ProtoMessage
+from google.protobuf.message_factory import GetMessageClass
 from pydantic import BaseModel, ValidationError
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.transport import schema
 from wayfarer.transport.contract import Rpc, twin_of
 from wayfarer.transport.conversion.violations import invalid_request
 from wayfarer.v1 import common_pb2
@@ -45,6 +49,41 @@ def from_message(call: Rpc, method: Callable[..., Any]) -> Callable[[Any], Any]:
         return None if is_absent else getattr(request, name)
 
     return lambda request: method(**{n: argument(request, n, twin) for n, twin in twins.items()})
+
+
+def handler(method: Any, call: Callable[[Any], Any]) -> grpc.RpcMethodHandler:
+    """Carries an RPC out by a function of its request. This returns the value from which `answer`
+    makes the response: a coroutine of it or, if the RPC streams, a generator of messages.
+
+    A cancelled call closes its generator, and so the subscription. CancelledError is never
+    swallowed, since grpc.aio leaks such calls (grpc/grpc#43360).
+    """
+    kind, response = GetMessageClass(method.input_type), GetMessageClass(method.output_type)
+
+    async def unary(request: Any, _: Any) -> Any:
+        given = call(request)
+        found = await given if isinstance(given, Awaitable) else given
+        if isinstance(found, schema.SceneOutlines):  # large ones take long
+            return await asyncio.to_thread(answer, response, found)
+        return answer(response, found)
+
+    async def stream(request: Any, _: Any) -> AsyncGenerator[Any]:
+        async with aclosing(call(request)) as messages:
+            async for message in messages:
+                yield message
+
+    kinds = {
+        (False, False): (grpc.unary_unary_rpc_method_handler, unary),
+        (False, True): (grpc.unary_stream_rpc_method_handler, stream),
+        (True, False): (grpc.stream_unary_rpc_method_handler, unary),
+        (True, True): (grpc.stream_stream_rpc_method_handler, stream),
+    }
+    make, behaviour = kinds[method.client_streaming, method.server_streaming]
+    return make(behaviour, kind.FromString, _encoded)
+
+
+def _encoded(message: ProtoMessage | bytes) -> bytes:
+    return message if isinstance(message, bytes) else message.SerializeToString()
 
 
 def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:

@@ -12,10 +12,10 @@ from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseFormat
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Basis
-from wayfarer.transport.conversion.goal_convert import goal
 from wayfarer.transport.conversion.motion_files import motion_file, parts_of, performances
 from wayfarer.transport.edge.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements, needs
+from wayfarer.transport.gateway.goals import path
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.streams.batches import event_message, parsed
 from wayfarer.transport.streams.detail_levels import DetailLevels
@@ -120,7 +120,7 @@ class MotionApi:
             )
         seed = secrets.randbits(32)
         spec = convert.agent_spec(request.agent, request.basis, context.bodies, seed)
-        goals = [goal(each, request.basis) for each in request.goals]
+        goals = path(request.goals, request.basis.axes)
         return context.service.generate_clip(spec, goals, request.seconds, request.until_arrival)
 
     @implements("StepAgents")

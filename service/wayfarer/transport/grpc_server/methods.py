@@ -1,28 +1,18 @@
-"""The RPCs over the gateway. Each takes a request and returns the value from which `wire.answer`
-makes its response: a coroutine of it or, if it streams, a generator of messages.
-
-Descriptors define the messages and whether they stream. A cancelled call closes its generator, and
-so the subscription. CancelledError is never swallowed, since grpc.aio leaks such calls
-(grpc/grpc#43360).
-"""
+"""The RPCs over the gateway, see `wire.handler`."""
 
 import asyncio
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from functools import partial
 from typing import Any, Final
 
 import grpc
-from google.protobuf.message import Message
-from google.protobuf.message_factory import GetMessageClass
-from grpc.aio import ServicerContext as Context
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
 from wayfarer.transport.contract import CALLS, FILES
 from wayfarer.transport.conversion.motion_files import parts_of
-from wayfarer.transport.conversion.wire import answer, first, from_message, parse
+from wayfarer.transport.conversion.wire import first, from_message, handler, parse
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.streams.control import control
 from wayfarer.v1 import scene_pb2, snapshot_pb2
@@ -45,7 +35,7 @@ def add_services(gateway: Gateway, server: grpc.aio.Server) -> None:
     for file in FILES:
         for service in file.DESCRIPTOR.services_by_name.values():
             handlers = {
-                m.name: _handler(
+                m.name: handler(
                     m, special.get(m.name) or from_message(CALLS[m.name], gateway.calls[m.name])
                 )
                 for m in service.methods
@@ -53,35 +43,6 @@ def add_services(gateway: Gateway, server: grpc.aio.Server) -> None:
             server.add_generic_rpc_handlers(
                 [grpc.method_handlers_generic_handler(service.full_name, handlers)]
             )
-
-
-def _handler(method: Any, call: Call) -> grpc.RpcMethodHandler:
-    request, response = GetMessageClass(method.input_type), GetMessageClass(method.output_type)
-
-    async def unary(asked: Any, _: Context) -> Any:
-        given = call(asked)
-        found = await given if isinstance(given, Awaitable) else given
-        if isinstance(found, schema.SceneOutlines):  # large ones take long
-            return await asyncio.to_thread(answer, response, found)
-        return answer(response, found)
-
-    async def stream(asked: Any, _: Context) -> AsyncGenerator[Any]:
-        async with aclosing(call(asked)) as messages:
-            async for message in messages:
-                yield message
-
-    kinds = {
-        (False, False): (grpc.unary_unary_rpc_method_handler, unary),
-        (False, True): (grpc.unary_stream_rpc_method_handler, stream),
-        (True, False): (grpc.stream_unary_rpc_method_handler, unary),
-        (True, True): (grpc.stream_stream_rpc_method_handler, stream),
-    }
-    make, behaviour = kinds[method.client_streaming, method.server_streaming]
-    return make(behaviour, request.FromString, _encoded)
-
-
-def _encoded(message: Message | bytes) -> bytes:
-    return message if isinstance(message, bytes) else message.SerializeToString()
 
 
 # Requests that need more than one line

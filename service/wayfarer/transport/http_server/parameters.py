@@ -13,8 +13,7 @@ from wayfarer.errors import InvalidArgument, unknown_name
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
-from wayfarer.transport.conversion.goal_convert import renamed
-from wayfarer.transport.conversion.violations import invalid_request
+from wayfarer.transport.conversion.violations import invalid_request, renamed
 
 UINT32: Final = (1 << 32) - 1
 

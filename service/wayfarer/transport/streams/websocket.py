@@ -18,8 +18,7 @@ from starlette.datastructures import QueryParams
 
 from wayfarer.errors import InvalidArgument, unknown_name
 from wayfarer.transport import errors, schema
-from wayfarer.transport.conversion.goal_convert import renamed
-from wayfarer.transport.conversion.violations import invalid_request
+from wayfarer.transport.conversion.violations import invalid_request, renamed
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.streams.control import control
 from wayfarer.transport.streams.stream import MotionStream
