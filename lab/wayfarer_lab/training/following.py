@@ -20,6 +20,7 @@ from torch import Tensor
 
 from wayfarer.body.library import load_body
 from wayfarer.motion.frame import canonical_frame, to_local, to_world
+from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.policy import Gaussian
 from wayfarer.motion.quality import LEANING, Sites, take
 from wayfarer.motion.trajectory import Asked, asked_of
@@ -40,6 +41,13 @@ FLOATING = 0.005
 
 RUNNING = 1.9
 """m/s: an agent that is asked to go faster may leave the floor with both feet."""
+
+STRAIGHT, BENT = 0.988, 0.93
+"""Height of the waist, as a part of that over straight legs, below which a body squats: where it
+stands, and elsewhere. Of recorded frames 98 in 100 are higher."""
+
+ONWARD = 0.87
+"""Cosine of the angle between hips and the facing that is asked above which nobody turns."""
 
 DEAREST = 20.0
 """Maximum cost of a step: otherwise slopes of freak bodies would drown the rest."""
@@ -63,6 +71,7 @@ class FollowingConfig(BaseModel):
     slide_weight: float = 1.5  # of a m/s of soles on the floor
     floating_weight: float = 15.0  # of a metre
     upright_weight: float = 3.0
+    squat_weight: float = 25.0  # of a part of the waist's height
     seam_weight: float = 0.3  # of a m/s of change between seed and first frame
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
     change: float = 0.06  # chance at every update that an agent is asked something else
@@ -141,11 +150,25 @@ class Costs(NamedTuple):
     slide: Tensor
     floating: Tensor
     upright: Tensor
+    squat: Tensor
     seam: Tensor
 
 
-def costs_of(seed: Tensor, future: Tensor, asked: Asked, sites: Sites) -> Costs:
-    """Costs of markers: seed [A, S, 67, 3] and future [A, F, 67, 3], canonical frame."""
+def waist_height(body: MarkerBody, betas: Tensor, sites: Sites) -> Tensor:
+    """Metres from the soles to the waist's markers of bodies `betas` [A, 10] on straight legs."""
+    hips, unturned = torch.zeros(len(betas), 1, 3), torch.eye(3).expand(len(betas), 1, 22, 3, 3)
+    markers = body.skin(body.shaped(betas), hips, unturned)[0][:, 0]
+    soles = take(markers, sites.left_sole + sites.right_sole)[..., 2].amin(-1)
+    return take(markers, sites.left_waist + sites.right_waist)[..., 2].mean(-1) - soles
+
+
+def costs_of(
+    seed: Tensor, future: Tensor, asked: Asked, sites: Sites, waist_up: Tensor, stands: Tensor
+) -> Costs:
+    """Costs of markers: seed [A, S, 67, 3] and future [A, F, 67, 3], canonical frame.
+
+    `waist_up` [A] are heights from `waist_height`; agents of `stands` [A] are asked to stand.
+    """
     last, end = seed[:, -1], future[:, -1]
     waist = sites.left_waist + sites.right_waist
 
@@ -169,6 +192,8 @@ def costs_of(seed: Tensor, future: Tensor, asked: Asked, sites: Sites) -> Costs:
     pivoting = (speed * on_floor).mean((-1, -2, -3))  # a foot may turn about one of its points
     floating = (height.amin((-1, -2)) - FLOATING).clamp(min=0).mean(-1)
     sinking = (-height).clamp(min=0).amax(-1).mean((-1, -2))
+    raised = take(future, waist)[..., 2].mean((-1, -2)) / waist_up
+    squat = (torch.where(stands, STRAIGHT, BENT) - raised).clamp(min=0)
     seam = ((future[:, 0] - last) - (last - seed[:, 0])).norm(dim=-1).mean(-1) * FPS
     return Costs(
         way=(way[:, :2] - asked.ways[:, 0]).norm(dim=-1) / STEP_SECONDS,
@@ -176,6 +201,7 @@ def costs_of(seed: Tensor, future: Tensor, asked: Asked, sites: Sites) -> Costs:
         slide=rolling + 0.5 * pivoting,
         floating=floating + sinking,
         upright=(tilt - LEANING).clamp(min=0),
+        squat=squat,
         seam=seam,
     )
 
@@ -191,10 +217,10 @@ class FollowingTrainer:
         self.predictor = load_predictor(Path(config.predictor), SEED_FRAMES).requires_grad_(False)
         self.predictor.uses_prior = self.predictor.has_learned_prior
         self.serving = Serving(config.regressors)
-        bodies = {g: step.body for g, step in zip(GENDERS, self.serving.steps, strict=True)}
+        self.bodies = {g: step.body for g, step in zip(GENDERS, self.serving.steps, strict=True)}
         self.sites = Sites.from_names(load_body("anny52", GENDERS[0]).marker_names)
-        self.samplers = {g: CrowdSampler(train, body) for g, body in bodies.items()}
-        self.trials = {g: CrowdSampler(validation, body) for g, body in bodies.items()}
+        self.samplers = {g: CrowdSampler(train, body) for g, body in self.bodies.items()}
+        self.trials = {g: CrowdSampler(validation, body) for g, body in self.bodies.items()}
         self.crowds = {g: s.draw(config.agents) for g, s in self.samplers.items()}
         self.orders = {g: draw_orders(c.place, c.facing) for g, c in self.crowds.items()}
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
@@ -214,6 +240,8 @@ class FollowingTrainer:
             local = to_local(frame, goal[:, None])[:, 0]
             facing = (orders.facing[:, None] @ turn)[:, 0]
             asked = asked_of(seed.flatten(2), local, orders.speed, facing)
+            waist_up = waist_height(self.bodies[gender], crowd.betas, self.sites)
+            stands = (orders.speed == 0) & (facing[:, 1] > ONWARD)
         with half_precision():
             answer = self.policy.lead(seed.flatten(2), asked, crowd.manner)
             before = self.cloned.lead(seed.flatten(2), asked, crowd.manner)
@@ -234,7 +262,8 @@ class FollowingTrainer:
             betas=crowd.betas,
             manner=crowd.manner,
         )
-        return after, costs_of(seed, markers, asked, self.sites), away(answer, before)
+        costs = costs_of(seed, markers, asked, self.sites, waist_up, stands)
+        return after, costs, away(answer, before)
 
     def cost(self, costs: Costs, orders: Orders) -> Tensor:
         """The weighted sum [A]."""
@@ -246,6 +275,7 @@ class FollowingTrainer:
             + config.slide_weight * costs.slide
             + config.floating_weight * floating
             + config.upright_weight * costs.upright
+            + config.squat_weight * costs.squat
             + config.seam_weight * costs.seam
         )
         return DEAREST * torch.tanh(total.nan_to_num(DEAREST) / DEAREST)

@@ -30,6 +30,7 @@ from wayfarer_lab.training.following import (
     Orders,
     costs_of,
     train_following,
+    waist_height,
 )
 
 
@@ -143,16 +144,25 @@ def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
     ways = torch.tensor([[[0.0, 0.2], [0.0, 0.5], [0.0, 1.0]]])
     facings = torch.tensor([0.0, 1.0]).expand(1, 3, 2)
     sites = Sites.from_names(model.marker_names)
-    costs = costs_of(markers[:, :2], markers[:, 2:], Asked(ways, facings), sites)
+    waist_up = waist_height(body, torch.zeros(1, 10), sites)
+    stands = torch.tensor([True])
+    costs = costs_of(markers[:, :2], markers[:, 2:], Asked(ways, facings), sites, waist_up, stands)
     assert costs.way.item() == pytest.approx(0, abs=1e-4)
     assert costs.facing.item() == pytest.approx(0, abs=1e-3)
     assert costs.slide.item() == pytest.approx(1.5, abs=0.1)  # 1 m/s, half again for the rest
     assert costs.seam.item() == pytest.approx(0, abs=1e-3)
     assert costs.floating.item() < 0.01
     still = costs_of(markers[:, :1].expand(-1, 2, -1, -1), markers[:, :1].expand(-1, 8, -1, -1),
-                     Asked(ways, facings), sites)  # fmt: skip
+                     Asked(ways, facings), sites, waist_up, stands)  # fmt: skip
     assert still.slide.item() < 1e-4 and still.way.item() == pytest.approx(1.0, abs=1e-3)
-    assert len(Costs._fields) == 6
+    assert still.squat.item() == 0
+    sunk = markers - torch.tensor([0.0, 0.0, 0.05])  # as if the knees gave way by 5 cm
+    low = [
+        costs_of(sunk[:, :2], sunk[:, 2:], Asked(ways, facings), sites, waist_up, who).squat.item()
+        for who in (stands, ~stands)
+    ]
+    assert low[0] == pytest.approx(0.05 / waist_up.item() - 0.012, abs=2e-3) and low[1] == 0
+    assert len(Costs._fields) == 7
 
 
 def test_orders_are_put_row_by_row(runs):
