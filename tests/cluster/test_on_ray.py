@@ -29,7 +29,7 @@ pytestmark = [pytest.mark.slow, needs_ray]
 
 NODES = 2
 LOCAL_ADDRESS = "127.0.0.2"  # of Ray, on one machine
-AGENTS = re.compile(r"dashboard/agent\.py|runtime_env/agent")
+AGENTS = re.compile("ray::(RuntimeEnv|Dashboard)Agent")
 ONE_THREAD = {"WAYFARER_ENGINE": "onnxruntime", "WAYFARER_THREADS": "1"}
 
 
@@ -160,7 +160,7 @@ class Follower:
         return cls(session)
 
     async def _follow(self):
-        async with self.session.stream(deadline=60) as self.stream:
+        async with self.session.stream(deadline=120) as self.stream:
             async for batch in self.stream:
                 self.events += [event.kind for event in batch.events]
                 self.flags += [frames.flags for frames in batch.frames]
@@ -212,6 +212,7 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
             assert late[one].agent_id in await people(one.session)
             async with asyncio.timeout(60):
                 while "gap" not in one.events:  # chunks sent before may arrive after it
+                    assert not one.task.done(), one.task
                     await asyncio.sleep(0.05)
         await asyncio.gather(*(one.goes_on() for one in everybody))
         for one in everybody:
@@ -237,14 +238,14 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
         assert len(await client.scenes.all()) == 1
         everybody = [Follower(one) for one in back.values()]
         await asyncio.gather(*(one.goes_on() for one in everybody))
-        await the_head_dies(command, await client.create_session(), everybody)
+        await the_head_dies(command, everybody)
         for one in everybody:
             one.task.cancel()
     assert len(command.processes("NodeActor")) == NODES
     command.ctrl_c()
 
 
-async def the_head_dies(command, newcomer, everybody):
+async def the_head_dies(command, everybody):
     """And the directory with it: nothing new, and it is said; all stand still."""
     command.kill("gcs_server")
     command.kill("DirectoryActor")
@@ -254,16 +255,16 @@ async def the_head_dies(command, newcomer, everybody):
     figures = (await asyncio.to_thread(httpx.get, command.url + "/metrics")).text
     assert "wayfarer_cluster_directory_up 0.0" in figures
     await command.until(lambda: command.health()[1]["head"] is False, "its end is told")
-    async with Client(command.grpc, timeout=2) as other:
+    async with Client(command.grpc, timeout=10) as other:
         with pytest.raises(Unavailable, match="directory"):
             await other.create_session()
-        # its node waits once its lease has ended; or the entry has not heard of it yet
-        with pytest.raises(Unavailable, match=r"lost touch|not found yet"):
-            async with asyncio.timeout(60):
-                while True:
-                    await other.session(newcomer.session_id)
-                    await asyncio.sleep(0.2)
-    await asyncio.sleep(1)  # the leases of all nodes have ended
+        for one in everybody:  # its node waits once its lease has ended
+            with pytest.raises(Unavailable, match="lost touch"):
+                async with asyncio.timeout(60):
+                    while True:
+                        await other.session(one.session.session_id)
+                        await asyncio.sleep(0.2)
+    await asyncio.sleep(1)  # what was sent before has come
     spent, began = command.processor_s(), time.monotonic()
     for one in everybody:
         one.flags.clear()
