@@ -29,6 +29,7 @@ SLOW = (
     "integration",  # starts the real server
     "viewer",  # a browser
     "clients/test_examples.py",  # real servers
+    "clients/test_page_cluster.py",
     "lab/evaluation/commands",  # whole tables, over the shipped model
     "lab/evaluation/maneuvers/test_run.py",
     "lab/training/test_export.py",  # traces and optimises whole graphs
@@ -49,6 +50,7 @@ SLOW_FIXTURES = frozenset({"real_server"})
 
 BROWSER = (
     "viewer",
+    "clients/test_page_cluster.py",
     "clients/test_web.py",
     "clients/test_web_local.py",
     "transport/test_reference.py",
@@ -68,6 +70,7 @@ ONE_WORKER = {
     "tests/clients/test_fit.py": "clients",
     "tests/clients/test_godot.py": "clients",
     "tests/clients/test_mmcp.py": "clients",
+    "tests/clients/test_page_cluster.py": "clients",
     "tests/clients/test_unity.py": "clients",
     "tests/clients/test_web.py": "clients",
     "tests/clients/test_cpp_offline.py": "local",  # an export and a trace

@@ -55,6 +55,10 @@ class RunningCluster:
         """Wait until another node replaces the killed one at this address."""
         self._until(lambda states: url not in self.nodes() and ready(states) == 2)
 
+    def until_ready(self):
+        """Wait for both nodes; one may have been started a moment ago."""
+        self._until(lambda states: ready(states) == 2)
+
     def _until(self, good, seconds=120):
         ends_at = time.monotonic() + seconds
         while not good(states := self._states()):

@@ -265,8 +265,8 @@ class Directory:
         return self._groups[group].epoch
 
     def decline(self, group: str, owner: str, epoch: int, to: str) -> None:
-        """`owner` cannot adopt a group, as it was told to with this epoch: it has no replica, or no
-        room. The node `to` has the replicas now; empty: none is known to.
+        """Ends an adoption that `owner` cannot carry out: it has no replica, or no room. The node
+        `to` has the replicas now; empty: no node is known to have them.
 
         Raises Aborted when the group has another owner or epoch.
         """

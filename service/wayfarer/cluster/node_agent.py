@@ -98,8 +98,8 @@ class NodeAgent:
     # What other nodes and entries call
 
     async def keep(self, owner: str, copies: dict[str, bytes]) -> dict[str, str]:
-        """Keep these replicas, by id, and bake scenes whose content is among them; why those that
-        are refused are.
+        """Keeps these replicas, by id, and bakes scenes whose content is among them. Returns the
+        refused ones with the reasons.
         """
         refused = dict[str, str]()
         for name, state in copies.items():
@@ -112,8 +112,8 @@ class NodeAgent:
         return refused
 
     async def present(self, owner: str, names: list[str]) -> set[str]:
-        """These sessions and scenes are on the owner now, and no others. Returns scenes whose
-        content is not here.
+        """Drops replicas of sessions and scenes that the owner does not have any more. Returns the
+        scenes whose content is not here.
         """
         return set(filter(is_scene, self._replicas.renew(owner, set(names))))
 
@@ -122,8 +122,9 @@ class NodeAgent:
         return await answer(self._gateway, method, caller, told)
 
     async def take(self, owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
-        """A group comes from another node, with all that lives there; the directory decides whether
-        it does. Raises WayfarerError.
+        """Takes a group from another node, with all that lives there, if the directory agrees.
+
+        Raises WayfarerError.
         """
         if group in self._tenancy.lost or self._is_busy(group):
             raise Unavailable(f"group {group} is busy on this node; try again")
@@ -136,7 +137,7 @@ class NodeAgent:
     async def _take(
         self, owner: str, group: str, epoch: int, live: dict[str, bytes]
     ) -> WayfarerError | None:
-        """Returns why it has not come; the caller may have gone."""
+        """Returns the reason if it has not come: the caller may have gone."""
         self._tenancy.coming(group)
         came, kept = dict[str, Arrival](), self._replicas.of(group)
         try:
@@ -152,7 +153,9 @@ class NodeAgent:
     async def _enter(
         self, owner: str, group: str, epoch: int, came: dict[str, Arrival]
     ) -> WayfarerError | None:
-        """All of a group is here, frozen. The directory decides whether it lives on here."""
+        """Resumes a group that is completely here, frozen, if the directory gives it to this node.
+        Returns the reason if not.
+        """
         given = await self._decision("claim", group, owner, epoch, self._tenancy.node.name)
         if not given:
             await self._leave(group, came)
@@ -174,7 +177,7 @@ class NodeAgent:
         self._tenancy.decided(group, 0)
 
     async def _decision(self, verb: str, group: str, owner: str, epoch: int, to: str) -> int:
-        """The directory's answer to `claim` or `decline`; 0: another node has the group.
+        """Returns the directory's answer to `claim` or `decline`; 0 if another node has the group.
 
         Asks until the directory answers: the group is frozen on this node, so it can wait.
         """

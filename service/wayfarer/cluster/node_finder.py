@@ -1,4 +1,4 @@
-"""Which node takes a call, as far as an entry knows, and the cluster's metrics."""
+"""Finds the node for a call, as far as an entry knows, and exports the cluster's metrics."""
 
 import asyncio
 import contextlib
@@ -112,8 +112,8 @@ class NodeFinder:
         await self._directory.call("drain", name)
 
     def targets(self, host: str) -> list[dict[str, object]]:
-        """Where Prometheus finds the nodes' metrics, as its HTTP service discovery asks for it.
-        `host`: that at which the entry was called.
+        """Returns where the nodes' metrics are, in the format of Prometheus's HTTP service
+        discovery. `host`: the one at which the entry was called.
         """
         return [
             {
@@ -135,7 +135,7 @@ class ClusterFigures(Collector):
         self._finder = finder
 
     def collect(self) -> Iterator[Metric]:
-        """As Prometheus asks for them."""
+        """Yields the metrics, by the last answer of the directory."""
         where = self._finder
         yield _gauge("directory_up", "The directory answers", float(not where.away))
         if where.head is not None:

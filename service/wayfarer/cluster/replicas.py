@@ -45,7 +45,9 @@ class Replicas:
         self._kept[name] = KeptReplica(owner, state, self._clock())
 
     def renew(self, owner: str, present: set[str]) -> set[str]:
-        """These are on the owner now, and no others; returns those without content here."""
+        """Drops replicas that the owner does not have any more; returns those of `present` whose
+        content is not here.
+        """
         now = self._clock()
         for name, replica in list(self._kept.items()):
             if replica.owner == owner and name.removesuffix(CONTENT) in present:

@@ -1,8 +1,8 @@
 """Once a second a node copies its sessions and scenes to its neighbour. Runs on the node's event
 loop.
 
-The state of a session or scene is sent whole each time, and what never changes of a scene once to
-each neighbour. The log of a recorded session is not copied.
+Each round sends the whole state of each session and scene. The constant content of a scene is sent
+once to each neighbour. Logs of recorded sessions are not copied.
 """
 
 import asyncio
@@ -78,7 +78,7 @@ class Replication:
             log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
 
     def _send_contents(self, node: NodeInfo, lacks: set[str]) -> None:
-        """Beside the copies, since the neighbour answers once it has baked the scene."""
+        """Sends contents beside the copies: the neighbour answers once it has baked the scene."""
         self._contents = {key: task for key, task in self._contents.items() if not task.done()}
         for scene_id in lacks:
             if (key := (node.name, scene_id)) not in self._contents:

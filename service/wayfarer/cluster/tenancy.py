@@ -185,7 +185,7 @@ class Tenancy:
         self._lost -= {group}
 
     def going(self, group: str) -> None:
-        """All of it is frozen, to be given away, until `decided`."""
+        """Notes that all of it is frozen and will be given away, until `decided`."""
         self._frozen.add(group)
 
     def coming(self, group: str, epoch: int = 0) -> None:
@@ -199,9 +199,9 @@ class Tenancy:
             self._held[group] = epoch
 
     def decided(self, group: str, epoch: int) -> None:
-        """Notes that this node has the group, with this epoch; 0: another node has it.
+        """Notes that this node has the group, with this epoch; epoch 0: another node has it.
 
-        What comes is still `coming` until `came`, unless another node has it.
+        A group that this node has, and that comes, is still `coming` until `came`.
         """
         self._frozen.discard(group)
         if epoch:
@@ -211,5 +211,5 @@ class Tenancy:
             self._coming.discard(group)
 
     def came(self, group: str) -> None:
-        """All of it can be found here."""
+        """Notes that callers find all of it here."""
         self._coming.discard(group)

@@ -111,9 +111,9 @@ class LiveMoves:
     async def import_(self, session: SessionCopy, orphan: bool = False) -> SessionInfo:
         """Puts it into the world, frozen; calls that change it wait until `unfreeze`.
 
-        An `orphan` is a copy whose server has ended. It comes also beyond `limits.sessions`, and if
-        there is no time for its agents, since no other server steps them; all agents are then late,
-        and degraded. The log of a recorded one begins here.
+        An `orphan` is the copy of a session whose server has ended. It is accepted even beyond
+        `limits.sessions` and without time for its agents, since no other server steps them: all
+        agents are then late and degraded. The log of a recorded session begins here.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
         """
@@ -141,8 +141,8 @@ class LiveMoves:
         return await self._persistence.durable(made)
 
     async def replica(self, session_id: str) -> bytes:
-        """Packs its present state for the time when this server has ended, without its streams and
-        log. Raises NotFound.
+        """Packs its present state, from which another server resumes it after this one has ended.
+        Its streams and its log are not in it. Raises NotFound.
         """
         home = self._lock_steps.session(session_id)
         if home is None:

@@ -121,8 +121,9 @@ class SessionMoves:
             await _served(lambda: self._context.service.moves.unfreeze(name))
 
     async def take(self, name: str, data: bytes, content: bytes, orphan: bool = False) -> Arrival:
-        """Installs what another server froze, or, of an `orphan`, copied before it ended. It stays
-        frozen. `content` is a scene's. An orphan is refused by no limit of sessions.
+        """Installs a session or scene that another server froze, or, for an `orphan`, one that a
+        server copied before it ended. It stays frozen. `content` is a scene's. No limit of sessions
+        refuses an orphan.
 
         Followed by `enter` or `release`. Raises InvalidArgument, FailedPrecondition, AlreadyExists,
         ResourceExhausted, Unavailable.
