@@ -3,14 +3,14 @@
 from wayfarer.navigation import sampling
 from wayfarer.world.avoidance import avoid
 from wayfarer.world.goals import gait_rules
-from wayfarer.world.output import footlock, legs, twobone
+from wayfarer.world.output import legs, twobone
 from wayfarer.world.scenes import around, collision_avoidance, lanes, near, people, routes, spots
-from wayfarer.world.stepping import batch, guards, mirror, noise, playback, righting
+from wayfarer.world.stepping import mirror, new_frames, noise, playback
 
 
 def prepare() -> None:
     """Compiles the rules, or loads them."""
     of_people = avoid, around, near, people, spots, routes, collision_avoidance, lanes
-    of_bodies = legs, twobone, footlock, guards, righting, mirror
-    for rule in (*of_people, *of_bodies, sampling, batch, noise, playback, gait_rules):
+    of_bodies = legs, twobone, mirror, new_frames
+    for rule in (*of_people, *of_bodies, sampling, noise, playback, gait_rules):
         rule.prepare()
