@@ -52,7 +52,7 @@ PARTS: Final = (
     (scheduler, "pad", "  pad"),
     (InstantEngine, "step", "  engine (a stand-in)"),
     (scheduler.Scheduler, "apply", "  apply"),
-    (scheduler, "lock_feet", "    foot lock"),
+    (scheduler, "corrected", "    corrections"),
     (World, "take_due", "world: send"),
     (playback.Playback, "send", "  take out of playback"),
     (sending, "due_by_session", "  part by session"),

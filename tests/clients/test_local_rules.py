@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.clients.web_scripts import node
+from tests.world.stepping.guarded import bendable, fallen
 from wayfarer.body.landmarks import marker_names
 from wayfarer.body.rotation import quaternion_from_rotvec
 from wayfarer.models.bundle import START_POSES, load_bodies
@@ -27,10 +28,10 @@ from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.legs import KNEES, Legs, measure_legs, pose_legs
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import move_ankles
-from wayfarer.world.stepping.guards import bendable, fallen, got_up
+from wayfarer.world.stepping.guards import got_up
 from wayfarer.world.stepping.mirror import is_mirrored
 from wayfarer.world.stepping.noise import latents
-from wayfarer.world.stepping.righting import Step, righted
+from wayfarer.world.stepping.righting import Step, right_rows
 
 LOG = logging.getLogger(__name__)
 CPP = Path(__file__).parents[2] / "clients" / "cpp"
@@ -105,7 +106,7 @@ def test_guards_repair_as_the_servers_do(port, tmp_path):
     hips[5, -1, 2] = 0.4
     target = Motion.join(stands)
     fell = fallen(hips, turns, legs)
-    repaired = bendable(turns, legs)
+    repaired, _ = bendable(turns, legs)
     steps = [
         {
             "seed": {"translation": seeds.translation[k], "rotations": seeds.rotations[k]},
@@ -163,7 +164,8 @@ def test_leaning_people_straighten_up_as_on_the_server(port, tmp_path):
     file = tmp_path / "steps.json"
     file.write_text(json.dumps({"names": marker_names(), "steps": rows}, default=_flat))
     found = port("righting", file)
-    after = righted(modes, step)
+    after = Step(*(part.copy() for part in step))
+    right_rows(modes, after)
     left = (after.markers == step.markers).all((1, 2, 3))
     assert 5 < left.sum() < count - 20
     assert [one["same"] for one in found] == left.tolist()

@@ -67,9 +67,9 @@ def write_scene(spec: SceneSpec, out: Path) -> Scene:
 def _neighbours(scene: Scene) -> list[list[int]]:
     """Triangles [T, 3] behind the edges, from the portals: each starts at its right end."""
     found = np.full((len(scene.mesh.corners), 3), -1)
-    for triangle, portals in enumerate(scene.mesh.portals):
-        corners = scene.mesh.corners[triangle].tolist()
-        for other, _, _, x, y in portals:
-            found[triangle, corners.index([x, y])] = other
+    first, others, ends = scene.mesh.portals
+    owners = np.repeat(np.arange(len(found)), np.diff(first)).tolist()
+    for triangle, other, right in zip(owners, others.tolist(), ends[:, 2:].tolist(), strict=True):
+        found[triangle, scene.mesh.corners[triangle].tolist().index(right)] = other
     behind: list[list[int]] = found.tolist()
     return behind

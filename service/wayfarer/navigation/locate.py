@@ -44,18 +44,22 @@ def nearest_place(
     height counts as a metre along. Ground more than a step above the point counts as farther by a
     body's height. A point without a height means the lowest storey there.
     """
-    among = np.arange(len(mesh.corners)) if among is None else among
 
     def away(place: MeshPoint) -> float:
         rise = place.height - point[2] if len(point) == 3 else 0.0
         return place.moved + abs(rise) + walkable.height * (rise > walkable.step_height)
 
     x, y = float(point[0]), float(point[1])
-    held = np.intersect1d(mesh.under((x, y)), among)
+    held = np.sort(mesh.under((x, y)))
+    if among is not None:
+        held = np.intersect1d(held, among)
     places = [_place(mesh, ground, int(triangle), (x, y), 0.0) for triangle in held]
     if not any(away(place) <= walkable.step_height for place in places):
-        for number in np.setdiff1d(mesh.layer[among], mesh.layer[held]):
-            triangle, spot = mesh.closest((x, y), among[mesh.layer[among] == number])
+        among = np.arange(len(mesh.corners)) if among is None else among
+        layers = mesh.layer[among]
+        elsewhere = np.setdiff1d(np.flatnonzero(np.bincount(layers)), mesh.layer[held])
+        for number in elsewhere:
+            triangle, spot = mesh.closest((x, y), among[layers == number])
             places.append(_place(mesh, ground, triangle, spot, dist((x, y), spot)))
     return min(places, key=lambda place: (away(place), place.height))
 

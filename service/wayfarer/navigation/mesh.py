@@ -1,7 +1,7 @@
 """The navigation mesh: connected triangles of ground for an agent's middle."""
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -13,8 +13,14 @@ Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-Portal: TypeAlias = tuple[int, float, float, float, float]
-"""(triangle behind it, left x, left y, right x, right y), as seen on the way out."""
+
+class Portals(NamedTuple):
+    """Edges that lead out of triangles, those of one triangle after the other's."""
+
+    first: Ints  # [T + 1] those of triangle t are first[t] … first[t + 1] - 1
+    behind: Ints  # [P] the triangle that one leads to
+    ends: NDArray[np.float64]  # [P, 4] left x, y and right x, y, as seen on the way out
+
 
 _GRAIN = 1e-5
 """Metres: corners closer than this are merged."""
@@ -31,7 +37,7 @@ class NavMesh:
 
     corners: Array
     layer: Ints
-    portals: tuple[tuple[Portal, ...], ...]
+    portals: Portals
     island: Ints
     areas: NDArray[Any]
     tree: shapely.STRtree
@@ -65,15 +71,15 @@ def build(corners: Array, layer: Ints, slack: float) -> NavMesh:
         shared.append(_bordering(corners, layer, shared[0], slack))
     one, other, left, right = (np.concatenate(column) for column in zip(*shared, strict=True))
     count, island = components(links(len(corners), one, other))
-    portals: list[list[Portal]] = [[] for _ in range(len(corners))]
-    ends = np.concatenate([left, right], -1).tolist()
-    for a, b, (lx, ly, rx, ry) in zip(one.tolist(), other.tolist(), ends, strict=True):
-        portals[a].append((b, lx, ly, rx, ry))
+    order = np.argsort(one, kind="stable")
+    ends = np.concatenate([left, right], -1)[order].astype(np.float64)
+    first = np.searchsorted(one[order], np.arange(len(corners) + 1))
+    portals = Portals(first, other[order].astype(np.int64), ends)
     polygons = shapely.polygons(corners)
     return NavMesh(
         corners,
         layer,
-        tuple(map(tuple, portals)),
+        portals,
         island,
         np.bincount(island, weights=shapely.area(polygons), minlength=count),
         shapely.STRtree(polygons),

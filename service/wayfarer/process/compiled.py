@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Final
 
 import numba
@@ -49,9 +50,19 @@ def warm(rule: Any, *arguments: Any) -> None:
     folder = rule.stats.cache_path
     if folder is None:
         log.info("compiling a rule; no folder can keep it: set NUMBA_CACHE_DIR", rule=rule.__name__)
-    elif not any(Path(folder).glob(f"*.{rule.__name__}-*.nbi")):
+    elif not _has_code(rule):
         log.info("compiling a rule for this machine, once", rule=rule.__name__, kept_in=folder)
     rule(*arguments)
+
+
+def is_kept(module: ModuleType) -> bool:
+    """Whether the code of all rules that a module uses is kept, or no folder can keep it."""
+    rules = [value for value in vars(module).values() if isinstance(value, Dispatcher)]
+    return all(rule.stats.cache_path is None or _has_code(rule) for rule in rules)
+
+
+def _has_code(rule: Any) -> bool:
+    return any(Path(rule.stats.cache_path).glob(f"*.{rule.__name__}-*.nbi"))
 
 
 def _kept_in(rule: Callable[..., Any]) -> Path | None:

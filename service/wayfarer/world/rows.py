@@ -11,10 +11,11 @@ To a type checker a column has the array's type. The dtype is given separately, 
 releases differ in the structure of `NDArray`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_type_hints
+from operator import attrgetter
+from typing import Annotated, Any, Final, NamedTuple, Self, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,35 +80,31 @@ class Rows:
             joined[name] = kind.join(values) if is_rows else np.concatenate(values)
         return cls(**joined)
 
-    def take(self, rows: Index) -> Self:
-        """A copy of some rows."""
-        taken: dict[str, Any] = {}
-        for name in _names(type(self)):
-            values = getattr(self, name)
-            taken[name] = values.take(rows) if isinstance(values, Rows) else values.take(rows, 0)
-        return type(self)(**taken)
+    def take(self, rows: Index, axis: int = 0) -> Self:
+        """A copy of some rows; `axis` is 0, as for the arrays."""
+        return type(self)(*[values.take(rows, axis) for values in _values(type(self))(self)])
 
     def part(self, first: int, last: int) -> Self:
         """The rows from `first` to before `last`, of the same arrays."""
-        some: dict[str, Any] = {}
-        for name in _names(type(self)):
-            values = getattr(self, name)
-            is_rows = isinstance(values, Rows)
-            some[name] = values.part(first, last) if is_rows else values[first:last]
-        return type(self)(**some)
+        return type(self)(
+            *[
+                values.part(first, last) if isinstance(values, Rows) else values[first:last]
+                for values in _values(type(self))(self)
+            ]
+        )
 
     def put(self, rows: Index, source: Self) -> None:
         """Overwrites some rows with `source`, which has the same number."""
-        for name in _names(type(self)):
-            values = getattr(self, name)
-            if isinstance(values, Rows):
-                values.put(rows, getattr(source, name))
-            else:
-                values[rows] = getattr(source, name)
+        self[rows] = source
+
+    def __setitem__(self, rows: Index, source: Self) -> None:
+        read = _values(type(self))
+        for values, given in zip(read(self), read(source), strict=True):
+            values[rows] = given
 
     def grow(self, rows: int) -> None:
         """Appends zeroed rows until there are `rows`."""
-        for name in _names(type(self)):
+        for name, *_ in _columns(type(self)):
             values = getattr(self, name)
             if isinstance(values, Rows):
                 values.grow(rows)
@@ -118,7 +115,7 @@ class Rows:
 
 def columns(kind: type[Named], rows: Rows) -> Named:
     """Some columns, named by `kind`, as a tuple that compiled rules take."""
-    return kind(*(np.ascontiguousarray(getattr(rows, name)) for name in kind.__annotations__))
+    return kind(*map(np.ascontiguousarray, _values(kind)(rows)))
 
 
 def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
@@ -130,13 +127,12 @@ def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
             yield Column(path + name, np.dtype(kind), shape)
 
 
-def _names(rows: type) -> tuple[str, ...]:
-    return _read_names(rows)
+def _reader(kind: type) -> Callable[[Rows], tuple[Any, ...]]:
+    """Reads the columns, or nested column sets, that a class declares: at least two."""
+    return attrgetter(*kind.__annotations__)
 
 
-@cache
-def _read_names(rows: type) -> tuple[str, ...]:
-    return tuple(name for name, *_ in _columns(rows))
+_values: Final[Callable[[type], Callable[[Rows], tuple[Any, ...]]]] = cache(_reader)
 
 
 def _columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:

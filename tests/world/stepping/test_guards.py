@@ -7,13 +7,14 @@ import pytest
 
 from tests.world.fakes import GOAL, FakeEngine, populated
 from tests.world.output.legwork import legs, standing
+from tests.world.stepping.guarded import bendable, fallen
 from wayfarer.body.rotation import quaternion_from_rotvec
 from wayfarer.body.skeleton import joint_names
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, ChunkFlag
 from wayfarer.world.agents.slots import Motion, Seeds
 from wayfarer.world.output.legs import KNEES
-from wayfarer.world.stepping.guards import KNEE, SIDEWAYS, bendable, fallen, got_up
+from wayfarer.world.stepping.guards import KNEE, SIDEWAYS, got_up
 
 ELBOW, SHOULDER, SPINE = (
     joint_names().index(name) for name in ("left_elbow", "left_shoulder", "spine1")
@@ -42,14 +43,17 @@ def largest_change(seed: Seeds, rotations: np.ndarray) -> float:
 def test_what_a_body_can_do_is_left_to_the_last_bit():
     _, _, rotations = step()
     rotations[0, :, ELBOW] = [turn(0, 0, 3.0 * frame**1.5) for frame in range(NEW_FRAMES)]
-    assert bendable(rotations, legs()) is rotations
+    made, mended = bendable(rotations, legs())
+    np.testing.assert_array_equal(made, rotations)
+    assert not mended.any()
 
 
 @pytest.mark.parametrize(("asked", "sent"), [(-40.0, KNEE[0]), (170.0, KNEE[1]), (200.0, KNEE[1])])
 def test_knees_bend_as_far_as_knees_do(asked, sent):
     _, _, rotations = step()
     rotations[:, :, KNEES] = turn(-asked)
-    made = bendable(rotations, legs())
+    made, mended = bendable(rotations, legs())
+    assert mended.all()
     bend = -2 * np.arctan2(made[..., KNEES, 0], made[..., KNEES, 3]) % (2 * np.pi)
     np.testing.assert_allclose(bend, sent % (2 * np.pi), atol=1e-4)
     others = [joint for joint in range(22) if joint not in KNEES]
@@ -59,7 +63,7 @@ def test_knees_bend_as_far_as_knees_do(asked, sent):
 def test_a_knee_bends_and_does_little_else():
     _, _, rotations = step()
     rotations[:, :, KNEES] = turn(-30, 50, 40)
-    made = bendable(rotations, legs())[0, -1, KNEES[0]]
+    made = bendable(rotations, legs())[0][0, -1, KNEES[0]]
     assert 2 * np.arcsin(np.hypot(*made[1:3])) == pytest.approx(SIDEWAYS, abs=1e-3)
     assert made[0] / made[3] == pytest.approx(turn(-30, 50, 40)[0] / turn(-30, 50, 40)[3], abs=1e-3)
     assert np.linalg.norm(made) == pytest.approx(1, abs=1e-5)

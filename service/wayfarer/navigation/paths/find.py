@@ -3,9 +3,7 @@
 String pulling finds the shortest way through a corridor of portals (Lee & Preparata 1984).
 """
 
-from collections.abc import Sequence
-from heapq import heappop, heappush
-from itertools import pairwise
+from functools import cache
 from math import hypot, inf
 from typing import Any, Final, Protocol
 
@@ -14,7 +12,8 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.ground.ground import Ground
 from wayfarer.navigation.locate import MeshPoint
-from wayfarer.navigation.mesh import NavMesh, Portal
+from wayfarer.navigation.mesh import Ints, NavMesh, Portals
+from wayfarer.process.compiled import compiled, inner, warm
 
 Array = NDArray[np.floating[Any]]
 Spot = tuple[float, float]
@@ -50,30 +49,16 @@ def shortest(mesh: NavMesh, ground: Ground, start: MeshPoint, goal: MeshPoint) -
     searches = ((one, other, True), (other, one, True), (one, other, False))
     ways = []
     for first, last, aim in searches:
-        portals = corridor(mesh, first.triangle, last.triangle, first.spot, last.spot, aim)
-        way = pull(first.spot, last.spot, portals)
-        ways.append((length(way), first, portals, way))
-    _, first, portals, way = min(ways, key=lambda found: found[0])
-    points = _lifted(mesh, ground, first, portals, way)
-    return points if first is start else points[::-1]
-
-
-def _lifted(
-    mesh: NavMesh,
-    ground: Ground,
-    start: MeshPoint,
-    portals: list[Portal],
-    way: list[tuple[tuple[float, float], int]],
-) -> Array:
-    """The string's corners on the floor of the layer where each one is. [P, 3]"""
-    triangles = [start.triangle, *(portal[0] for portal in portals)]
-    spots = np.array([spot for spot, _ in way])
-    layers = mesh.layer[[triangles[passed] for _, passed in way]]
-    heights = np.empty(len(way))
+        numbers = corridor(mesh.portals, first.triangle, last.triangle, first.spot, last.spot, aim)
+        way = pull(mesh.portals, numbers, first.triangle, first.spot, last.spot)
+        ways.append((_length(way[0]), first, way))
+    _, first, (spots, triangles) = min(ways, key=lambda found: found[0])
+    layers, heights = mesh.layer[triangles], np.empty(len(spots))
     for number in set(layers.tolist()):
         mine = layers == number
         heights[mine] = ground.layers[number].heights.at(spots[mine])
-    return np.column_stack([spots, heights])
+    points = np.column_stack([spots, heights])
+    return points if first is start else points[::-1]
 
 
 def widened(points: Array, scene: Clearance, radius: float) -> Array:
@@ -126,52 +111,58 @@ def _length(points: Array) -> float:
     return float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
 
 
-def pull(start: Spot, goal: Spot, portals: Sequence[Portal]) -> list[tuple[Spot, int]]:
-    """The corners of the taut string from start to goal, both included.
-
-    Each corner comes with the number of portals passed before or at it.
+@compiled
+def pull(
+    portals: Portals, numbers: Ints, first: int, start: Spot, goal: Spot
+) -> tuple[Array, Ints]:
+    """The corners [N, 2] of the taut string from start to goal, both included, and the triangle
+    [N] that each is in: after the last portal, of those with these numbers, passed before or at it.
     """
-    lefts = [*((p[1], p[2]) for p in portals), goal]
-    rights = [*((p[3], p[4]) for p in portals), goal]
-    way = [(start, 0)]
-    apex = left = right = start
+    count = len(numbers)
+    spots, triangles = np.empty((count + 2, 2)), np.empty(count + 2, np.int64)
+    spots[0, 0], spots[0, 1], triangles[0] = start[0], start[1], first
+    found, apex, left, right = 1, start, start, start
     left_at = right_at = index = 0
-    while index < len(lefts):
-        new_left, new_right = lefts[index], rights[index]
-        bend = None
+    while index <= count:
+        new_left = new_right = goal
+        if index < count:
+            ends = portals.ends[numbers[index]]
+            new_left, new_right = (ends[0], ends[1]), (ends[2], ends[3])
+        bends, bend, bend_at = False, apex, 0
         if _turn(apex, right, new_right) >= 0:  # the right side moves inwards
             if right == apex or _turn(apex, left, new_right) < 0:
                 right, right_at = new_right, index
             else:  # across the left side: the string bends there
-                bend = left, left_at
-        if bend is None and _turn(apex, left, new_left) <= 0:
+                bends, bend, bend_at = True, left, left_at
+        if not bends and _turn(apex, left, new_left) <= 0:
             if left == apex or _turn(apex, right, new_left) > 0:
                 left, left_at = new_left, index
             else:
-                bend = right, right_at
-        if bend is not None:
-            apex, index = bend
-            left, right, left_at, right_at = apex, apex, index, index
-            way.append((apex, min(index + 1, len(portals))))
+                bends, bend, bend_at = True, right, right_at
+        if bends:
+            apex = left = right = bend
+            index = left_at = right_at = bend_at
+        if bends or index == count:
+            spot = bend if bends else goal
+            if spot[0] != spots[found - 1, 0] or spot[1] != spots[found - 1, 1]:
+                spots[found, 0], spots[found, 1] = spot
+                passed = min(index + 1, count)
+                triangles[found] = portals.behind[numbers[passed - 1]] if passed else first
+                found += 1
         index += 1
-    way.append((goal, len(portals)))
-    return way[:1] + [corner for last, corner in pairwise(way) if corner[0] != last[0]]
+    return spots[:found], triangles[:found]
 
 
-def length(way: Sequence[tuple[Spot, int]]) -> float:
-    """Metres along the string."""
-    return sum(hypot(b[0] - a[0], b[1] - a[1]) for (a, _), (b, _) in pairwise(way))
-
-
+@inner
 def _turn(a: Spot, b: Spot, c: Spot) -> float:
     """Positive when c lies to the left of a → b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def corridor(
-    mesh: NavMesh, first: int, last: int, start: Spot, goal: Spot, aim: bool = True
-) -> list[Portal]:
-    """The portals of a short way from triangle `first` to `last`, both of one island.
+@compiled
+def corridor(portals: Portals, first: int, last: int, start: Spot, goal: Spot, aim: bool) -> Ints:
+    """Numbers [N] of the portals of a short way from triangle `first` to `last`, both of one
+    island.
 
     The length of a way can only be guessed before its string is pulled. It is measured through one
     point of each portal. With `aim` that is its crossing with the straight line to the goal (or the
@@ -179,41 +170,96 @@ def corridor(
     the other finds.
     """
     gx, gy = goal
-    portals = mesh.portals
-    best = {first: 0.0}
-    came: dict[int, tuple[int, Portal]] = {}
-    queue = [(hypot(gx - start[0], gy - start[1]), 0.0, first, start[0], start[1])]
+    best, came = (
+        np.full(len(portals.first) - 1, inf),
+        np.empty((len(portals.first) - 1, 2), np.int64),
+    )
+    best[first], queue, size = 0.0, np.empty((64, 5)), 0
+    size = _push(queue, size, hypot(gx - start[0], gy - start[1]), 0.0, first, start)
     while True:  # until `last` comes: every portal leads back, so an island is connected
-        _, cost, here, x, y = heappop(queue)
+        cost, here, x, y = queue[0, 1], int(queue[0, 2]), queue[0, 3], queue[0, 4]
+        size = _pop(queue, size)
         if here == last:
-            return _trace(came, first, last)
+            break
         if cost > best[here]:
             continue
         dx, dy = gx - x, gy - y
-        for portal in portals[here]:
-            there, lx, ly, rx, ry = portal
-            least = best.get(there, inf)
-            if least <= cost:
+        for number in range(portals.first[here], portals.first[here + 1]):
+            there = portals.behind[number]
+            if best[there] <= cost:
                 continue
-            # the crossing is inlined: most of the time is spent here
+            lx, ly, rx, ry = portals.ends[number]
             ex, ey = lx - rx, ly - ry
-            if aim:
-                across = dx * ey - dy * ex
-                share = (dy * (rx - x) - dx * (ry - y)) / across if across else 0.5
-            else:
+            share = 0.5
+            if not aim:
                 share = ((x - rx) * ex + (y - ry) * ey) / (ex * ex + ey * ey)
-            share = 0.0 if share < 0.0 else min(share, 1.0)
+            elif dx * ey - dy * ex != 0:
+                share = (dy * (rx - x) - dx * (ry - y)) / (dx * ey - dy * ex)
+            share = min(max(share, 0.0), 1.0)
             px, py = rx + share * ex, ry + share * ey
             spent = cost + hypot(px - x, py - y)
-            if spent < least:
-                best[there] = spent
-                came[there] = here, portal
-                heappush(queue, (spent + hypot(gx - px, gy - py), spent, there, px, py))
+            if spent < best[there]:
+                best[there], came[there, 0], came[there, 1] = spent, here, number
+                if size == len(queue):
+                    queue = np.concatenate((queue, queue))
+                guess = spent + hypot(gx - px, gy - py)
+                size = _push(queue, size, guess, spent, there, (px, py))
+    count, here = 0, last
+    while here != first:
+        count, here = count + 1, came[here, 0]
+    numbers, here = np.empty(count, np.int64), last
+    for k in range(count - 1, -1, -1):
+        numbers[k], here = came[here, 1], came[here, 0]
+    return numbers
 
 
-def _trace(came: dict[int, tuple[int, Portal]], first: int, last: int) -> list[Portal]:
-    way = []
-    while last != first:
-        last, portal = came[last]
-        way.append(portal)
-    return way[::-1]
+@inner
+def _push(queue: Array, size: int, guess: float, spent: float, triangle: int, spot: Spot) -> int:
+    """Adds a row to a binary heap, whose least row, number by number, is the first. Returns its
+    size.
+    """
+    at = size
+    queue[at, 0], queue[at, 1], queue[at, 2] = guess, spent, triangle
+    queue[at, 3], queue[at, 4] = spot
+    while at > 0 and _precedes(queue, at, (at - 1) // 2):
+        _swap(queue, at, (at - 1) // 2)
+        at = (at - 1) // 2
+    return size + 1
+
+
+@inner
+def _pop(queue: Array, size: int) -> int:
+    """Removes the first row. Returns the size."""
+    size, at = size - 1, 0
+    _swap(queue, 0, size)
+    while 2 * at + 1 < size:
+        below = 2 * at + 1
+        if below + 1 < size and _precedes(queue, below + 1, below):
+            below += 1
+        if not _precedes(queue, below, at):
+            break
+        _swap(queue, at, below)
+        at = below
+    return size
+
+
+@inner
+def _precedes(queue: Array, one: int, other: int) -> bool:
+    for k in range(queue.shape[1]):
+        if queue[one, k] != queue[other, k]:
+            return queue[one, k] < queue[other, k]
+    return False
+
+
+@inner
+def _swap(queue: Array, one: int, other: int) -> None:
+    for k in range(queue.shape[1]):
+        queue[one, k], queue[other, k] = queue[other, k], queue[one, k]
+
+
+@cache
+def prepare() -> None:
+    """Compiles the search, or loads it, before agents walk."""
+    portals = Portals(np.zeros(2, np.int64), np.zeros(0, np.int64), np.zeros((0, 4)))
+    warm(corridor, portals, 0, 0, (0.0, 0.0), (0.0, 0.0), True)
+    warm(pull, portals, portals.behind, 0, (0.0, 0.0), (1.0, 0.0))

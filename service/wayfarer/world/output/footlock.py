@@ -25,14 +25,13 @@ Pure functions; world space, metres, 40 frames per second.
 """
 
 from collections.abc import Sequence
-from functools import cache
 from math import atan2, cos, exp, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.process.compiled import compiled, inner, warm
-from wayfarer.spec import FPS, MARKERS, POSED_JOINTS, SEED_FRAMES
+from wayfarer.process.compiled import compiled, inner
+from wayfarer.spec import FPS
 from wayfarer.world.output.legs import SOLES, Bones, Leg, Legs, bones, packed, pose_leg, sole_point
 from wayfarer.world.output.turns import (
     Vector,
@@ -145,22 +144,12 @@ def lock_feet(
         np.array(step.contacts, np.bool_, order="C"),
     )
     hips, turns = packed(seed[0]), packed(seed[1])
-    _lock(wanted, bones(legs), shares, hips, turns, packed(translation), made)
+    lock_rows(wanted, bones(legs), shares, hips, turns, packed(translation), made)
     return made
 
 
-@cache
-def prepare() -> None:
-    """Compiles the lock, or loads it, before agents walk."""
-    hips, turns = np.zeros((1, 2, 3), np.float32), np.ones((1, 2, POSED_JOINTS, 4), np.float32)
-    markers = np.zeros((1, SEED_FRAMES, MARKERS, 3), np.float32)
-    step = Planted(turns, markers, np.zeros((1, 2, 2), np.bool_))
-    shares = np.zeros((MARKERS, 2, 2), np.float32)
-    warm(_lock, np.ones(1, np.bool_), bones(Legs.empty(1)), shares, hips, turns, hips, step)
-
-
 @compiled
-def _lock(
+def lock_rows(
     wanted: Flags,
     legs: Bones,
     shares: Float,

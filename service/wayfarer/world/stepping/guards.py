@@ -8,18 +8,17 @@ Repairs are rare; without one the output has the same bits. Pure functions of co
 influence each other. Angles in radians, frames at 40 per second.
 """
 
-from functools import cache
 from math import atan2, cos, pi, radians, sin, sqrt
 from typing import Final
 
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
-from wayfarer.process.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, inner
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Seeds
 from wayfarer.world.output import quaternion
-from wayfarer.world.output.legs import KNEES, Bones, Legs, bones, packed
+from wayfarer.world.output.legs import KNEES, Bones
 from wayfarer.world.output.quaternion import Array, length
 from wayfarer.world.output.turns import (
     Turn,
@@ -94,24 +93,11 @@ def _vector(turn: Array) -> Array:
     return vector
 
 
-def bendable(rotations: Float, legs: Legs) -> Float:
-    """Rotations [A, F, 22, 4] of a step with knees bent within `KNEE`, and at most `SIDEWAYS`
-    beside it; the same array if all are.
-    """
-    seen = packed(rotations)
-    if not _bend(seen, legs.ankle, False):
-        return rotations
-    limited = seen.copy()
-    _bend(limited, legs.ankle, True)
-    return limited
-
-
 @compiled
-def _bend(rotations: Float, rest: Float, mends: bool) -> bool:
-    """Whether a knee is bent impossibly, from its place in the T-pose to that of the ankle `rest`
-    [A, 2, 3]; if `mends`, it is repaired.
+def bend_rows(rotations: Float, rest: Float, mended: Flags) -> None:
+    """Bends the knees of rotations [A, F, 22, 4] within `KNEE`, and at most `SIDEWAYS` beside it;
+    `rest` [A, 2, 3] are the ankles' places in the T-pose, from the knees. Marks who had others.
     """
-    any_beyond = False
     for row in range(len(rotations)):
         for foot in range(2):
             shin = vector(rest, (row, foot))
@@ -129,10 +115,8 @@ def _bend(rotations: Float, rest: Float, mends: bool) -> bool:
                 bend = (atan2(-ahead, -up) - hanging + pi / 2) % (2 * pi) - pi / 2
                 half = (bend - bounded(bend, KNEE[0], KNEE[1])) / 2
                 if twisted or half != 0:
-                    any_beyond = True
-                    if mends:
-                        put(rotations, at, multiply((sin(half), 0.0, 0.0, cos(half)), knee))
-    return any_beyond
+                    mended[row] = True
+                    put(rotations, at, multiply((sin(half), 0.0, 0.0, cos(half)), knee))
 
 
 @inner
@@ -145,32 +129,21 @@ def _straightened(knee: Turn, beside: float) -> Turn:
     return more * knee[0], less * knee[1], less * knee[2], more * knee[3]
 
 
-def fallen(translation: Float, rotations: Float, legs: Legs) -> Flags:
-    """Bodies [A] that lean or squat at the end of their step: [A, F, 3], [A, F, 22, 4]."""
-    upright, hips = bearing(translation, rotations, legs)
-    found: Flags = (upright < FELL) | (hips < FOLDED)
-    return found
-
-
-def bearing(translation: Float, rotations: Float, legs: Legs) -> tuple[Float, Float]:
-    """Posture of bodies [A] at the end of their step: cosine of their lean, and their hips' height
-    relative to that in a stand; [A, F, 3], [A, F, 22, 4].
-    """
-    found = np.empty((2, len(rotations)), np.float32)
-    _bear(packed(translation), packed(rotations), bones(legs), found)
-    return found[0], found[1]
-
-
 @compiled
-def _bear(translation: Float, rotations: Float, legs: Bones, found: Float) -> None:
+def bear_rows(
+    translation: Float, rotations: Float, legs: Bones, upright: Float, height: Float
+) -> None:
+    """Posture of bodies [A] at the end of their step: cosine of their lean, and their hips' height
+    relative to that in a stand; [A, F, 3], [A, F, 22, 4]. See `FELL` and `FOLDED`.
+    """
     last = rotations.shape[1] - 1
     for row in range(len(rotations)):
-        height = 0.0
+        stand = 0.0
         for foot in range(2):
             to_ankle = legs.hip[row, foot, 2] + legs.knee[row, foot, 2] + legs.ankle[row, foot, 2]
-            height -= (float(to_ankle) + float(legs.sole_of_ankle[row, foot, 0, 2])) / 2
-        found[0, row] = spine_up(rotations, row)[2]
-        found[1, row] = translation[row, last, 2] / height
+            stand -= (float(to_ankle) + float(legs.sole_of_ankle[row, foot, 0, 2])) / 2
+        upright[row] = spine_up(rotations, row)[2]
+        height[row] = translation[row, last, 2] / stand
 
 
 @inner
@@ -182,15 +155,6 @@ def spine_up(rotations: Float, row: int) -> Vector:
         above = multiply(above, turn(rotations, (row, frame, joint)))
         up = add(up, rotate(above, (0.0, 0.0, 1 / 3)))
     return up
-
-
-@cache
-def prepare() -> None:
-    """Compiles the guards, or loads them, before agents walk."""
-    turns, legs = np.ones((1, 1, POSED_JOINTS, 4), np.float32), Legs.empty(1)
-    warm(_bend, turns, legs.ankle, True)
-    hips, found = np.zeros((1, 1, 3), np.float32), np.empty((2, 1), np.float32)
-    warm(_bear, hips, turns, bones(legs), found)
 
 
 def got_up(seed: Seeds, stand: Motion) -> tuple[Float, Float]:

@@ -10,17 +10,15 @@ them.
 World space, metres, radians. Pure functions of columns: rows do not influence each other.
 """
 
-from functools import cache
 from math import atan2, cos, radians, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from wayfarer.body.landmarks import marker_names
-from wayfarer.process.compiled import compiled, inner, warm
-from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
+from wayfarer.process.compiled import compiled, inner
+from wayfarer.spec import NEW_FRAMES, SEED_FRAMES
 from wayfarer.world.agents.slots import Mode
-from wayfarer.world.output.legs import packed
 from wayfarer.world.output.turns import (
     Vector,
     about,
@@ -83,40 +81,17 @@ WALKS: Final = np.array([mode in (Mode.WALKING, Mode.STOPPING, Mode.STRAFING) fo
 """Whether an agent may lean as walkers do, by mode."""
 
 
-def righted(mode: Int8, step: Step) -> Step:
-    """The step with a part of the lean removed by its end for agents [A] that lean too far; `mode`
-    is theirs during it. The others are unchanged; without such agents it is the same step.
-    """
-    given = Step(*(packed(values) for values in step))
-    if not _right(mode, given, False):
-        return step
-    found = Step(step.translation, given.rotations.copy(), given.markers.copy())
-    _right(mode, found, True)
-    return found
-
-
-@cache
-def prepare() -> None:
-    """Compiles the rule, or loads it, before agents walk."""
-    turns = np.ones((1, NEW_FRAMES, POSED_JOINTS, 4), np.float32)
-    markers = np.zeros((1, SEED_FRAMES, len(SHARES), 3), np.float32)
-    step = Step(np.zeros((1, NEW_FRAMES, 3), np.float32), turns, markers)
-    warm(_right, np.zeros(1, np.int8), step, True)
-
-
 @compiled
-def _right(mode: Int8, step: Step, mends: bool) -> bool:
-    """Whether any agent leans too far; with `mends`, their lean is reduced."""
-    any_leans = False
+def right_rows(mode: Int8, step: Step) -> None:
+    """Removes a part of the lean by the step's end for agents [A] that lean too far; `mode` is
+    theirs during it. The others are unchanged.
+    """
     for row in range(len(mode)):
         up = spine_up(step.rotations, row)
         aside = sqrt(up[0] * up[0] + up[1] * up[1])
         excess = atan2(aside, up[2]) - (MOST if WALKS[mode[row]] else MOST_ON_THE_SPOT)
         if excess <= 0:
             continue
-        any_leans = True
-        if not mends:
-            break
         wide = max(aside, 1e-6)
         axis = up[1] / wide, -up[0] / wide, 0.0  # about which the spine straightens up
         back = min(SHARE * excess, TURN_MOST)
@@ -128,7 +103,6 @@ def _right(mode: Int8, step: Step, mends: bool) -> bool:
                 pivot = add(vector(step.translation, (row, frame)), above)
                 _swing(step.markers, row, seed, pivot, axis, back * EASE[frame])
             _bend_back(step.rotations, row, frame, axis, back * EASE[frame])
-    return any_leans
 
 
 @inner

@@ -47,4 +47,9 @@ class ActingRules:
     def tell(self, name: str, slots: Index, translation: Float, rotations: Float) -> None:
         """Reports a rule's result to the watcher."""
         if self.watch is not None:
-            self.watch(name, slots, translation, rotations)
+            self.watch(name, slots, translation.copy(), rotations.copy())
+
+    def in_turn(self, *names: str) -> list[list[str]]:
+        """Those of some rules that act; each alone if somebody watches, otherwise together."""
+        acting = [name for name in names if self.acts(name)]
+        return [acting] if self.watch is None or not acting else [[name] for name in acting]

@@ -19,10 +19,8 @@ from wayfarer.world.agents.slots import Gait, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
-from wayfarer.world.output.footlock import Planted, lock_feet
-from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Index, Int8
-from wayfarer.world.stepping.batch import broken, gather
+from wayfarer.world.stepping.batch import gather
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.engine_call import (
     Batch,
@@ -32,11 +30,11 @@ from wayfarer.world.stepping.engine_call import (
     Ready,
     at_once,
 )
-from wayfarer.world.stepping.guards import bearing, bendable, fallen, got_up
+from wayfarer.world.stepping.guards import FELL, FOLDED, got_up
 from wayfarer.world.stepping.guide import Guide, NextTarget
-from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
+from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs
+from wayfarer.world.stepping.new_frames import CORRECTIONS, Acts, Frames, corrected, received
 from wayfarer.world.stepping.playback import Chunks, Playback
-from wayfarer.world.stepping.righting import Step, righted
 from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.unstepped import Unstepped
@@ -45,6 +43,12 @@ PATIENCE: Final = (0.0, 0.375)
 """Maximum wait of a due agent for others, when time is short: by `Sight`, as a share of the time
 after which its primitive is left out, so that no wait is endless. The others coast.
 """
+
+
+REPLANNED, ARRIVED, REDUCED, FIRST = (
+    np.uint8(flag)
+    for flag in (ChunkFlag.REPLANNED, ChunkFlag.ARRIVED, ChunkFlag.REDUCED, ChunkFlag.FIRST)
+)
 
 
 class Scheduler:
@@ -85,6 +89,8 @@ class Scheduler:
         self._guide = guide
         self._rules = settings.rules
         self._mirrors = mirrors
+        # righting knows the places of our markers
+        self._corrections = [name for name in CORRECTIONS if mirrors or name != "righting"]
         self._shares = shares
         self._faults = faults
         self._single_threaded = settings.single_threaded
@@ -147,7 +153,7 @@ class Scheduler:
         self.under_way -= 1
         kept = np.flatnonzero(still)
         try:
-            outputs = mirror_outputs(cut(step.outputs(), len(rows)), step.batch.mirrored)
+            outputs = cut(step.outputs(), len(rows))
         except Exception as error:
             self._step_apart(step.batch.take(kept), error)
             return len(rows)
@@ -217,61 +223,50 @@ class Scheduler:
 
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
         """Puts the new frames into playback; the next step starts at their end."""
-        slots, rows = self._table.rows, batch.rows
+        slots, rows, rules = self._table.rows, batch.rows, self._rules
         start = batch.seed.translation[:, -1]
-        is_broken = broken(start, outputs)
+        outputs, is_broken = received(outputs, batch.mirrored, start)
         translation, rotations = outputs.translation, outputs.rotations
+        markers, contacts = outputs.next_seed_markers, outputs.contacts > 0.5
         if is_broken.any():
-            still = is_broken[:, None, None]
-            translation = np.where(still, start[:, None], translation)
-            rotations = np.where(still[..., None], batch.seed.rotations[:, -1:], rotations)
-        legs = slots.legs.take(rows)
-        self._rules.tell(MODEL, rows, translation, rotations)
-        if self._rules.acts("guards"):
-            rotations = self._bendable(rotations, legs)
-            self._rules.tell("guards", rows, translation, rotations)
-        markers = outputs.next_seed_markers
-        if self._mirrors and self._rules.acts("righting"):  # it knows the places of our markers
-            step = righted(batch.gait.mode, Step(translation, rotations, markers))
-            translation, rotations, markers = step
-            self._rules.tell("righting", rows, translation, rotations)
-        planted = Planted(rotations, markers, outputs.contacts > 0.5)
-        if self._rules.acts("foot lock"):
-            before = batch.seed.translation, batch.seed.rotations
-            planted = lock_feet(
-                slots.foot_lock[rows], legs, self._shares, before, translation, planted
-            )
-            rotations, markers, _ = planted
-            self._rules.tell("foot lock", rows, translation, rotations)
+            translation[is_broken] = start[is_broken, None]
+            rotations[is_broken] = batch.seed.rotations[is_broken, -1:]
+        rules.tell(MODEL, rows, translation, rotations)
+        frames = Frames(translation, rotations, contacts, markers)
+        legs, mode = slots.legs.take(rows), batch.gait.mode
+        lock = slots.foot_lock[rows], self._shares
+        for acting in rules.in_turn(*self._corrections):
+            acts = Acts(*(name in acting for name in CORRECTIONS))
+            found = corrected(acts, mode, legs, lock, batch.seed, frames)
+            self.mended_steps += int(np.count_nonzero(found.mended))
+            for name in acting[-1:]:
+                rules.tell(name, rows, translation, rotations)
         last = slice(-SEED_FRAMES, None)
-        seed = Seeds(markers, translation[:, last], rotations[:, last])
         gait = observe(batch.gait, start, translation, batch.goals)
-        flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
-        flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
-        flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
-        # coasted agents had another pose
-        flags |= np.where(slots.coasted[rows], ChunkFlag.FIRST, ChunkFlag.NONE)
+        flags = REPLANNED * slots.replanned[rows] + REDUCED * batch.reduced
+        flags += ARRIVED * (gait.arrived & ~batch.gait.arrived)
+        flags += FIRST * slots.coasted[rows]  # coasted agents had another pose
         chunks = Chunks(
             translation=translation,
             rotations=rotations,
-            contacts=planted.contacts,
-            flags=flags.astype(np.uint8),
+            contacts=contacts,
+            flags=flags,
             goal_revision=slots.goal_revision[rows],
             candidates=np.full(len(rows), batch.candidates, np.int16),
-            end=Motion(seed, gait),
+            end=Motion(Seeds(markers, translation[:, last], rotations[:, last]), gait),
         )
         gets_up = is_broken
-        if self._rules.acts("getting up"):
-            gets_up = is_broken | fallen(translation, rotations, legs)
+        if rules.acts("getting up"):
+            gets_up = is_broken | (found.upright < FELL) | (found.hips < FOLDED)
         if gets_up.any():
-            chunks.flags[is_broken] |= np.uint8(ChunkFlag.FIRST)  # it may jump
+            chunks.flags[is_broken] |= FIRST  # it may jump
             which = np.flatnonzero(gets_up)
-            bore = bearing(translation[which], rotations[which], legs.take(which))
             unknown = np.where(is_broken[which], np.float32(np.nan), np.float32(0))
-            self._fell(rows[which], gait.mode[which], *(value + unknown for value in bore))
+            posture = found.upright[which] + unknown, found.hips[which] + unknown
+            self._fell(rows[which], mode[which], *posture)
             chunks = self._mend(rows, chunks, batch.seed, which)
         self._append(rows, chunks, batch.candidates)
-        self.reduced_steps += int(batch.reduced.sum())
+        self.reduced_steps += int(np.count_nonzero(batch.reduced))
         if self._faults.contained and is_broken.any():
             what = NotFiniteError("a step is not finite, or moves the body too far")
             self._faults.agents(rows[is_broken], Stage.ENGINE, what)
@@ -295,8 +290,8 @@ class Scheduler:
             return
 
         def step(some: Index) -> StepOutputs:
-            part, _, call = self._ready(batch.take(some))
-            return mirror_outputs(cut(call(), len(some)), part.mirrored)
+            _, _, call = self._ready(batch.take(some))
+            return cut(call(), len(some))
 
         self._faults.stage = Stage.ENGINE
         try:
@@ -369,20 +364,13 @@ class Scheduler:
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows
         seed = chunks.end.seed
-        check_finite("new frames", chunks.translation, chunks.rotations)
-        check_finite("the last frames", seed.translation, seed.rotations, seed.markers)
+        ends = seed.translation, seed.rotations, seed.markers
+        check_finite("new frames", chunks.translation, chunks.rotations, *ends)
         self._planned(rows, slots.planned_chunks[rows], candidates)
         self._playback.append(rows, chunks)
         slots.replanned[rows] = False
         slots.coasted[rows] = False
         slots.held[rows] = not candidates
-
-    def _bendable(self, rotations: Float, legs: Legs) -> Float:
-        """Rotations of a step within knees' limits; counts the rows that were not."""
-        mended = bendable(rotations, legs)
-        if mended is not rotations:
-            self.mended_steps += int((mended != rotations).any((1, 2, 3)).sum())
-        return mended
 
     def _mend(self, rows: Index, chunks: Chunks, seed: Seeds, mended_rows: Index) -> Chunks:
         """Makes agents get up to a stand in place; the others are unchanged."""
