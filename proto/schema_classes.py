@@ -153,7 +153,7 @@ class Classes:
         if beside := _beside(kind):
             names = ", ".join(_literal(each) for each in beside)
             self._use("ClassVar", "typing")
-            parts.append(f"    BESIDE: ClassVar[frozenset[str]] = frozenset({{{names}}})\n")
+            parts.append(f"    COMMON_FIELDS: ClassVar[frozenset[str]] = frozenset({{{names}}})\n")
         left_out = self._in_path.get(kind.name, set()) | IN_QUERY
         fields = [self._field(f, kind.name, asked) for f in kind.field if f.name not in left_out]
         if fields:

@@ -46,7 +46,7 @@ CLIENT: Final = (
 )  # fmt: skip
 SCENE: Final = "town_square"
 
-LOOKS: Final = 8
+VARIANTS: Final = 8
 """People who look and are built differently; more are alike."""
 
 
@@ -80,7 +80,7 @@ def _write_bodies(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     generator = np.random.default_rng(7)
     looks: list[dict[str, Any]] = []
-    for number in range(LOOKS):
+    for number in range(VARIANTS):
         gender = ("female", "male")[number % 2]
         betas = generator.normal(size=BETAS).clip(-1.5, 1.5).round(3)
         file = f"{gender}-{number}.glb"

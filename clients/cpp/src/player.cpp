@@ -5,7 +5,7 @@
 namespace wayfarer {
 namespace {
 
-constexpr std::size_t MOST_BONES = 1024;  // a header's, so that no server fills this machine's memory
+constexpr std::size_t MAX_BONES = 1024;  // a header's, so that no server fills this machine's memory
 
 }  // namespace
 
@@ -52,7 +52,7 @@ double MotionPlayer::buffered() const {
 
 void MotionPlayer::take_header() {
   const Header& header = decoder_.header();
-  if (header.bones.size() > MOST_BONES) throw DecodeError(std::to_string(header.bones.size()) + " bones are too many");
+  if (header.bones.size() > MAX_BONES) throw DecodeError(std::to_string(header.bones.size()) + " bones are too many");
   TierUnpacker tiers(header);  // before anything is changed: it may refuse the header
   const bool again = header_.has_value();
   header_ = header;

@@ -6,7 +6,7 @@
 namespace wayfarer {
 namespace {
 
-constexpr double FIRST_DELAY = 0.35, LEAST_DELAY = 0.2, MOST_DELAY = 1.5;
+constexpr double FIRST_DELAY = 0.35, MIN_DELAY = 0.2, MAX_DELAY = 1.5;
 constexpr double MARGIN = 0.06;     // over the worst lateness of the window
 constexpr double STRETCH = 0.05;    // playback runs at most this much faster or slower
 constexpr double JUMP = 1.0;        // error in seconds beyond which it jumps instead (after a sleep)
@@ -50,7 +50,7 @@ void PlayoutClock::observe_chunk(double now, double scheduled_at) {
 
 double PlayoutClock::wanted_delay(double now) {
   const double earliness = earliness_.least(now);
-  return known(earliness) ? std::clamp(MARGIN - earliness, LEAST_DELAY, MOST_DELAY) : LEAST_DELAY;
+  return known(earliness) ? std::clamp(MARGIN - earliness, MIN_DELAY, MAX_DELAY) : MIN_DELAY;
 }
 
 double PlayoutClock::advance(double now) {

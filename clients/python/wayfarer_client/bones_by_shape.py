@@ -135,14 +135,14 @@ def contradicted(rig: Rig, bones: dict[str, int]) -> str:
     """A node of a limb whose name gives the other side than its bone. "": none, or as many names
     agree with the side that was found.
     """
-    against, told = "", 0
+    against, votes = "", 0
     for bone, node in bones.items():
         side, has = bone.partition("_")[0], words(rig.nodes[node].name)[0]
         if side in SIDES and has:
-            told += 1 if has == side else -1
+            votes += 1 if has == side else -1
             if has != side:
                 against = against or rig.nodes[node].name
-    return against if told < 0 else ""
+    return against if votes < 0 else ""
 
 
 def _path(rig: Rig, top: int, bottom: int) -> list[int]:

@@ -23,8 +23,8 @@ from .root import SmoothRoot
 from .skins import Skins
 from .soles import Soles, measure_soles
 
-MOST_NODES: Final = 20_000
-MOST_FRAMES: Final = 120_000
+MAX_NODES: Final = 20_000
+MAX_FRAMES: Final = 120_000
 FLOAT: Final = 5126
 TRANSFORM: Final = ("translation", "rotation", "scale")
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
@@ -91,8 +91,8 @@ class Character:
         Raises InvalidArgument when there are no frames, or too many.
         """
         count = len(hips)
-        if not 1 <= count <= MOST_FRAMES or len(rotations) != count:
-            raise InvalidArgument(f"{count} frames; allowed are 1 to {MOST_FRAMES:,}")
+        if not 1 <= count <= MAX_FRAMES or len(rotations) != count:
+            raise InvalidArgument(f"{count} frames; allowed are 1 to {MAX_FRAMES:,}")
         retarget = Retarget(self.bones, rest_offsets, soles=self.soles)
         carrier = Carrier.of(self, retarget)
         turns = {node: np.empty((count, 4)) for node in retarget.nodes.values()}
@@ -293,8 +293,8 @@ def _chunks(data: bytes) -> tuple[Json, bytes]:
 def _rig(document: Json) -> tuple[Rig, tuple[int, ...]]:
     """The nodes below the scene's, parents first, and their numbers in the document."""
     nodes: Sequence[Json] = document.get("nodes", [])
-    if len(nodes) > MOST_NODES:
-        raise InvalidArgument(f"{len(nodes)} nodes; allowed are {MOST_NODES:,}")
+    if len(nodes) > MAX_NODES:
+        raise InvalidArgument(f"{len(nodes)} nodes; allowed are {MAX_NODES:,}")
     scenes = document.get("scenes") or [{"nodes": _tops(nodes)}]
     waiting = [(number, -1) for number in scenes[document.get("scene", 0)].get("nodes", [])]
     numbers: list[int] = []

@@ -25,7 +25,7 @@ from wayfarer_client.stream import heard, read, refuses
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
 
-LOOK_S: Final = 0.1
+VIEW_INTERVAL_S: Final = 0.1
 """Least seconds between two viewpoints that are sent."""
 
 VIEW_ID: Final = (1 << 64) - 1
@@ -148,7 +148,7 @@ class Control(GoalCommands):
             with contextlib.suppress(Unavailable):  # the next connection begins with them
                 await self._opened.wait()
                 await self._write(control_pb2.ControlRequest(command_id=VIEW_ID, viewpoints=view))
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(VIEW_INTERVAL_S)
 
     async def _give(self, request: Message) -> int:
         """Carry out a request of GoalService over this connection."""

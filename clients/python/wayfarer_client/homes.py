@@ -60,7 +60,7 @@ class Route:
     def begin(self) -> None:
         """Start again, as for a new call."""
         self.address = self._homes.home(self._about)
-        self._asked = self.address == self._homes.entry
+        self._entry_tried = self.address == self._homes.entry
         self._followed = False
 
     def answered(self, made: str = "") -> None:
@@ -87,9 +87,9 @@ class Route:
 
     def _ask(self) -> bool:
         self._homes.forget(self._about)
-        if self._asked:
+        if self._entry_tried:
             return False
-        self._asked, self._followed = True, False
+        self._entry_tried, self._followed = True, False
         self.address = self._homes.entry
         return True
 

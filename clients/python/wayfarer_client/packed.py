@@ -13,7 +13,7 @@ from .quaternions import Array
 
 MESHOPT: Final = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO: Final = "KHR_draco_mesh_compression"
-MOST_BYTES: Final = 128 * 2**20
+MAX_BYTES: Final = 128 * 2**20
 """Sizes of a buffer view when it is unpacked."""
 
 Json = dict[str, Any]
@@ -31,7 +31,7 @@ def unpack_view(packed: Json, binary: bytes) -> bytes | None:
     count, stride = packed["count"], packed["byteStride"]
     if library is None:
         return None
-    if not 0 <= count * stride <= MOST_BYTES:
+    if not 0 <= count * stride <= MAX_BYTES:
         raise ValueError(f"a buffer view of {count * stride:,} bytes, unpacked")
     start = packed.get("byteOffset", 0)
     source = binary[start : start + packed["byteLength"]]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from wayfarer_client.quaternions import Array, slerp
 
 FIRST_DELAY: Final = 0.35
-LEAST_DELAY: Final = 0.2
-MOST_DELAY: Final = 1.5
+MIN_DELAY: Final = 0.2
+MAX_DELAY: Final = 1.5
 MARGIN: Final = 0.06
 """Seconds added to the worst lateness of the last LATENESS_WINDOW."""
 LATENESS_WINDOW: Final = 20.0
@@ -87,8 +87,8 @@ class PlayoutClock:
         """The target delay, seconds."""
         earliness = self._earliness.least(now)
         if earliness is None:
-            return LEAST_DELAY
-        return min(MOST_DELAY, max(LEAST_DELAY, MARGIN - earliness))
+            return MIN_DELAY
+        return min(MAX_DELAY, max(MIN_DELAY, MARGIN - earliness))
 
     def delay(self, now: float) -> float:
         """The present delay, seconds."""

@@ -16,7 +16,7 @@ ROTATION_TYPES: Final = {
     motion_pb2.POSE_ENCODING_F32_LE: np.dtype(("<f4", 4)),
     motion_pb2.POSE_ENCODING_SMALLEST_THREE: np.dtype(("<u2", 3)),
 }
-MOST_BONES: Final = 52
+MAX_BONES: Final = 52
 MIDDLE: Final = 16383
 STEP: Final = 1 / (MIDDLE * 2**0.5)
 OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
@@ -52,14 +52,14 @@ class PoseLayout:
         )
 
     @classmethod
-    def of(cls, wanted: PoseFormat, skeleton: catalog_pb2.Skeleton) -> Self:
+    def of(cls, format: PoseFormat, skeleton: catalog_pb2.Skeleton) -> Self:
         """The layout of a reply without a header, as requested."""
         names = [bone.name for bone in skeleton.bones]
-        count = {"body": skeleton.posed_bones, "full": len(names)}.get(wanted.profile)
-        chosen = range(count) if count else sorted(map(names.index, wanted.bones))
-        encoding = enum_label(motion_pb2.PoseEncoding, wanted.encoding, "encoding")
+        count = {"body": skeleton.posed_bones, "full": len(names)}.get(format.profile)
+        chosen = range(count) if count else sorted(map(names.index, format.bones))
+        encoding = enum_label(motion_pb2.PoseEncoding, format.encoding, "encoding")
         return cls(
-            motion_pb2.StreamHeader(pose_encoding=encoding, sent_fps=wanted.fps, bones=chosen)
+            motion_pb2.StreamHeader(pose_encoding=encoding, sent_fps=format.fps, bones=chosen)
         )
 
     def unpack(self, poses: bytes) -> Unpacked:
@@ -132,7 +132,7 @@ class TierLayout:
 
     def _whole(self, frames: int) -> NDArray[np.float32]:
         """All bones, standing; fingers at rest [F, 52, 4]."""
-        whole = np.zeros((frames, MOST_BONES, 4), np.float32)
+        whole = np.zeros((frames, MAX_BONES, 4), np.float32)
         whole[..., 3] = 1.0
         whole[:, :BONES] = self._gait.stand
         return whole
@@ -151,8 +151,8 @@ def layouts_of(header: motion_pb2.StreamHeader) -> tuple[tuple[int, ...], list[L
     is_plain = tiers[0].pose_encoding != roots
     first = PoseLayout(header) if is_plain else None
     bones = first.bones if first else tuple(range(header.skeleton.posed_bones or BONES))
-    if any(bone >= MOST_BONES for tier in tiers for bone in tier.bones):
-        raise WayfarerError(f"the server sends bones beyond the {MOST_BONES} of this client")
+    if any(bone >= MAX_BONES for tier in tiers for bone in tier.bones):
+        raise WayfarerError(f"the server sends bones beyond the {MAX_BONES} of this client")
     basis = BASES[_basis_name(header.basis)]
     found: list[Layout] = []
     for tier in tiers:

@@ -28,7 +28,7 @@ MARGIN_M: Final = 0.03
 DEEP_M: Final = {"high": (0.002, 0.008), "low": (0.005, 0.016)}
 """Metres below a garment at its edge and at the margin's end, by detail: faces cut corners."""
 
-DEEPEST_M: Final = 0.05
+MAX_SHIFT_M: Final = 0.05
 """Metres that a vertex is moved at most."""
 
 OUTSIDE_M: Final = 0.03
@@ -43,7 +43,7 @@ TILT: Final = np.radians(35.0)
 HANGING_TILT, HANGING_M, HANGING_LOOSE_M = np.radians(8.0), 0.015, 0.25
 """As TILT, MARGIN_M and LOOSE_M, for what hangs around both legs."""
 
-OVER_M: Final = {"high": 0.003, "low": 0.006}
+CLEARANCE_M: Final = {"high": 0.003, "low": 0.006}
 """Metres that cloth keeps from what it is over, by detail."""
 
 FOLD_M, ALONG = 0.015, 0.6
@@ -127,7 +127,7 @@ def between(inner: Surface, cover: Surface, detail: str) -> Beneath:
     folds = listed[result.tucked[listed] & ~result.shifts[listed].any(-1)]
     inwards = -facing[near[folds]]
     under = ((inner.mean[folds] - shell[used[near[folds]]]) * inwards).sum(-1)
-    depth = (DEEP_M[detail][1] - under).clip(0.0, DEEPEST_M)
+    depth = (DEEP_M[detail][1] - under).clip(0.0, MAX_SHIFT_M)
     result.shifts[folds] = depth[:, None] * inwards
     return result
 
@@ -169,7 +169,7 @@ def _beneath(
     inside = np.clip(away / margin, 0.0, 1.0)
     least, most = DEEP_M[detail]
     wanted = least + (most - least) * inside
-    depths = np.where(tucked, np.clip(wanted - np.minimum(gaps, wanted), 0.0, DEEPEST_M), 0.0)
+    depths = np.where(tucked, np.clip(wanted - np.minimum(gaps, wanted), 0.0, MAX_SHIFT_M), 0.0)
     share = np.where(tucked, inside, 0.0)[:, None]
     weights = (1 - share) * inner.weights + share * moved
     return Beneath(hidden, tucked, -depths[:, None] * facing, weights)
@@ -215,7 +215,7 @@ def lifted(outer: Surface, inner: Surface, detail: str) -> Surface:
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
         rays = _Rays(inner.vertices[gender], inner.faces)
         enters, distance = rays.inwards(shell + OUTSIDE_M * normals, -normals)
-        missing = OVER_M[detail] + OUTSIDE_M - distance
+        missing = CLEARANCE_M[detail] + OUTSIDE_M - distance
         lift = np.where(enters & (distance < 2 * OUTSIDE_M), missing, 0.0).clip(0.0)
         lift = lift[:, None]
         for _ in range(SPREAD):

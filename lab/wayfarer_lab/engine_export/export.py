@@ -35,16 +35,16 @@ from wayfarer_lab.engine_export.weights import FLOATS_FILE, HALVES_FILE, SharedW
 TOLERANCE: Final = 1e-4
 """Largest difference from the served engine in one step: metres, and components of quaternions."""
 
-MOST_CANDIDATES: Final = 16
+MAX_CANDIDATES: Final = 16
 
 STEPS: Final = 12
 """Steps of the walk on which graphs are compared."""
 
-Told = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 def export_for_engines(
-    models: Path, out: Path, candidates: int, told: Told, halves: bool = False
+    models: Path, out: Path, candidates: int, report: Report, halves: bool = False
 ) -> None:
     """Write graphs, bodies, sidecar and page of a model folder to `out`; `told` hears of progress.
 
@@ -54,12 +54,12 @@ def export_for_engines(
     An earlier export in `out` is replaced file by file, and what else is there stays (Unity keeps
     its .meta files beside each file). Raises InvalidArgument, ArtifactError.
     """
-    if not 1 <= candidates <= MOST_CANDIDATES:
+    if not 1 <= candidates <= MAX_CANDIDATES:
         raise InvalidArgument(
-            f"{candidates} candidates; allowed: 1 to {MOST_CANDIDATES}", "candidates"
+            f"{candidates} candidates; allowed: 1 to {MAX_CANDIDATES}", "candidates"
         )
     _check_place(out)
-    told(f"reading {models}")
+    report(f"reading {models}")
     folder = load_models(models)
     bodies, poses = load_bodies(folder.body), load_start_poses(START_POSES)
     try:
@@ -68,7 +68,7 @@ def export_for_engines(
     except OSError as error:
         raise InvalidArgument(f"{out} cannot be written: {error.strerror}", "out") from error
     try:
-        _write(staging, folder, bodies, poses, candidates, told, halves)
+        _write(staging, folder, bodies, poses, candidates, report, halves)
         for file in staging.iterdir():
             file.replace(out / file.name)
     finally:
@@ -81,7 +81,7 @@ def _write(
     bodies: Bodies,
     poses: NDArray[np.float32],
     candidates: int,
-    told: Told,
+    report: Report,
     halves: bool,
 ) -> None:
     graphs, parts, differences = {}, {}, {}
@@ -105,7 +105,7 @@ def _write(
         if store is not None:
             store.take(written)
         file.write_bytes(written.SerializeToString())
-        told(f"{file.name}: {len(graph.graph.node)} nodes, {file.stat().st_size / 1e6:.1f} MB")
+        report(f"{file.name}: {len(graph.graph.node)} nodes, {file.stat().st_size / 1e6:.1f} MB")
         parts[gender] = body_parts(bodies[gender], poses)
         (out / body_file_name(gender)).write_bytes(
             b"".join(p.values.tobytes() for p in parts[gender])
@@ -120,7 +120,7 @@ def _write(
         for name, engine in engines.items():
             worst = walk.compared(out / graph_file(gender), engine)
             differences[f"{gender}, {name}"] = worst
-            told(f"{graph_file(gender)}: differs from {name} by {worst:.1e} at most")
+            report(f"{graph_file(gender)}: differs from {name} by {worst:.1e} at most")
     (out / FLOATS_FILE).unlink(missing_ok=True)
     files = {
         name: {
@@ -229,9 +229,9 @@ class _Walk:
                 self._steering,
             )
             expected = engine.step(self._gender, inputs)
-            wanted = {i.name: getattr(inputs, i.name) for i in session.get_inputs()}
-            found = dict(zip(names, session.run(names, wanted), strict=True))
-            worst = max(worst, self._difference(file.name, engine, found, expected))
+            feeds = {i.name: getattr(inputs, i.name) for i in session.get_inputs()}
+            outputs = dict(zip(names, session.run(names, feeds), strict=True))
+            worst = max(worst, self._difference(file.name, engine, outputs, expected))
             seed = Seeds(
                 expected.next_seed_markers,
                 expected.translation[:, -SEED_FRAMES:],
@@ -241,9 +241,9 @@ class _Walk:
         return worst
 
     @staticmethod
-    def _difference(name: str, engine: Engine, found: dict[str, Any], expected: Any) -> float:
+    def _difference(name: str, engine: Engine, outputs: dict[str, Any], expected: Any) -> float:
         worst = 0.0
-        for output, values in found.items():
+        for output, values in outputs.items():
             if output == "contacts":
                 continue  # 0 or 1, by thresholds that the last digit may cross
             off = float(np.abs(values - getattr(expected, output)).max())

@@ -19,7 +19,7 @@ import onnx
 from wayfarer.errors import ArtifactError
 from wayfarer_lab.engine_export.graph import operators
 
-MOST_DIMENSIONS: Final = 8
+MAX_DIMENSIONS: Final = 8
 """Maximum rank of a tensor in Unity."""
 
 SENTIS: Final = {
@@ -54,7 +54,7 @@ def check_operators(model: onnx.ModelProto, name: str) -> None:
         raise ArtifactError(f"{name}: Unity's Inference Engine has no {', '.join(missing)}")
     inferred = onnx.shape_inference.infer_shapes(model).graph
     for value in (*inferred.input, *inferred.value_info, *inferred.output):
-        if (rank := len(value.type.tensor_type.shape.dim)) > MOST_DIMENSIONS:
+        if (rank := len(value.type.tensor_type.shape.dim)) > MAX_DIMENSIONS:
             raise ArtifactError(
-                f"{name}: {value.name} has {rank} dimensions; Unity takes {MOST_DIMENSIONS}"
+                f"{name}: {value.name} has {rank} dimensions; Unity takes {MAX_DIMENSIONS}"
             )

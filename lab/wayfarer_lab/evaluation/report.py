@@ -79,11 +79,11 @@ def markdown(title: str, tables: Tables, made: Mapping[str, Any]) -> str:
     for name, rows in tables.items():
         if rows:
             parts.append(f"## {name}\n\n{_markdown_table(rows)}\n")
-    told = [f"- {key}: {value}" for key, value in made.items() if not isinstance(value, dict)]
+    lines = [f"- {key}: {value}" for key, value in made.items() if not isinstance(value, dict)]
     machine, versions = made["machine"], made["versions"]
-    told += [f"- {machine['cpu']}, {machine['cores']} cores"]
-    told += ["- " + ", ".join(f"{name} {number}" for name, number in versions.items())]
-    return "\n".join([*parts, *told]) + "\n"
+    lines += [f"- {machine['cpu']}, {machine['cores']} cores"]
+    lines += ["- " + ", ".join(f"{name} {number}" for name, number in versions.items())]
+    return "\n".join([*parts, *lines]) + "\n"
 
 
 def _markdown_table(rows: Sequence[Row]) -> str:

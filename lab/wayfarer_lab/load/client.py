@@ -17,7 +17,7 @@ from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
 from wayfarer_lab.load.wire import Connection, StreamError, followed, node_of
 
-AT_ONCE = 64
+AGENTS_PER_CALL = 64
 """Agents asked for in one call."""
 
 IN_FLIGHT = 256
@@ -63,7 +63,7 @@ class SimulatedClient:
         self.session_id = made.session.session_id
         wanted = self._plan.agents
         while wanted:
-            count = min(wanted, AT_ONCE)
+            count = min(wanted, AGENTS_PER_CALL)
             wanted -= count
             await self._create(count)
 

@@ -12,10 +12,10 @@ from wayfarer_lab.load.rings import LoadRing, WalkingViewpoint, check_rings
 
 TRANSPORTS = ("grpc", "websocket")
 
-MOST_AREA: Final = 1000.0
+MAX_AREA: Final = 1000.0
 """Metres: largest radius of the disc in which agents walk."""
 
-MOST_SPEED: Final = 100.0
+MAX_SPEED: Final = 100.0
 """Metres per second of a viewpoint."""
 
 
@@ -43,13 +43,13 @@ class LoadPlan:
         for name in ("slow", "vanishing", "goal_rate", "warm_up"):
             if getattr(self, name) < 0:
                 raise InvalidArgument(f"{name} must be 0 or more", name)
-        if not 0 < self.area <= MOST_AREA:
+        if not 0 < self.area <= MAX_AREA:
             raise InvalidArgument(
-                f"area is {self.area:g}; allowed: above 0, to {MOST_AREA:g} m", "area"
+                f"area is {self.area:g}; allowed: above 0, to {MAX_AREA:g} m", "area"
             )
-        if not 0 <= self.viewpoint_speed <= MOST_SPEED:
+        if not 0 <= self.viewpoint_speed <= MAX_SPEED:
             raise InvalidArgument(
-                f"viewpoint_speed is {self.viewpoint_speed:g}; allowed: 0 to {MOST_SPEED:g} m/s",
+                f"viewpoint_speed is {self.viewpoint_speed:g}; allowed: 0 to {MAX_SPEED:g} m/s",
                 "viewpoint_speed",
             )
         if self.seconds <= 0:

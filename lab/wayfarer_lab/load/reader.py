@@ -187,7 +187,9 @@ class GoalWatch:
         """`has_rings`: goals of agents out of sight do not count."""
         self._tally = tally
         self._has_rings = has_rings
-        self._asked: defaultdict[int, dict[int, float]] = defaultdict(dict)  # alias: revision: when
+        self._sent_goals: defaultdict[int, dict[int, float]] = defaultdict(
+            dict
+        )  # alias: revision: when
         self._shown: dict[int, tuple[int, float]] = {}  # alias: newest revision, first seen when
 
     def asked(self, alias: int, revision: int, since: float) -> None:
@@ -198,25 +200,25 @@ class GoalWatch:
         if shown >= revision:  # its first chunk was quicker than the answer
             self._tally.goal_latency.add(when - since)
         else:
-            self._asked[alias][revision] = since
+            self._sent_goals[alias][revision] = since
 
     def seen(self, alias: int, revision: int, now: float) -> None:
         """A pose planned for this revision has come. A newer goal answers for those it replaced."""
         if self._shown.get(alias, (-1, 0.0))[0] >= revision:
             return
         self._shown[alias] = (revision, now)
-        waiting = self._asked[alias]
+        waiting = self._sent_goals[alias]
         for known in [r for r in waiting if r <= revision]:
             self._tally.goal_latency.add(now - waiting.pop(known))
 
     def hide(self, alias: int) -> None:
         """The agent is out of sight from now on."""
         self._shown.pop(alias, None)
-        self._asked.pop(alias, None)
+        self._sent_goals.pop(alias, None)
 
     def finish(self, now: float) -> None:
         """Count the goals without a pose, as late as they are by now."""
-        for waiting in self._asked.values():
+        for waiting in self._sent_goals.values():
             for since in waiting.values():
                 if now - since > UNANSWERED_S:
                     self._tally.unanswered += 1

@@ -20,7 +20,7 @@ SHOWN = {
 
 FAULTS = ("silent", "unanswered", "repeated", "malformed", "popped")
 
-MOST_GENERATOR = 0.7
+MAX_GENERATOR_LOAD = 0.7
 """Cores used by the generator above which it may itself be late."""
 
 
@@ -39,7 +39,7 @@ def show(summary: dict[str, Any], console: Console) -> None:
         f"{summary['held']} held, {100 * summary['idle_share']:.0f} % of agents standing; "
         f"CPU in cores: server {server}, generator {cpu['generator']:.2f}"
     )
-    if cpu["generator"] > MOST_GENERATOR:
+    if cpu["generator"] > MAX_GENERATOR_LOAD:
         console.print("[yellow]the generator itself is busy: some of this lateness is its own")
     if memory := summary["server_rss_mb"]:
         console.print(

@@ -28,14 +28,14 @@ FORMATS: Final[Mapping[str, motion_pb2.PoseFormat | None]] = {
 }
 """How the people of a ring come, by its detail."""
 
-MOST_RINGS: Final = 8
-MOST_RADIUS: Final = 20_000.0
+MAX_RINGS: Final = 8
+MAX_RADIUS: Final = 20_000.0
 """Radius in metres of a last ring for which none is given."""
 
 EYES: Final = 1.7
 """Metres of the viewpoint above the ground."""
 
-LOOKS: Final = 10
+VIEWPOINTS_PER_S: Final = 10
 """Times a second that the viewpoint is sent: chunks last 0.2 s."""
 
 Place = Callable[[], common_pb2.Vector3]
@@ -45,12 +45,12 @@ class LoadRing(NamedTuple):
     """The people within a distance of the viewpoint, and how they come."""
 
     detail: str  # of `FORMATS`
-    radius: float = MOST_RADIUS  # metres
+    radius: float = MAX_RADIUS  # metres
 
     @property
     def name(self) -> str:
         """As the options of the command have it."""
-        return self.detail if self.radius == MOST_RADIUS else f"{self.detail}:{self.radius:g}"
+        return self.detail if self.radius == MAX_RADIUS else f"{self.detail}:{self.radius:g}"
 
 
 def parse_rings(text: str) -> tuple[LoadRing, ...]:
@@ -60,15 +60,15 @@ def parse_rings(text: str) -> tuple[LoadRing, ...]:
 
 def check_rings(rings: tuple[LoadRing, ...]) -> tuple[LoadRing, ...]:
     """The rings. Raises InvalidArgument where a server would refuse them."""
-    if len(rings) > MOST_RINGS:
-        raise InvalidArgument(f"{len(rings)} are too many; allowed: {MOST_RINGS}", "rings")
+    if len(rings) > MAX_RINGS:
+        raise InvalidArgument(f"{len(rings)} are too many; allowed: {MAX_RINGS}", "rings")
     before = 0.0
     for ring in rings:
-        if not before < ring.radius <= MOST_RADIUS:
+        if not before < ring.radius <= MAX_RADIUS:
             within = ", that of the ring within it," if before else ""
             raise InvalidArgument(
                 f"the radius of {ring.name} must be above {before:g} m{within} and at most "
-                f"{MOST_RADIUS:g} m; only the last ring may have none",
+                f"{MAX_RADIUS:g} m; only the last ring may have none",
                 "rings",
             )
         before = ring.radius
@@ -114,7 +114,7 @@ class WalkingViewpoint:
         opening = motion_pb2.StreamMotionRequest(session_id=session_id, interest=self._interest())
         yield control_pb2.ControlRequest(open=opening)
         while self._speed:
-            await asyncio.sleep(1 / LOOKS)
+            await asyncio.sleep(1 / VIEWPOINTS_PER_S)
             self._walk()
             viewpoints = motion_pb2.Viewpoints(viewpoints=[self._viewpoint()])
             yield control_pb2.ControlRequest(viewpoints=viewpoints)

@@ -10,7 +10,7 @@ from hdrh.histogram import HdrHistogram
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, STEP_SECONDS
 from wayfarer_lab.load.rings import LoadRing
 
-MOST_S = 60.0
+MAX_S = 60.0
 PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "p999": 99.9}
 
 
@@ -18,7 +18,7 @@ class Latencies:
     """Durations from 1 µs to a minute, to three digits; negative ones count as nothing."""
 
     def __init__(self) -> None:
-        self.histogram = HdrHistogram(1, int(MOST_S * 1e6), 3)
+        self.histogram = HdrHistogram(1, int(MAX_S * 1e6), 3)
 
     @classmethod
     def sum(cls, parts: Iterable[Self]) -> Self:
@@ -30,7 +30,7 @@ class Latencies:
 
     def add(self, seconds: float) -> None:
         """Count one."""
-        self.histogram.record_value(int(min(max(seconds, 1e-6), MOST_S) * 1e6))
+        self.histogram.record_value(int(min(max(seconds, 1e-6), MAX_S) * 1e6))
 
     @property
     def count(self) -> int:

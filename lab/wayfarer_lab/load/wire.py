@@ -133,8 +133,8 @@ def _motion(
 
 def node_of(error: grpc.aio.AioRpcError, target: Target) -> Target | None:
     """The node that a misdirected call names; None: the call was not misdirected."""
-    info, told = ErrorInfo(), cast("Iterable[tuple[str, Any]]", error.trailing_metadata() or ())
-    metadata = dict(told)
+    info, trailers = ErrorInfo(), cast("Iterable[tuple[str, Any]]", error.trailing_metadata() or ())
+    metadata = dict(trailers)
     for detail in Status.FromString(metadata.get("grpc-status-details-bin", b"")).details:
         if detail.Unpack(info) and info.reason == "MISDIRECTED":
             node = info.metadata

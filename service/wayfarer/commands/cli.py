@@ -105,8 +105,8 @@ def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> Non
 app = _group("Wayfarer: walking digital humans, streamed to engines and browsers.")
 
 
-def _tell_version(asked: bool) -> None:
-    if asked:
+def _tell_version(requested: bool) -> None:
+    if requested:
         typer.echo(f"wayfarer {__version__}")
         raise typer.Exit
 

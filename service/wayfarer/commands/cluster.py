@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # Ray takes seconds to import
 
 log = structlog.get_logger(__name__)
 
-LOOK_S: Final = 2.0
+POLL_S: Final = 2.0
 """Seconds between checks for new machines of Ray."""
 
 app = typer.Typer(
@@ -92,20 +92,20 @@ def _enter(
     from wayfarer.cluster.ray_cluster import RayCluster
 
     ray = RayCluster(address)
-    beside: contextlib.AbstractAsyncContextManager[None]
+    background: contextlib.AbstractAsyncContextManager[None]
     try:
         if lease is None:
             for host in ray.machines().values():
                 _check_links(settings, host)
-            link, beside = RayLink.find(), contextlib.nullcontext()
+            link, background = RayLink.find(), contextlib.nullcontext()
         else:
             link = ray.directory(LeaseRules(lease))
-            beside = _covered(ray, settings, node_port)
+            background = _covered(ray, settings, node_port)
 
         def announce(http_url: str, grpc_address: str) -> None:
             log.info("ready", http=http_url, grpc=grpc_address)
 
-        run(enter(settings, link, ray, beside, announce))
+        run(enter(settings, link, ray, background, announce))
     finally:
         leave(ray)
     log.info("stopped; the nodes go on")
@@ -116,7 +116,7 @@ async def _covered(ray: "RayCluster", settings: Settings, node_port: int) -> Asy
     """Keep a node on each of Ray's machines, also on new ones."""
     from wayfarer.cluster.actors import on_daemon
 
-    told = ""  # the last round's error
+    reported = ""  # the last round's error
     ports = {"http_port": node_port, "grpc_port": node_port and node_port + 1}
 
     def cover() -> None:
@@ -138,16 +138,16 @@ async def _covered(ray: "RayCluster", settings: Settings, node_port: int) -> Asy
             ray.keep(plan, NODE, machine)
 
     async def covering() -> None:
-        nonlocal told
+        nonlocal reported
         while True:
             try:
                 await on_daemon(cover)
-                told = ""
+                reported = ""
             except Exception as error:  # also of Ray; later machines get their nodes
-                if str(error) != told:
+                if str(error) != reported:
                     log.warning("machines without a node", reason=str(error))
-                told = str(error)
-            await asyncio.sleep(LOOK_S)
+                reported = str(error)
+            await asyncio.sleep(POLL_S)
 
     task = asyncio.create_task(covering(), name="machines")
     try:

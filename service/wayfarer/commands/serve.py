@@ -102,10 +102,10 @@ async def serve(
     motion.start()
     try:
         await server.start()
-        beside: AbstractAsyncContextManager[None] = nullcontext()
+        background: AbstractAsyncContextManager[None] = nullcontext()
         if node and tenancy:
-            beside = node.joined(tenancy, gateway, server.ports, stop.set)
-        async with beside:
+            background = node.joined(tenancy, gateway, server.ports, stop.set)
+        async with background:
             if shows_page:  # the page says that the server is starting, and continues by itself
                 open_page(server.http_url)
             await server.until_ready()

@@ -31,7 +31,7 @@ def load(command_line: Mapping[str, Any], file: Path | None = None) -> Settings:
     except tomllib.TOMLDecodeError as error:
         wrong.append(("config", f"{settings_file(file)} is not TOML: {error}"))
     except ValidationError as error:
-        wrong += [_told(one) for one in error.errors(include_url=False)]
+        wrong += [_explained(one) for one in error.errors(include_url=False)]
     if wrong:
         raise InvalidArgument("\n".join(what for _, what in wrong), wrong[0][0])
     return settings
@@ -66,7 +66,7 @@ def _merged(*sources: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _told(error: Any) -> tuple[str, str]:
+def _explained(error: Any) -> tuple[str, str]:
     """Key and sentence of an error that pydantic has found."""
     key = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":

@@ -90,5 +90,5 @@ class Archive:
     def origin(self) -> LogOrigin:
         """The properties of this server on which the motion of logs depends."""
         steering = self._worlds.settings.steering
-        asked = max(search.candidates for search in steering.searches.values())
-        return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)
+        candidates = max(search.candidates for search in steering.searches.values())
+        return LogOrigin(self._worlds.body, self._worlds.models.stamps, candidates)

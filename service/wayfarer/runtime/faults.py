@@ -29,21 +29,21 @@ class FaultLog:
         """
         self._meter.fault(fault.stage)
         is_new = self._is_new(fault)
-        whose = {
+        labels = {
             name: value
             for name, value in (("session", fault.session_id), ("agent", fault.agent_id))
             if value
         }
-        if is_new or (whose and fault.times == 1):
+        if is_new or (labels and fault.times == 1):
             log.error(
                 "an error was contained: all others continue",
                 stage=str(fault.stage),
                 error=repr(fault.error),
                 exc_info=fault.error if is_new else None,
-                **whose,
+                **labels,
             )
         if fault.given_up:
-            log.error("not tried again by itself", stage=str(fault.stage), **whose)
+            log.error("not tried again by itself", stage=str(fault.stage), **labels)
 
     def _is_new(self, fault: Fault) -> bool:
         """Whether this is the first error at its place in the code."""

@@ -16,7 +16,7 @@ WAIT_S: Final = 5.0
 CLOSE_S: Final = 2.0
 """Seconds that a move waits for calls in progress."""
 
-LOOK_S: Final = 0.005
+POLL_S: Final = 0.005
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ class SessionGates:
         try:
             async with asyncio.timeout(CLOSE_S):
                 while self._inside[group]:
-                    await asyncio.sleep(LOOK_S)
+                    await asyncio.sleep(POLL_S)
         except BaseException as error:
             self.open(name)
             if isinstance(error, TimeoutError):

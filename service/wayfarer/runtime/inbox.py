@@ -13,7 +13,7 @@ from wayfarer.errors import Unavailable, WayfarerError
 
 T = TypeVar("T")
 
-AT_ONCE = 256
+MAX_BATCH = 256
 """Maximum commands served in a row, so that many of them cannot delay the motion."""
 
 
@@ -100,7 +100,7 @@ class Inbox:
             first = self._queue.get(timeout=timeout) if timeout > 0 else self._queue.get_nowait()
         except queue.Empty:
             return
-        for command in [first, *self._drain(AT_ONCE)]:
+        for command in [first, *self._drain(MAX_BATCH)]:
             if command is not None:
                 command.run()
 

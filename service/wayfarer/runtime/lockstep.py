@@ -64,7 +64,7 @@ class LockStep:
         self._goal_events = GoalEvents(
             world.get_agent, partial(world.faults.agent, stage=Stage.EVENT)
         )
-        self._told: list[Event] = []  # since the last primitive
+        self._pending_events: list[Event] = []  # since the last primitive
         self._steps = self._position = 0
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="lock-step", daemon=True)
@@ -141,7 +141,9 @@ class LockStep:
 
     def _use_model(self, name: str) -> int:
         moved = self.world.use_model(name)
-        self._told += [model_changed(agent, self._steps * STEP_SECONDS) for agent in moved]
+        self._pending_events += [
+            model_changed(agent, self._steps * STEP_SECONDS) for agent in moved
+        ]
         return len(moved)
 
     def _run(self) -> None:
@@ -167,8 +169,8 @@ class LockStep:
         chunks = MotionChunks.join(parts) if parts else NO_CHUNKS
         chunks.scheduled_at[:] = self._steps * STEP_SECONDS
         met = [replace(e, at=self._steps * STEP_SECONDS) for _, e in self.world.take_events()]
-        events = (*self._goal_events.events(chunks), *met, *self._told)
-        self._told.clear()
+        events = (*self._goal_events.events(chunks), *met, *self._pending_events)
+        self._pending_events.clear()
         return Publication(self._position, chunks, events)
 
 

@@ -68,7 +68,9 @@ class MotionService:
         self._offline = Offline(worlds.settings.limits.offline_jobs)
         self._model_loader = ModelLoader(worlds.models, open_model)
         self._gates = SessionGates()
-        self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
+        self._creation_lock = (
+            asyncio.Lock()
+        )  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
         self._live = LiveMotion(
             self._world,
@@ -134,7 +136,7 @@ class MotionService:
             if spec.session_id is None:  # it gets a new id, so there is nothing to wait for
                 made = await self._create_session(spec)
             else:
-                async with self._door:
+                async with self._creation_lock:
                     await self._refuse_taken(spec.session_id)
                     made = await self._create_session(spec)
             return await self._persistence.durable(made)
@@ -295,7 +297,7 @@ class MotionService:
         """
         record = await self._archive.read_session(snapshot, attributes or {})
         scene = record.spec.scene
-        async with self._gates.through(scene) if scene else nullcontext(), self._door:
+        async with self._gates.through(scene) if scene else nullcontext(), self._creation_lock:
             await self._refuse_taken(record.session_id)
             if record.spec.lock_step:
                 made = await asyncio.to_thread(self._lock_steps.put, record)

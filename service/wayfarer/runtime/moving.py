@@ -35,7 +35,7 @@ CALL_S: Final = 0.1
 on the new server.
 """
 
-LOOK_S: Final = 0.002
+POLL_S: Final = 0.002
 
 
 class LiveMoves:
@@ -70,7 +70,7 @@ class LiveMoves:
             while not await self._live.ask(lambda world, _: _freeze(world, session_id)):
                 if asyncio.get_running_loop().time() > ends:
                     break
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(POLL_S)
             await self._live.send_rest(session_id)
         except BaseException:
             await self._thaw(session_id)

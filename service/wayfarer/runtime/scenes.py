@@ -35,8 +35,8 @@ from wayfarer.world.scenes.scene_registry import MAX_BAKES, SceneRegistry
 
 T = TypeVar("T")
 
-LOOKS: Final = 100
-LOOKS_EVERY: Final = 0.05
+POLLS: Final = 100
+POLL_S: Final = 0.05
 """Seconds between checks of the people who come."""
 
 
@@ -161,11 +161,11 @@ class SceneService:
             )
         async with self._gates.through(session_id):
             await self._live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
-        for _ in range(LOOKS):
+        for _ in range(POLLS):
             state = await self._live.ask(lambda world, now: world.crowds.state(session_id))
             if state.is_settled:
                 break
-            await asyncio.sleep(LOOKS_EVERY)
+            await asyncio.sleep(POLL_S)
         return state
 
     async def crowd(self, session_id: str) -> CrowdPeople | None:

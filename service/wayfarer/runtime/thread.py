@@ -41,7 +41,7 @@ log = structlog.get_logger(__name__)
 
 ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as hung
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
-TOLD_SECONDS: Final = 1.0  # minimum time between two logs of skipped steps
+LOG_INTERVAL_S: Final = 1.0  # minimum time between two logs of skipped steps
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
 BETWEEN_SECONDS: Final = 0.02
 """Minimum time between publications: otherwise every session would have a message for each engine
@@ -106,7 +106,7 @@ class MotionThread:
         self._thread = threading.Thread(target=self.run, name="motion-loop", daemon=True)
         self._started_at = self._beat = clock()
         self._failures_in_a_row = 0
-        self._told_at = float("-inf")  # when skipped steps were logged last
+        self._logged_at = float("-inf")  # when skipped steps were logged last
         self._publish_at = float("-inf")  # not before
         self._figures = ThreadFigures(meter)
 
@@ -138,8 +138,8 @@ class MotionThread:
         if self._phase is Phase.WARMING:
             return self._thread.is_alive()
         now = self._clock()
-        hung = now - self._beat >= ALIVE_SECONDS or self._pipeline.age(now) >= ALIVE_SECONDS
-        return self._phase is Phase.RUNNING and not hung
+        is_stalled = now - self._beat >= ALIVE_SECONDS or self._pipeline.age(now) >= ALIVE_SECONDS
+        return self._phase is Phase.RUNNING and not is_stalled
 
     def stats(self) -> LoopStats:
         """Must be called on the thread."""
@@ -319,8 +319,8 @@ class MotionThread:
         by_sight = self._world.skip(now + LEAVING_SECONDS)
         if skipped := int(by_sight.sum()):
             self._figures.skipped += by_sight
-            if now - self._told_at >= TOLD_SECONDS:
-                self._told_at = now
+            if now - self._logged_at >= LOG_INTERVAL_S:
+                self._logged_at = now
                 log.warning("primitives are left out: the motion loop is behind", steps=skipped)
 
     def _note_failure(self, error: Exception) -> None:

@@ -91,7 +91,7 @@ COMPRESSED: Final = Code(
 """The answer to a compressed request; gRPC unpacks the codings that it knows, within limits."""
 
 
-MOST_VIOLATIONS: Final = 16
+MAX_VIOLATIONS: Final = 16
 """Maximum number of violations in the error of one request."""
 
 

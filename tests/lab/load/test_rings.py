@@ -11,14 +11,14 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.v1 import common_pb2, motion_pb2
 from wayfarer_lab.load import rings
 from wayfarer_lab.load.plan import LoadPlan
-from wayfarer_lab.load.rings import MOST_RADIUS, LoadRing, WalkingViewpoint, parse_rings
+from wayfarer_lab.load.rings import MAX_RADIUS, LoadRing, WalkingViewpoint, parse_rings
 
 TEXT = "full:3.4,part:6.7,root"
 
 
 def test_rings_are_told_by_detail_and_radius():
     found = parse_rings(TEXT)
-    assert found == (LoadRing("full", 3.4), LoadRing("part", 6.7), LoadRing("root", MOST_RADIUS))
+    assert found == (LoadRing("full", 3.4), LoadRing("part", 6.7), LoadRing("root", MAX_RADIUS))
     assert ",".join(ring.name for ring in found) == TEXT
     assert parse_rings("") == ()
 
@@ -54,7 +54,7 @@ def viewpoint(monkeypatch):
     """Goes from corner to corner of a square of 10 m, at 2 m/s, on a clock of 1 s a look."""
     seconds = itertools.count()
     monkeypatch.setattr(rings, "time", SimpleNamespace(monotonic=lambda: next(seconds)))
-    monkeypatch.setattr(rings, "LOOKS", 1e6)
+    monkeypatch.setattr(rings, "VIEWPOINTS_PER_S", 1e6)
     corners = itertools.cycle([(0, 0), (10, 0), (10, 10), (0, 10)])
     return lambda speed: WalkingViewpoint(
         parse_rings(TEXT),
@@ -82,7 +82,7 @@ async def test_the_opening_states_rings_and_formats(viewpoint):
     full, part, root = opening.open.interest.rings
     assert not full.HasField("format") and full.radius == 3.4
     assert part.format.fps == 20 and len(part.format.bones) == 13
-    assert root.format.encoding == motion_pb2.POSE_ENCODING_ROOT and root.radius == MOST_RADIUS
+    assert root.format.encoding == motion_pb2.POSE_ENCODING_ROOT and root.radius == MAX_RADIUS
     assert len(opening.open.interest.viewpoints) == 1
 
 

@@ -5,7 +5,7 @@ from structlog.testing import capture_logs
 
 from tests.world.fakes import ManualClock
 from wayfarer.errors import InvalidArgument, Unauthenticated
-from wayfarer.transport.auth.keys import LOOK_S, KeyFile, new_key
+from wayfarer.transport.auth.keys import POLL_S, KeyFile, new_key
 from wayfarer.transport.edge.caller import Quota, Scope
 
 # fixed, since parametrized tests need the same names in every process
@@ -50,10 +50,10 @@ def test_a_changed_file_is_read_again(path):
     path.write_text(FILE + ADDED)
     with pytest.raises(Unauthenticated):  # looked at just now
         keys.caller(OTHER)
-    clock.now += LOOK_S
+    clock.now += POLL_S
     assert keys.caller(OTHER).name == "key:other"
     path.write_text(ADDED)
-    clock.now += LOOK_S
+    clock.now += POLL_S
     with pytest.raises(Unauthenticated):
         keys.caller(STUDIO)
 
@@ -73,7 +73,7 @@ def test_a_file_that_has_gone_bad_changes_nothing_and_is_logged(path, damage):
         path.unlink()
     else:
         path.write_text(damage)
-    clock.now += LOOK_S
+    clock.now += POLL_S
     with capture_logs() as lines:
         assert keys.caller(STUDIO)
     assert "stay good" in lines[0]["event"] and lines[0]["log_level"] == "error"
@@ -115,7 +115,7 @@ def test_a_caller_is_good_as_long_as_its_key_opens_as_much(path):
 
     def is_good(content: str) -> bool:
         path.write_text(content)
-        clock.now += LOOK_S
+        clock.now += POLL_S
         return keys.is_good(studio)
 
     assert keys.is_good(studio)

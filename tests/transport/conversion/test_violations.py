@@ -73,7 +73,7 @@ def test_a_value_is_repeated_in_part(value):
 def test_many_unknown_names_cost_little():
     names = {f"{'k' * 10_000}{number}": 1 for number in range(1000)}
     error = refused(schema.AgentSpec, names)
-    assert len(error.violations) == errors.MOST_VIOLATIONS
+    assert len(error.violations) == errors.MAX_VIOLATIONS
     assert str(error).endswith("; and 984 more") and len(str(error)) < 4000
 
 
@@ -87,5 +87,5 @@ def test_what_is_wrong_only_for_its_parts_is_left_out():
 def test_of_many_violations_the_first_are_told():
     one = {"type": "missing", "msg": "", "input": None}
     error = refusal([{**one, "loc": ("goals", i, "speed")} for i in range(100_000)])
-    assert len(error.violations) == errors.MOST_VIOLATIONS and len(str(error)) < 1000
-    assert str(error).endswith(f"; and {100_000 - errors.MOST_VIOLATIONS} more")
+    assert len(error.violations) == errors.MAX_VIOLATIONS and len(str(error)) < 1000
+    assert str(error).endswith(f"; and {100_000 - errors.MAX_VIOLATIONS} more")

@@ -242,7 +242,7 @@ async def test_few_meshes_are_received_at_a_time_and_none_for_ever(monkeypatch):
 
     waiting = [
         asyncio.create_task(api.scenes.create_from_mesh(OBJ_REQUEST, slow()))
-        for _ in range(uploads.AT_ONCE)
+        for _ in range(uploads.MAX_UPLOADS)
     ]
     await asyncio.sleep(0)
     with pytest.raises(ResourceExhausted) as caught:

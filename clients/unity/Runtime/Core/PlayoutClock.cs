@@ -9,8 +9,8 @@ namespace Wayfarer
     public sealed class PlayoutClock
     {
         private const double FirstDelay = 0.35;
-        private const double LeastDelay = 0.2;
-        private const double MostDelay = 1.5;
+        private const double MinDelay = 0.2;
+        private const double MaxDelay = 1.5;
         private const double Margin = 0.06; // over the worst lateness of the window
         private const double LatenessWindow = 20;
         private const double OffsetWindow = 30; // seconds; its fastest message counts as one without delay
@@ -63,7 +63,7 @@ namespace Wayfarer
         public double WantedDelay(double now)
         {
             double least = earliness.Least(now);
-            return double.IsNaN(least) ? LeastDelay : Math.Min(MostDelay, Math.Max(LeastDelay, Margin - least));
+            return double.IsNaN(least) ? MinDelay : Math.Min(MaxDelay, Math.Max(MinDelay, Margin - least));
         }
 
         /// <summary>The present delay, seconds.</summary>

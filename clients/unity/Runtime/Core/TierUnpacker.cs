@@ -12,7 +12,7 @@ namespace Wayfarer
     {
         private const int BodyBones = 22;
         private const int CyclePoses = 16;
-        private const int MostBones = 1024;
+        private const int MaxBones = 1024;
         private const double TurnUnit = Math.PI / 32768;
 
         private readonly int[] bones;
@@ -193,7 +193,7 @@ namespace Wayfarer
             public Packing(Tier tier, int[] bones)
             {
                 Poses.FrameBytes(tier.Encoding, tier.Bones.Count); // an unknown encoding throws at once
-                if (tier.Bones.Count > MostBones)
+                if (tier.Bones.Count > MaxBones)
                 {
                     throw new InvalidDataException(tier.Bones.Count + " bones are too many");
                 }

@@ -2,8 +2,8 @@
 // After warm-up nothing is allocated.
 
 const FIRST_DELAY = 0.35;
-const LEAST_DELAY = 0.2;
-const MOST_DELAY = 1.5;
+const MIN_DELAY = 0.2;
+const MAX_DELAY = 1.5;
 const MARGIN = 0.06; // over the worst lateness of the window
 const LATENESS_WINDOW = 20;
 const OFFSET_WINDOW = 30; // seconds; the fastest message of this window counts as one without delay
@@ -167,7 +167,7 @@ export class PlayoutClock {
     this.#earliness.look();
     const earliness = this.#earliness.found[0];
     numbers[WANTED] = earliness === earliness
-      ? Math.min(MOST_DELAY, Math.max(LEAST_DELAY, MARGIN - earliness)) : LEAST_DELAY;
+      ? Math.min(MAX_DELAY, Math.max(MIN_DELAY, MARGIN - earliness)) : MIN_DELAY;
   }
 
   #advance() {

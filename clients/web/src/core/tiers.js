@@ -6,7 +6,7 @@ import { ENCODING, unpackPoses } from "./poses.js";
 
 /** @typedef {import("./messages.js").Header} Header */
 
-const BONES = 22, POSES = 16, MOST_BONES = 1024;
+const BONES = 22, POSES = 16, MAX_BONES = 1024;
 const TURN = Math.PI / 32768;
 
 /** Unpacks the frames of one stream. Allocates nothing once the longest chunk has come. */
@@ -22,7 +22,7 @@ export class TierUnpacker {
     this.bones = Int32Array.from(header.bones);
     /** Numbers per frame. */
     this.width = 3 + 4 * header.bones.length;
-    if (header.tiers.some(({ bones }) => bones.length > MOST_BONES)) throw new Error("a tier has too many bones");
+    if (header.tiers.some(({ bones }) => bones.length > MAX_BONES)) throw new Error("a tier has too many bones");
     this.tiers = header.tiers.map(({ encoding, bones, sentFps }) => ({
       encoding, sentFps, count: bones.length,
       isWhole: bones.length === header.bones.length && bones.every((bone, k) => bone === header.bones[k]),

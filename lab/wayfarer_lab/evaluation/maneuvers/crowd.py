@@ -27,10 +27,10 @@ from wayfarer_lab.evaluation.takes import Take
 SPEED: Final = 1.2
 METRES: Final = 12.0
 SECONDS: Final = 8.0
-LONGEST: Final = round((METRES - BRAKING) / SPEED * FPS)
+FREE_FRAMES: Final = round((METRES - BRAKING) / SPEED * FPS)
 """Frames from the order on in which no one brakes yet."""
 
-MOST: Final = 0.9
+MIN_KNOWN: Final = 0.9
 """Share of the walkers whose phase has to be known."""
 
 
@@ -98,15 +98,15 @@ def crowd_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures
 
 def _phase(take: Take) -> np.ndarray:
     """The phase of a walk from 2 s on, by all its strikes; NaN where it is not known."""
-    walked = stride.steps(take[:LONGEST].ankles, take[:LONGEST].hips)
+    walked = stride.steps(take[:FREE_FRAMES].ankles, take[:FREE_FRAMES].hips)
     if walked is None:
-        return np.full(LONGEST - SPEEDING, np.nan)
-    return stride.phase(walked.of(0), LONGEST)[SPEEDING:]
+        return np.full(FREE_FRAMES - SPEEDING, np.nan)
+    return stride.phase(walked.of(0), FREE_FRAMES)[SPEEDING:]
 
 
 def _order(phases: np.ndarray) -> np.ndarray:
     """`crowd.phase_order` [T] of phases [N, T], NaN while too few are known."""
-    known = np.isfinite(phases).mean(0) >= MOST
+    known = np.isfinite(phases).mean(0) >= MIN_KNOWN
     return np.where(known, crowd.phase_order(phases), nan)
 
 

@@ -39,7 +39,7 @@ RANGE: Final = (0.9, 1.5)
 USED: Final = [k for k, name in enumerate(frechet.NAMES) if not name.endswith("height")]
 """Features left out: heights of body parts measure the person, not the walk."""
 
-ENOUGH: Final = 40
+MIN_WINDOWS: Final = 40
 """Least number of windows of each kind."""
 
 DRAWS: Final = 5
@@ -92,12 +92,12 @@ def compare(made: People, recorded: People) -> Figures:
         speeds = [np.hypot(rows[:, 0], rows[:, 1]) for rows, _ in (made, recorded)]
         one, other = likeness.matched(speeds[0], speeds[1], random)
         compared = len(one)
-        if compared < ENOUGH:
+        if compared < MIN_WINDOWS:
             return {"auc": nan, "frechet": nan, "compared": float(compared)}
         a, b = made[0][one][:, USED], recorded[0][other][:, USED]
         areas.append(likeness.told_apart(a, b, made[1][one], recorded[1][other]))
         scale = b.std(0) + 1e-6
-        enough = compared >= frechet.ENOUGH
+        enough = compared >= frechet.MIN_WINDOWS
         far.append(frechet.frechet(a / scale, b / scale) if enough else nan)
     known = [area for area in areas if not np.isnan(area)]
     return {

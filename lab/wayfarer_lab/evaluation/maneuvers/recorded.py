@@ -42,7 +42,7 @@ GENDER: Final = "male"
 HELDOUT: Final = f"{RECORDED}, held out"
 """The split that nothing is trained on; it has its own rows."""
 
-SHORTEST: Final = FPS
+MIN_FRAMES: Final = FPS
 """Shortest take in frames: 1 s."""
 
 SIDEWAYS: Final = (55.0, 125.0)
@@ -193,19 +193,19 @@ def parts(take: Take, flags: Flags, shortest: int) -> Iterator[Take]:
 
 def strafes(take: Take, use: Uses) -> Cut:
     """Stretches sideways and backward."""
-    if len(take) < SHORTEST:
+    if len(take) < MIN_FRAMES:
         return
     velocity = velocity_of(take, 0.5)
     off = off_way(take, velocity)
     goes = (np.linalg.norm(velocity, axis=-1) > STROLLING) & (use > 0)
     right = (velocity * np.stack([take.facing[:, 1], -take.facing[:, 0]], -1)).sum(-1) > 0
-    beside = goes & (off > SIDEWAYS[0]) & (off < SIDEWAYS[1])
+    sideways = goes & (off > SIDEWAYS[0]) & (off < SIDEWAYS[1])
     for case, flags in (
-        ("left", beside & ~right),
-        ("right", beside & right),
+        ("left", sideways & ~right),
+        ("right", sideways & right),
         ("back", goes & (off > BACKWARD)),
     ):
-        for part in parts(take, flags, SHORTEST):
+        for part in parts(take, flags, MIN_FRAMES):
             yield case, part
 
 
@@ -217,7 +217,7 @@ def stands(take: Take, use: Uses) -> Cut:
 
 def turns(take: Take, use: Uses) -> Cut:
     """Turns on the spot, with half a second on either side."""
-    if len(take) < SHORTEST:
+    if len(take) < MIN_FRAMES:
         return
     rate = smooth(np.gradient(take.heading) * FPS, 0.5)
     around = FPS // 2
@@ -295,7 +295,7 @@ def crowds(take: Take, use: Uses) -> Cut:
 
 def everything(take: Take, use: Uses) -> Cut:
     """All locomotion, since no recordings follow such orders."""
-    for part in parts(take, use == Use.LOCOMOTION, SHORTEST):
+    for part in parts(take, use == Use.LOCOMOTION, MIN_FRAMES):
         yield robust.RANDOM.cases[0].name, part
 
 

@@ -56,8 +56,8 @@ def _case(up: bool) -> Case:
     )
 
     def placed(spec: AgentSpec, random: np.random.Generator) -> AgentSpec:
-        beside = float(random.uniform(0.6, 1.4))
-        return replace(spec, position=(start, beside), heading=turn, floor=floor)
+        lateral = float(random.uniform(0.6, 1.4))
+        return replace(spec, position=(start, lateral), heading=turn, floor=floor)
 
     def plan(request: Request) -> Plan:
         return lambda agent: [Goal(goal, speed=SPEEDS[request.agent % len(SPEEDS)])]

@@ -83,8 +83,8 @@ def _off_goal(take: Take, goal: Goal | None, moment: int) -> Figures:
     if goal is not None:
         off["off_goal_cm"] = 100 * float(distances(take.hips[moment], goal))
         if goal.heading is not None:
-            asked = facing_at(goal.heading)
-            off["off_heading_deg"] = float(degrees_off(take.facing[moment], asked))
+            target = facing_at(goal.heading)
+            off["off_heading_deg"] = float(degrees_off(take.facing[moment], target))
     return off
 
 

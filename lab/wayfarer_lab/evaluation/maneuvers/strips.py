@@ -18,7 +18,7 @@ from wayfarer_lab.evaluation.pictures.stills import contact_sheet
 from wayfarer_lab.evaluation.takes import Take
 
 MOMENTS: Final = 14
-MOST_GOALS: Final = 4
+MAX_GOALS: Final = 4
 HEIGHT: Final = 200
 """Pixels of a body's cell."""
 
@@ -59,7 +59,7 @@ def worst_and_middle(values: list[float]) -> tuple[int, int]:
 
 def _few_goals(clip: Clip) -> Clip:
     """The take without its goals: one every quarter of a second would hide the floor."""
-    return replace(clip, goals=clip.goals if len(clip.goals) <= MOST_GOALS else ())
+    return replace(clip, goals=clip.goals if len(clip.goals) <= MAX_GOALS else ())
 
 
 def _caption(maneuver: Maneuver, word: str, take: Take, figures: Figures) -> str:

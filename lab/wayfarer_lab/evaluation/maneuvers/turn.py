@@ -40,11 +40,11 @@ def measure_turn(shot: MeasuredTake) -> Figures:
     rate = joints.turning_rate(take.heading)
     lifts = feet.lift_count(take.height)
     final = float(turned[-1])
-    asked = final if shot.goal is None else _asked(shot)
+    target = final if shot.goal is None else _target_turn(shot)
     apart = np.linalg.norm(take.hips[:, :2] - take.hips[0, :2], axis=-1)
     return {
         "turned_deg": abs(final),
-        "error_deg": abs(final - asked),
+        "error_deg": abs(final - target),
         "lifts": float(lifts),
         "no_lift": float(lifts == 0),
         "pivot_deg": feet.pivot(take.stances),
@@ -56,12 +56,12 @@ def measure_turn(shot: MeasuredTake) -> Figures:
     }
 
 
-def _asked(shot: MeasuredTake) -> float:
+def _target_turn(shot: MeasuredTake) -> float:
     """Degrees from the first heading to the target, on the side of the turn."""
     assert shot.goal is not None and shot.goal.heading is not None
     first, last = shot.take.heading[0], shot.take.heading[-1]
-    asked = float(np.degrees(shot.goal.heading)) - first
-    return asked + 360 * round((last - first - asked) / 360)
+    target = float(np.degrees(shot.goal.heading)) - first
+    return target + 360 * round((last - first - target) / 360)
 
 
 def turn_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:

@@ -50,7 +50,7 @@ SPEEDING: Final = 2 * FPS
 BRAKING: Final = 2.0
 """Metres before the goal that are no part of a steady walk."""
 
-LEAST: Final = round(1.5 * FPS)
+MIN_FRAMES: Final = round(1.5 * FPS)
 """Frames of a steady walk that is measured."""
 
 MOVING: Final = 0.3
@@ -80,7 +80,7 @@ def steady(shot: MeasuredTake) -> Take | None:
     if shot.goal is not None:
         end = first(distances(take.hips, shot.goal) <= BRAKING) or len(take)
         take = take[SPEEDING:end]
-    return take if len(take) >= LEAST else None
+    return take if len(take) >= MIN_FRAMES else None
 
 
 def start_seconds(take: Take) -> float:

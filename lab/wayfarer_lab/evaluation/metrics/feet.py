@@ -35,7 +35,7 @@ PATCH: Final = 0.010
 SWING_SPEED: Final = 0.7
 """Metres per second: a low foot that is faster swings, if the other foot bears the body."""
 
-SHORTEST: Final = 3
+MIN_STANCE: Final = 3
 """Shortest stance in frames."""
 
 RESTING: Final = round(0.2 * FPS)
@@ -131,7 +131,7 @@ def stances(soles: Array, height: Array | None = None) -> list[Stance]:
     found = []
     for foot in (0, 1):
         for run in runs(bears[:, foot]):
-            if run.stop - run.start < SHORTEST:
+            if run.stop - run.start < MIN_STANCE:
                 continue
             way = shift[run.start : run.stop - 1, foot].cumsum(0)
             found.append(

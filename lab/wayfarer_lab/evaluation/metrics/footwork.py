@@ -19,10 +19,10 @@ Array = NDArray[np.floating[Any]]
 SETS_OFF: Final = 0.03
 """Metres per second: hips that are faster have begun to set off."""
 
-LEAST_WAY: Final = 0.3
+MIN_DISTANCE: Final = 0.3
 """Metres that hips have to go before lifts for a metre mean anything."""
 
-LEAST_TURN: Final = 20.0
+MIN_TURN: Final = 20.0
 """Degrees of a turn of which shares are taken at least."""
 
 
@@ -47,7 +47,7 @@ def lift_ways(ankles: Array, height: Array) -> list[float]:
 def lifts_per_metre(hips: Array, height: Array) -> float:
     """Lifts of both feet for a metre of the hips' way; NaN when they go less than .3 m."""
     metres = travelled(hips)
-    return feet.lift_count(height) / metres if metres >= LEAST_WAY else nan
+    return feet.lift_count(height) / metres if metres >= MIN_DISTANCE else nan
 
 
 def lifts_per_second(height: Array) -> float:
@@ -58,13 +58,13 @@ def lifts_per_second(height: Array) -> float:
 def lifts_per_quarter(heading: Array, height: Array) -> float:
     """Lifts of both feet for each 90° by which a heading [T] has turned at the end."""
     turned = abs(float(heading[-1] - heading[0]))
-    return feet.lift_count(height) * 90 / turned if turned >= LEAST_TURN else nan
+    return feet.lift_count(height) * 90 / turned if turned >= MIN_TURN else nan
 
 
 def floor_turn_share(heading: Array, stances: list[feet.Stance]) -> float:
     """Share of a turn [T] that a foot turned on the floor while it bore, mean of both feet."""
     turned = abs(float(heading[-1] - heading[0]))
-    return feet.pivot(stances) / turned if turned >= LEAST_TURN else nan
+    return feet.pivot(stances) / turned if turned >= MIN_TURN else nan
 
 
 def lead(ahead: Array, heading: Array) -> float:

@@ -36,7 +36,7 @@ NAME: Final = "frechet_v1"
 FRAMES: Final = 2 * FPS
 HOP: Final = NEW_FRAMES
 SIZE: Final = 37
-ENOUGH: Final = 2 * SIZE
+MIN_WINDOWS: Final = 2 * SIZE
 """Minimum windows for a useful covariance, and so for a distance."""
 
 WAIST: Final = ("LFWT", "LBWT", "RFWT", "RBWT")
@@ -114,7 +114,7 @@ class Reference:
 
     def distance(self, values: Array) -> float:
         """Fréchet distance of features [W, 37]; NaN when there are too few windows of either."""
-        if min(len(values), len(self.values)) < ENOUGH:
+        if min(len(values), len(self.values)) < MIN_WINDOWS:
             return float("nan")
         scale = self.values.std(0) + 1e-6
         return frechet(values / scale, self.values / scale)

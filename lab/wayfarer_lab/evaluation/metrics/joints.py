@@ -59,14 +59,14 @@ def turning_rate(heading: Array) -> Array:
     return rate
 
 
-def turn_seconds(turned: Array, asked: float) -> float:
+def turn_seconds(turned: Array, target: float) -> float:
     """Seconds from 10 % to 90 % of a turn of `asked` degrees; turned [T] since the order.
 
     NaN when the turn is never done to 90 %, or there is none.
     """
-    if not asked:
+    if not target:
         return float("nan")
-    part = turned / asked
+    part = turned / target
     done = np.flatnonzero(part >= 0.9)
     if not len(done):
         return float("nan")

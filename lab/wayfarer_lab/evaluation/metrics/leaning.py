@@ -11,7 +11,7 @@ from wayfarer.spec import FPS
 Array = NDArray[np.floating[Any]]
 
 GRAVITY: Final = 9.81
-ENOUGH: Final = 1.5
+MIN_LEAN_DEG: Final = 1.5
 """Degrees of lean that physics has to ask for, so that a share of it means anything."""
 
 
@@ -44,7 +44,7 @@ def asked(hips: Array) -> float:
 def share_of_asked(ankles: Array, head: Array, hips: Array) -> float:
     """Inward lean over what physics asks for; NaN where that is less than 1.5°."""
     wanted = asked(hips)
-    if not abs(wanted) >= ENOUGH:
+    if not abs(wanted) >= MIN_LEAN_DEG:
         return nan
     return inward(ankles, head, hips, float(np.sign(wanted))) / abs(wanted)
 

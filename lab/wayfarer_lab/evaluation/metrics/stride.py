@@ -17,13 +17,13 @@ from wayfarer.spec import FPS
 
 Array = NDArray[np.floating[Any]]
 
-LEAST_STRIDE: Final = round(0.45 * FPS)
+MIN_STRIDE: Final = round(0.45 * FPS)
 """Frames from a strike of a foot to its next at least: 133 strides a minute, beyond any run."""
 
-LEAST_REACH: Final = 0.05
+MIN_SWING: Final = 0.05
 """Least swing of a foot relative to the hips, in metres."""
 
-ENOUGH: Final = 4
+MIN_STRIKES: Final = 4
 """Least number of strikes of a measured walk."""
 
 
@@ -69,14 +69,14 @@ def steps(ankles: Array, hips: Array) -> FootStrikes | None:
     strikes = [
         (int(frame), foot)
         for foot in (0, 1)
-        for frame in find_peaks(ahead[:, foot], distance=LEAST_STRIDE, prominence=LEAST_REACH)[0]
+        for frame in find_peaks(ahead[:, foot], distance=MIN_STRIDE, prominence=MIN_SWING)[0]
     ]
     kept: list[tuple[int, int]] = []
     for strike in sorted(strikes):
         if kept and kept[-1][1] == strike[1]:
             kept.pop()
         kept.append(strike)
-    if len(kept) < ENOUGH:
+    if len(kept) < MIN_STRIKES:
         return None
     frames, feet = (np.array(column) for column in zip(*kept, strict=True))
     places = ankles[frames, feet, :2]

@@ -21,7 +21,7 @@ NARROW: Final = 0.62  # width of a cell, in heights
 BAR: Final = 5  # pixels of a contact bar
 CAPTION: Final = 20  # pixels of a line of text over a row
 GAP: Final = 12  # pixels between two rows
-CHART_LEAST: Final = 900  # pixels that the foot chart is wide at least
+MIN_CHART_WIDTH: Final = 900  # pixels that the foot chart is wide at least
 
 
 def strip(
@@ -44,7 +44,7 @@ def strip(
     size = (round(NARROW * height), height)
     columns = min(columns, len(frames))
     rows = -(-len(frames) // columns)
-    chart = foot_chart(actor, max(columns * size[0], CHART_LEAST))
+    chart = foot_chart(actor, max(columns * size[0], MIN_CHART_WIDTH))
     sheet = Image.new("RGB", (chart.width, rows * height + chart.height), PAPER)
     for index, frame in enumerate(frames):
         cell = _cell(actor, frame, view, size)

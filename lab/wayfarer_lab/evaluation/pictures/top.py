@@ -16,7 +16,7 @@ Array = NDArray[np.floating[Any]]
 
 SMOOTH: Final = 3  # points drawn per pixel, each way
 MARGIN: Final = 0.5  # metres around everything
-LEAST: Final = 2.0  # metres that are shown at least: standing is not magnified
+MIN_SPAN: Final = 2.0  # metres that are shown at least: standing is not magnified
 TICK: Final = 0.4  # seconds between two facing ticks
 TRAILS: Final = (TRAIL, "#b5651d", "#6a4c93", "#00798c", "#8f2d56", "#7a7d1f", "#3d5a80", "#9c6644")
 
@@ -84,7 +84,7 @@ def top_view(actors: Sequence[ClipActor], size: Size) -> Image.Image:
     """
     everything = np.concatenate([_places(actor) for actor in actors])
     middle = (everything.min(0) + everything.max(0)) / 2
-    half = np.maximum((everything.max(0) - everything.min(0)) / 2 + MARGIN, LEAST / 2)
+    half = np.maximum((everything.max(0) - everything.min(0)) / 2 + MARGIN, MIN_SPAN / 2)
     plan = ScaleDrawing(middle - half, middle + half, size)
     _grid(plan)
     for number, actor in enumerate(actors):

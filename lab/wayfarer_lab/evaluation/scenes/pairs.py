@@ -18,7 +18,7 @@ from wayfarer.navigation.scene_spec import Point2
 
 Pair = tuple[Point2, Point2]
 
-SHORTEST = 1.0
+MIN_DISTANCE = 1.0
 """Least distance in metres: nearer goals do not test a path."""
 
 
@@ -32,7 +32,7 @@ def random_pairs(scene: Scene, count: int, random: np.random.Generator) -> list[
             path = scene.path(a, b)
         except Unreachable:
             continue
-        if path.start_moved == path.goal_moved == 0 and path.length > SHORTEST:
+        if path.start_moved == path.goal_moved == 0 and path.length > MIN_DISTANCE:
             pairs.append((a, b))
     return pairs
 

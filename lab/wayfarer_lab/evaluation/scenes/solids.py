@@ -63,24 +63,24 @@ def ground_height(scene: Scene, solids: Sequence[SceneSolid], points: Array) -> 
         if isinstance(solid, Ramp):
             along = _own(solid, points[..., :2])[..., 1] / solid.size[1] + 0.5
             top = solid.bottom + solid.height * along
-        inside = _beside(solid, points[..., :2]) <= 0
+        inside = _lateral_distance(solid, points[..., :2]) <= 0
         best = np.where(inside & (top <= reach), np.maximum(best, top), best)
     return best
 
 
 def signed_distance(solid: Solid | Obstacle, points: Array) -> Array:
     """Signed distance of points [..., 3]; near a ramp's edges it may be too small. [...]"""
-    beside = _beside(solid, points[..., :2])
+    lateral = _lateral_distance(solid, points[..., :2])
     low, high = solid.bottom, solid.bottom + solid.height
     above = np.maximum(low - points[..., 2], points[..., 2] - high)
-    outside = np.hypot(np.maximum(beside, 0), np.maximum(above, 0))
-    distance: Array = outside + np.minimum(np.maximum(beside, above), 0)
+    outside = np.hypot(np.maximum(lateral, 0), np.maximum(above, 0))
+    distance: Array = outside + np.minimum(np.maximum(lateral, above), 0)
     if isinstance(solid, Ramp):
         return np.maximum(distance, _above_slope(solid, points))
     return distance
 
 
-def _beside(solid: Solid | Obstacle, points: Array) -> Array:
+def _lateral_distance(solid: Solid | Obstacle, points: Array) -> Array:
     """Signed distance in plan, of points [..., 2]. [...]"""
     if isinstance(solid, Cylinder):
         return np.linalg.norm(points - np.asarray(solid.center), axis=-1) - solid.radius

@@ -27,7 +27,7 @@ ENDS: Final = (0.1, 0.9)
 """Quantiles that bound a range."""
 
 SPLIT: Final = "train"
-LEAST: Final = 4
+MIN_STRETCHES: Final = 4
 """Stretches that a range needs at least."""
 
 
@@ -96,7 +96,7 @@ def ranges_of(stretches: Iterable[Stretch]) -> Ranges:
                 for stretch in mine
                 if np.isfinite(stretch.values.get(figure, np.nan))
             ]
-            if len(known) >= LEAST:
+            if len(known) >= MIN_STRETCHES:
                 row[figure] = _range(known)
         for figure, (low, high) in situation.given.items():
             row[figure] = Range(low, high, (low + high) / 2, 0, 0)

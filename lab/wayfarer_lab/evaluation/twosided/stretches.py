@@ -27,7 +27,7 @@ FOOT_SPEED: Final = 0.25
 """Maximum speed of an ankle in a stand, m/s."""
 
 STANDS: Final = 3 * FPS
-LONGEST_STAND: Final = 20 * FPS
+MAX_STAND: Final = 20 * FPS
 """Maximum length in frames of a measured stand; longer ones are cut."""
 
 RADIUS: Final = (1.2, 3.2)
@@ -56,8 +56,8 @@ def stands(take: Take, use: Uses) -> Stretches:
     acts = (use == Use.EXCLUDED) | (use == Use.OTHER)
     low = (take.height < LOW).all(-1)
     for run in feet.runs(~acts & below & calm & low & (speed < FOOT_SPEED)):
-        for start in range(run.start, run.stop - STANDS + 1, LONGEST_STAND):
-            part = take[start : min(start + LONGEST_STAND, run.stop)]
+        for start in range(run.start, run.stop - STANDS + 1, MAX_STAND):
+            part = take[start : min(start + MAX_STAND, run.stop)]
             apart = np.linalg.norm(part.ankles - np.median(part.ankles, 0), axis=-1)
             if len(part) >= STANDS and apart.max() < PLANTED:
                 yield part

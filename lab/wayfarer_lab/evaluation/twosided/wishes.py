@@ -31,7 +31,7 @@ PULL: Final = (0.1, 0.25, 0.5)
 RADIUS: Final = 2.0
 """Metres, of the curve."""
 
-MOST_PULL: Final = 0.15
+MAX_PULL: Final = 0.15
 """Metres of the way back that are asked for at most."""
 
 
@@ -50,7 +50,7 @@ class Wish:
         found = np.stack([places[frame + k] - places[frame] for k in AHEAD])
         if self.stays:
             off = places[frame] - hips
-            off *= min(1.0, MOST_PULL / max(float(np.linalg.norm(off)), 1e-9))
+            off *= min(1.0, MAX_PULL / max(float(np.linalg.norm(off)), 1e-9))
             found = found + np.array(PULL)[:, None] * off
         return found
 

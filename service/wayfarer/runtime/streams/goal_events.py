@@ -13,7 +13,7 @@ from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.events import Event, EventKind
 
-BESIDE: Final = 0.3
+ARRIVAL_MARGIN: Final = 0.3
 """Metres outside the radius of its goal beyond which an agent has stopped short of it."""
 
 Place = tuple[int, int]  # revision, and number of a goal in that path
@@ -85,7 +85,7 @@ class GoalEvents:
         if info.goal is None or _place(chunk) != (info.goal_revision, info.waypoint):
             return text, ()
         away = dist(chunk.translation[-1, :2].tolist(), info.goal.position[:2])
-        if away <= info.goal.radius + BESIDE:
+        if away <= info.goal.radius + ARRIVAL_MARGIN:
             return text, ()
         return text + " as nearly as others let it, {} from it", (Metres(round(away, 2)),)
 

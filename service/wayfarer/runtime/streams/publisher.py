@@ -29,7 +29,7 @@ from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.events import Event, EventKind
 
-LEAST_STEP: Final = 1e-3
+MIN_STEP: Final = 1e-3
 """Minimum seconds that a publication counts, so that a limit in seconds limits their number."""
 
 Delivery = tuple[Subscription, QueuedPublication, bool]
@@ -240,10 +240,10 @@ class _Log:
     def _step(self, publication: Publication) -> float:
         """Seconds of motion since the last publication: a schedule that was moved is no motion."""
         if not publication.chunks:
-            return LEAST_STEP
+            return MIN_STEP
         at, last = publication.scheduled_at, self._last_at
         self._last_at = at
-        return LEAST_STEP if last is None else min(max(at - last, LEAST_STEP), STEP_SECONDS)
+        return MIN_STEP if last is None else min(max(at - last, MIN_STEP), STEP_SECONDS)
 
     def answer(self, chunks: MotionChunks, meter: MetricsSink) -> None:
         """Measures the goals whose first chunks these are."""

@@ -11,7 +11,7 @@ from wayfarer.transport.edge.caller import LOCAL, Caller, Scope
 if TYPE_CHECKING:
     from wayfarer.transport.auth.tokens import TokenCheck
 
-MOST_BYTES = 8192
+MAX_BYTES = 8192
 """Maximum length of a key or token in characters; longer ones are refused unread."""
 
 
@@ -77,8 +77,8 @@ class Authenticator:
         if self._certificate_scopes is not None and not shown.certificate:
             raise Unauthenticated("a client certificate is required; connect with one")
         secret = shown.api_key or shown.bearer
-        if len(secret) > MOST_BYTES:
-            raise Unauthenticated(f"a key or token has {MOST_BYTES} characters at most")
+        if len(secret) > MAX_BYTES:
+            raise Unauthenticated(f"a key or token has {MAX_BYTES} characters at most")
         if secret.startswith(KEY_PREFIX) and self._keys:
             return self._keys.caller(secret)
         if shown.bearer and self._tokens:

@@ -28,7 +28,7 @@ from wayfarer.transport.edge.caller import Caller, Quota, Scope
 log = structlog.get_logger(__name__)
 
 KEY_PREFIX: Final = "wf_"
-LOOK_S: Final = 1.0
+POLL_S: Final = 1.0
 """Seconds between checks for changes of the file."""
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._@-]{0,63}$")]
@@ -97,7 +97,7 @@ class KeyFile:
 
     def _look(self) -> None:
         now = self._clock()
-        if now - self._looked_at >= LOOK_S:
+        if now - self._looked_at >= POLL_S:
             self._looked_at = now
             if _mark(self._path) != self._mark:
                 self.reload()

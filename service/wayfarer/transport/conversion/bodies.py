@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from wayfarer.body.library import Detail, load_body
 from wayfarer.body.model import Array, BodyModel
-from wayfarer.body.phenotype import LIMITS, betas_from_phenotype, height_of
+from wayfarer.body.phenotype import betas_from_phenotype, height_of
 from wayfarer.body.proportions import BodyFit, fit_betas
 from wayfarer.spec import BETAS
 
@@ -31,7 +31,3 @@ class BodyLibrary:
     def fit(self, joints: Mapping[str, Array], floor: float | None, gender: str | None) -> BodyFit:
         """See `fit_betas`."""
         return fit_betas(joints, floor, gender, self.name)
-
-    def height_range(self) -> tuple[float, float]:
-        """Minimum and maximum standing height in metres that a phenotype may ask for."""
-        return LIMITS["height_m"]

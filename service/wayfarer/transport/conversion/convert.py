@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.outfit import check_outfit, look
+from wayfarer.body.phenotype import LIMITS
 from wayfarer.body.skeleton import load_skeleton, parents
 from wayfarer.clips.files import FileOptions
 from wayfarer.engines.models import ModelInfo
@@ -34,9 +35,8 @@ from wayfarer.transport.conversion.motion_files import file_fields
 from wayfarer.transport.conversion.units import in_world, on_wire, place, vector
 from wayfarer.transport.streams.detail_levels import DetailRing, ViewPlace
 from wayfarer.world.agents import agent as runtime
-from wayfarer.world.agents.goal import Goal
 
-FARTHEST_VIEW: Final = 1e6
+MAX_VIEW_DISTANCE: Final = 1e6
 """Maximum distance of a camera from the origin along each axis, in metres."""
 
 REACH: Final = 0.01, 100.0
@@ -55,8 +55,8 @@ def in_basis(axes: Axes) -> Iterator[None]:
         yield
     except Unreachable as error:
         nearest = vector(axes.points_to_wire(np.array(error.nearest)))
-        told = written(error.text, axes)
-        raise Unreachable(told, (nearest.x, nearest.y, nearest.z)) from None
+        text = written(error.text, axes)
+        raise Unreachable(text, (nearest.x, nearest.y, nearest.z)) from None
     except InvalidArgument as error:
         raise InvalidArgument(written(error.text, axes), error.field) from None
 
@@ -134,7 +134,7 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
         state=info.state,
         position=vector(axes.points_to_wire(np.array(info.position, dtype=float))),
         heading=axes.heading_to_wire(info.heading),
-        goal=None if info.goal is None else goal_message(info.goal, axes),
+        goal=None if info.goal is None else schema.Goal(**on_wire(schema.Goal, info.goal, axes)),
         goal_revision=info.goal_revision,
         created_at_us=microseconds(info.created_at),
         rest_offsets=rest_offsets(bodies, spec.gender, spec.betas, basis),
@@ -150,16 +150,6 @@ def drawn_seed(session_seed: int, number: int) -> int:
     """The seed of the `number`-th agent of a session, from 0, that was created without a seed."""
     drawn = sha256(f"{session_seed}/{number}".encode()).digest()
     return int.from_bytes(drawn[:4], "little")
-
-
-def goal_message(found: Goal, axes: Axes) -> schema.Goal:
-    """Describes a goal for its client."""
-    return schema.Goal(**on_wire(schema.Goal, found, axes))
-
-
-def agent_change(request: schema.AgentUpdate) -> runtime.AgentChange:
-    """Converts each field."""
-    return runtime.AgentChange(**request.model_dump())
 
 
 def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
@@ -201,8 +191,8 @@ def viewpoints(
     for k, view in enumerate(request):
         where = f"{field}[{k}]"
         position = place(view.position, axes)
-        if max(map(abs, position)) > FARTHEST_VIEW:
-            most = _written(Metres(FARTHEST_VIEW), axes)
+        if max(map(abs, position)) > MAX_VIEW_DISTANCE:
+            most = _written(Metres(MAX_VIEW_DISTANCE), axes)
             raise InvalidArgument(f"is more than {most} from the origin", f"{where}.position")
         if view.reach and not REACH[0] <= view.reach <= REACH[1]:
             allowed = f"{REACH[0]:g} to {REACH[1]:g}, or 0 for 1"
@@ -228,7 +218,7 @@ def skeleton() -> schema.Skeleton:
 def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
     """A catalogue entry."""
     model = bodies.model(gender)
-    least, greatest = bodies.height_range()
+    least, greatest = LIMITS["height_m"]
     return schema.Body(
         name=bodies.name,
         gender=gender,

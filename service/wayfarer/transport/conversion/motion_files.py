@@ -87,7 +87,7 @@ async def live_motion(
     Raises NotFound; ResourceExhausted if this reader is too slow to receive everything.
     """
     known = {info.alias: info for info in await service.list_agents(session_id)}
-    told: set[int] = set()
+    described: set[int] = set()
     options = StreamOptions(slow_reader=SlowReader.DISCONNECT)
     subscription = await service.subscribe(session_id, options)
     end: float | None = None
@@ -98,10 +98,10 @@ async def live_motion(
                 end = end if end is not None else published.scheduled_at + seconds
                 if published.scheduled_at >= end - 1e-6:
                     return
-                new = {int(alias) for alias in published.chunks.alias} - told
+                new = {int(alias) for alias in published.chunks.alias} - described
                 if not new <= known.keys():
                     known |= {info.alias: info for info in await service.list_agents(session_id)}
-                told |= new
+                described |= new
                 yield replace(published, added=tuple(known[alias] for alias in sorted(new)))
     except TimeoutError:
         return  # with the motion so far

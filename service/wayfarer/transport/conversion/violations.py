@@ -7,7 +7,7 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel, ValidationError
 
 from wayfarer.errors import InvalidArgument, unknown_name
-from wayfarer.transport.errors import MOST_VIOLATIONS, InvalidRequest
+from wayfarer.transport.errors import MAX_VIOLATIONS, InvalidRequest
 from wayfarer.transport.schema import LINE
 
 VALUE_LENGTH: Final = 40
@@ -64,8 +64,10 @@ def refusal(
     """
     around = {e["loc"][:depth] for e in found for depth in range(len(e["loc"]))}
     causes = [e for e in found if e["loc"] not in around]
-    told = [(field_path((*within, *e["loc"])), sentence(e, kind)) for e in causes[:MOST_VIOLATIONS]]
-    return InvalidRequest(told, len(causes) - len(told))
+    violations = [
+        (field_path((*within, *e["loc"])), sentence(e, kind)) for e in causes[:MAX_VIOLATIONS]
+    ]
+    return InvalidRequest(violations, len(causes) - len(violations))
 
 
 def sentence(error: Mapping[str, Any], kind: Any = None) -> str:

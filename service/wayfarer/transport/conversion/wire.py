@@ -21,7 +21,7 @@ from wayfarer.transport.contract import Rpc, twin_of
 from wayfarer.transport.conversion.violations import invalid_request
 from wayfarer.v1 import common_pb2
 
-MOST_ITEMS: Final = 2048
+MAX_ITEMS: Final = 2048
 """Maximum items of a list in a request; no schema allows more."""
 
 VECTOR: Final = common_pb2.Vector3.DESCRIPTOR
@@ -144,8 +144,8 @@ def values(message: ProtoMessage, path: str = "") -> dict[str, Any]:
         value = getattr(message, field.name)
         inner = f"{path}.{field.name}" if path else field.name
         if field.is_repeated:
-            if len(value) > MOST_ITEMS:
-                raise InvalidArgument(f"has {len(value)} items; allowed: {MOST_ITEMS}", inner)
+            if len(value) > MAX_ITEMS:
+                raise InvalidArgument(f"has {len(value)} items; allowed: {MAX_ITEMS}", inner)
             found[field.name] = [_value(field, v, f"{inner}[{i}]") for i, v in enumerate(value)]
         elif (
             message.HasField(field.name) if field.has_presence else field.enum_type is None or value

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PREFIX: Final = re.compile(r"(/[\w.~-]+)+")
 """A prefix of all paths; "." and ".." are not parts of it."""
-MOST: Final = 200
+MAX_LENGTH: Final = 200
 """Maximum characters of a prefix."""
 HEADER: Final = "x-forwarded-prefix"
 
@@ -22,7 +22,7 @@ Network = IPv4Network | IPv6Network
 def is_prefix(text: str) -> bool:
     """Whether the server may be mounted below this path."""
     dots = any(part in (".", "..") for part in text.split("/"))
-    return len(text) <= MOST and PREFIX.fullmatch(text) is not None and not dots
+    return len(text) <= MAX_LENGTH and PREFIX.fullmatch(text) is not None and not dots
 
 
 class UnderPrefix:
@@ -63,13 +63,13 @@ class UnderPrefix:
         await self._app(scope, receive, sent)
 
     def _prefix(self, scope: Scope) -> str:
-        told = Headers(scope=scope).get(HEADER, "").rstrip("/")
+        prefix = Headers(scope=scope).get(HEADER, "").rstrip("/")
         client = scope.get("client")
-        if told and client and is_prefix(told):
+        if prefix and client and is_prefix(prefix):
             try:
                 address = ip_address(client[0])
             except ValueError:  # the address of a Unix socket
                 return self._root_path
             if any(address in network for network in self._proxies):
-                return told
+                return prefix
         return self._root_path

@@ -4,7 +4,7 @@ import ssl
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import grpc
 import structlog
@@ -14,7 +14,7 @@ from wayfarer.errors import InvalidArgument
 
 log = structlog.get_logger(__name__)
 
-SOON: Final = timedelta(days=14)
+EXPIRY_WARNING: Final = timedelta(days=14)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +63,6 @@ class Tls:
             require_client_auth=self.client_ca is not None,
         )
 
-    def grpc_channel(self) -> Any:
-        """A channel to a server of the same authority, which requires this certificate."""
-        assert self.client_ca is not None
-        return grpc.ssl_channel_credentials(
-            self.client_ca.read_bytes(), self.key.read_bytes(), self.cert.read_bytes()
-        )
-
 
 def peer_tls(settings: PeerTls) -> Tls | None:
     """TLS between nodes, and between entries and nodes. Raises InvalidArgument as `Tls.check`."""
@@ -98,7 +91,7 @@ def _dated(setting: str, path: Path) -> None:
     ends = min(certificate.not_valid_after_utc for certificate in found)
     if ends < now:
         raise InvalidArgument(f"setting {setting}: {path} has expired on {ends:%Y-%m-%d}", setting)
-    if ends < now + SOON:
+    if ends < now + EXPIRY_WARNING:
         log.warning("certificate expires soon", setting=setting, on=f"{ends:%Y-%m-%d}")
 
 

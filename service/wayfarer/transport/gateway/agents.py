@@ -11,9 +11,9 @@ from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import OpenSession
-from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.agent import AgentChange, AgentInfo
 
-AT_ONCE: Final = 4
+YIELD_EVERY: Final = 4
 """Number of agents that are described before other calls get a turn."""
 
 
@@ -34,17 +34,17 @@ class AgentApi:
 
     async def _create(self, session_id: str, request: schema.NewAgents) -> schema.Agents:
         session = self._context.book.session(session_id)
-        most, asked = self._context.limits.agents_per_call, len(request.agents)
-        if asked > most:
-            raise InvalidArgument(f"1 to {most} agents per call, not {asked}", "agents")
-        with self._context.book.agent_room(current_caller(), asked):
+        most, count = self._context.limits.agents_per_call, len(request.agents)
+        if count > most:
+            raise InvalidArgument(f"1 to {most} agents per call, not {count}", "agents")
+        with self._context.book.agent_room(current_caller(), count):
             made = await self._made(session, request)
             self._context.book.enter_agents(session, made)
         return await self._described(session, made)
 
     async def _made(self, session: OpenSession, request: schema.NewAgents) -> list[AgentInfo]:
-        first, asked = session.drawn, len(request.agents)
-        session.drawn += asked  # before the first await: concurrent calls draw other seeds
+        first, count = session.drawn, len(request.agents)
+        session.drawn += count  # before the first await: concurrent calls draw other seeds
         try:
             specs = [
                 convert.agent_spec(
@@ -58,7 +58,7 @@ class AgentApi:
             with convert.in_basis(session.basis.axes):
                 return await self._context.service.create_agents(session.session_id, specs)
         except BaseException:
-            if session.drawn == first + asked:
+            if session.drawn == first + count:
                 session.drawn = first
             raise
 
@@ -80,7 +80,8 @@ class AgentApi:
     async def update(self, agent_id: str, request: schema.AgentUpdate) -> schema.Agent:
         """Changes its name or its foot lock. Raises NotFound, InvalidArgument."""
         session = await self._context.session_of(agent_id)
-        info = await self._context.service.update_agent(agent_id, convert.agent_change(request))
+        change = AgentChange(**request.model_dump())
+        info = await self._context.service.update_agent(agent_id, change)
         return convert.agent(info, session.basis, self._context.bodies)
 
     @implements("DeleteAgent")
@@ -99,7 +100,7 @@ class AgentApi:
         """Describes a few at a time: each takes half a millisecond in which other calls wait."""
         described: list[schema.Agent] = []
         for info in infos:
-            if len(described) % AT_ONCE == 0:
+            if len(described) % YIELD_EVERY == 0:
                 await asyncio.sleep(0)
             described.append(convert.agent(info, session.basis, self._context.bodies))
         return schema.Agents(agents=tuple(described))

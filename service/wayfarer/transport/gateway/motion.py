@@ -5,14 +5,13 @@ from collections.abc import AsyncGenerator, AsyncIterator, Callable, Sequence
 from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
-from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.streams.publications import Publication, StreamOptions
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseFormat
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Basis
-from wayfarer.transport.conversion.motion_files import motion_file, parts_of, performances
+from wayfarer.transport.conversion.motion_files import motion_file, parts_of
 from wayfarer.transport.edge.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements, needs
 from wayfarer.transport.gateway.goals import path
@@ -99,13 +98,6 @@ class MotionApi:
             async with aclosing(writer.offline(made)) as parts:
                 async for header, batch in parts:
                     yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
-
-    @needs(Scope.CONTROL)
-    async def generate_motion(self, request: schema.ClipRequest) -> Clip:
-        """Returns the clip in world space. Raises as `generate_clip`."""
-        with convert.in_basis(request.basis.axes):
-            [person] = await performances(self._made(request), self._context.bodies.name)
-            return person.clip
 
     def _made(self, request: schema.ClipRequest) -> AsyncGenerator[Publication]:
         context, limits = self._context, self._context.limits
@@ -210,9 +202,11 @@ class MotionApi:
         return session.gone(await self._context.service.list_agents(session.session_id))
 
 
-def _levels(asked: schema.Interest | None, usual: PoseFormat, basis: Basis) -> DetailLevels | None:
+def _levels(
+    interest: schema.Interest | None, usual: PoseFormat, basis: Basis
+) -> DetailLevels | None:
     """The rings and viewpoints with which a stream is opened. Raises InvalidArgument."""
-    if asked is None:
+    if interest is None:
         return None
-    views = convert.viewpoints(asked.viewpoints, basis.axes, "interest.viewpoints")
-    return DetailLevels(convert.rings(asked, usual, basis.axes), views)
+    views = convert.viewpoints(interest.viewpoints, basis.axes, "interest.viewpoints")
+    return DetailLevels(convert.rings(interest, usual, basis.axes), views)

@@ -22,7 +22,7 @@ ID_LENGTH: Final = schema.ID_LENGTH
 LEASE_S: Final = 60.0
 """Lease of a session whose request names none."""
 
-TOLD_GONE: Final = 1024
+MAX_DELETIONS: Final = 1024
 """A resumed stream receives deletions among this many newest agents of its session."""
 
 
@@ -68,7 +68,7 @@ class OpenSession:
         """
         living = {*self.aliases.values(), *(agent.alias for agent in agents)}
         self.last_alias = max((self.last_alias, *living))
-        first = max(self.last_alias - TOLD_GONE, 0) + 1
+        first = max(self.last_alias - MAX_DELETIONS, 0) + 1
         return [alias for alias in range(first, self.last_alias + 1) if alias not in living]
 
     def describe(self, info: SessionInfo) -> schema.Session:

@@ -7,7 +7,7 @@ from typing import Final
 
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 
-AT_ONCE: Final = 2
+MAX_UPLOADS: Final = 2
 """Maximum number of files that are received at the same time."""
 
 WHOLE_S: Final = 60.0
@@ -21,7 +21,7 @@ class Uploads:
 
     def __init__(self, most_bytes: int) -> None:
         self._most = most_bytes
-        self._free = AT_ONCE
+        self._free = MAX_UPLOADS
 
     @asynccontextmanager
     async def received(self, pieces: AsyncIterator[bytes], field: str) -> AsyncIterator[bytes]:
@@ -32,7 +32,7 @@ class Uploads:
         """
         if not self._free:
             raise ResourceExhausted(
-                f"{AT_ONCE} files are being received, as many as may be", RETRY_AFTER
+                f"{MAX_UPLOADS} files are being received, as many as may be", RETRY_AFTER
             )
         self._free -= 1
         try:

@@ -54,9 +54,9 @@ def _text(item: tuple[str, motion_pb2.Event] | None) -> str:
     if item is None:
         return ":\n\n"
     token, event = item
-    told = schema.Event.model_validate(wire.values(event))
+    message = schema.Event.model_validate(wire.values(event))
     name = f"id: {token}\n" if token else ""  # an empty id would make the reader forget its last
-    return f"{name}event: {told.kind}\ndata: {told.model_dump_json()}\n\n"
+    return f"{name}event: {message.kind}\ndata: {message.model_dump_json()}\n\n"
 
 
 def _problem_text(error: Exception) -> str:

@@ -55,10 +55,10 @@ class PageFiles(StaticFiles):
         self, full_path: PathLike, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
         """Like StaticFiles; text is compressed if the browser accepts that."""
-        file, asked = Path(full_path), Headers(scope=scope)
+        file, requested = Path(full_path), Headers(scope=scope)
         if file.suffix not in COMPRESSIBLE:
             return super().file_response(full_path, stat_result, scope, status_code)
-        zipped = "gzip" in asked.get("accept-encoding", "")
+        zipped = "gzip" in requested.get("accept-encoding", "")
         if file.name == "index.html":
             self._version = _version(self._folder)
             page = PRELOAD.sub(lambda link: _preloads(file.parent, link), file.read_text("utf-8"))
@@ -73,7 +73,7 @@ class PageFiles(StaticFiles):
             headers["content-encoding"] = "gzip"
         kind = mimetypes.guess_type(file.name)[0]
         response = Response(content, status_code, headers, kind)
-        if self.is_not_modified(response.headers, asked):
+        if self.is_not_modified(response.headers, requested):
             return NotModifiedResponse(response.headers)
         return response
 

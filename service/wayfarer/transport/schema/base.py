@@ -66,9 +66,9 @@ class Message(BaseModel):
 
 
 class OneOf(Message):
-    """Exactly one of its fields is given and not null, apart from fields in `BESIDE`."""
+    """Exactly one of its fields is given and not null, apart from fields in `COMMON_FIELDS`."""
 
-    BESIDE: ClassVar[frozenset[str]] = frozenset()
+    COMMON_FIELDS: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -82,7 +82,7 @@ class OneOf(Message):
         schema["oneOf"] = [
             {"required": [name], "properties": {name: {"type": "object"}}}
             for name in schema["properties"]
-            if name not in cls.BESIDE
+            if name not in cls.COMMON_FIELDS
         ]
         return made
 
@@ -90,12 +90,14 @@ class OneOf(Message):
     def given(self) -> tuple[str, Message]:
         """The given field, and its name."""
         return next(
-            (name, value) for name, value in self if value is not None and name not in self.BESIDE
+            (name, value)
+            for name, value in self
+            if value is not None and name not in self.COMMON_FIELDS
         )
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        names = [name for name in type(self).model_fields if name not in self.BESIDE]
+        names = [name for name in type(self).model_fields if name not in self.COMMON_FIELDS]
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"{' and '.join(given)} are" if given else "none is"

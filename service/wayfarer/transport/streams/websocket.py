@@ -29,7 +29,7 @@ log = structlog.get_logger(__name__)
 STALL_S: Final = 30.0
 """Seconds after which a reader that accepts nothing is disconnected. It may resume."""
 
-LOOKS: Final = 20
+VIEWPOINTS_PER_S: Final = 20
 """Maximum rate at which viewpoints are moved, per second; the last ones count."""
 
 JSON_LENGTH: Final = 8_000
@@ -163,13 +163,13 @@ async def _send_asked(socket: WebSocket, gateway: Gateway, texts: LatestText) ->
 
 
 async def _look(stream: MotionStream, texts: LatestText) -> None:
-    """Moves the viewpoints as the client asks, at most `LOOKS` times per second.
+    """Moves the viewpoints as the client asks, at most `VIEWPOINTS_PER_S` times per second.
 
     Raises InvalidArgument.
     """
     while True:
         stream.look(_from_json(schema.Viewpoints, await texts.next(), ""))
-        await asyncio.sleep(1 / LOOKS)
+        await asyncio.sleep(1 / VIEWPOINTS_PER_S)
 
 
 def _from_json(kind: type[Kind], text: str, field: str) -> Kind:

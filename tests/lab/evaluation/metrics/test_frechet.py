@@ -71,7 +71,7 @@ def test_short_tracks_have_no_windows() -> None:
 
 
 def test_too_few_windows_give_no_figure() -> None:
-    many = np.random.default_rng(1).normal(size=(frechet.ENOUGH, frechet.SIZE))
+    many = np.random.default_rng(1).normal(size=(frechet.MIN_WINDOWS, frechet.SIZE))
     reference = frechet.Reference(many)
     assert np.isnan(reference.distance(many[:-1]))
     assert reference.distance(many) == pytest.approx(0.0, abs=1e-6)

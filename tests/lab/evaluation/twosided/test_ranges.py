@@ -59,7 +59,7 @@ def test_the_shipped_ranges_cover_every_situation() -> None:
     shipped = ranges.load()
     assert set(shipped) == set(SITUATIONS)
     for name, row in shipped.items():
-        recorded = any(r.stretches >= ranges.LEAST for r in row.values())
+        recorded = any(r.stretches >= ranges.MIN_STRETCHES for r in row.values())
         assert recorded or name.startswith("stairs"), name
         assert all(r.low <= r.middle <= r.high for r in row.values())
         assert set(row) - REPORTED

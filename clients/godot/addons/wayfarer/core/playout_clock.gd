@@ -4,8 +4,8 @@ extends RefCounted
 ## clients/README.md, "Playout". Times are seconds; no clock is read.
 
 const FIRST_DELAY := 0.35
-const LEAST_DELAY := 0.2
-const MOST_DELAY := 1.5
+const MIN_DELAY := 0.2
+const MAX_DELAY := 1.5
 const MARGIN := 0.06  # over the worst lateness of the window
 const LATENESS_WINDOW := 20.0
 const OFFSET_WINDOW := 30.0  # seconds; its fastest message counts as one without delay
@@ -73,7 +73,7 @@ func server_time(now: float) -> float:
 ## The target delay, seconds.
 func wanted_delay(now: float) -> float:
 	var least := _earliness.least(now)
-	return LEAST_DELAY if is_nan(least) else clampf(MARGIN - least, LEAST_DELAY, MOST_DELAY)
+	return MIN_DELAY if is_nan(least) else clampf(MARGIN - least, MIN_DELAY, MAX_DELAY)
 
 
 ## The present delay, seconds.

@@ -34,17 +34,17 @@ def cubes(rig: SceneRig, seed: int, pairs: int, watch: Watch) -> Seen:
     """The paper's setting: 20 x 20 m, 30 boxes, random pairs. Agents do not see each other."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
-    asked = random_pairs(scene, pairs, random)
-    found = np.array([scene.path(*pair).length for pair in asked])
-    optimum = shortest_lengths(scene, asked)
+    pairs_walked = random_pairs(scene, pairs, random)
+    found = np.array([scene.path(*pair).length for pair in pairs_walked])
+    optimum = shortest_lengths(scene, pairs_walked)
     play = rig.run(scene, pairs, avoid=False, every=1)
-    people = [person(k, random, a, b) for k, (a, b) in enumerate(asked)]
-    paths = [[Goal((*b, 0.0))] for _, b in asked]
+    people = [person(k, random, a, b) for k, (a, b) in enumerate(pairs_walked)]
+    paths = [[Goal((*b, 0.0))] for _, b in pairs_walked]
     seconds = walk_paths(play, people, paths, float(10 + found.max() / PACE), watch)
     there = seconds <= 10 + found / PACE
     ways = [play.monitor.trail(number) for number in range(pairs)]
     # an agent arrives within the goal's radius: what is left of the way is added
-    left = [np.linalg.norm(way[-1, :2] - b) for way, (_, b) in zip(ways, asked, strict=True)]
+    left = [np.linalg.norm(way[-1, :2] - b) for way, (_, b) in zip(ways, pairs_walked, strict=True)]
     gone = np.array([walked(way) for way in ways]) + left
     ratio = found / optimum
     row: Row = {
