@@ -1,4 +1,5 @@
-"""Duration of a renewal in the cluster's directory, with pickling: many nodes full of sessions.
+"""Durations of a renewal and of a claim in the cluster's directory, with pickling: many nodes full
+of sessions.
 
 python -m benchmarks.directory --nodes 140 --sessions 700
 """
@@ -7,6 +8,7 @@ import argparse
 import pickle
 import random
 import time
+from typing import Any
 
 from wayfarer.cluster.directory import Directory, LeaseRules, share_of
 from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo
@@ -15,11 +17,13 @@ RENEWALS_PER_S = 4
 """Renewals per second of each node."""
 
 
-def asked(directory: Directory, verb: str, told: object) -> Answer:
+CLAIMS = 2000
+
+
+def asked(directory: Directory, verb: str, *told: object) -> Any:
     """The answer, both ways as Ray carries it."""
-    answer = getattr(directory, verb)(pickle.loads(pickle.dumps(told)))
-    found: Answer = pickle.loads(pickle.dumps(answer))
-    return found
+    answer = getattr(directory, verb)(*pickle.loads(pickle.dumps(told)))
+    return pickle.loads(pickle.dumps(answer))
 
 
 def main() -> None:
@@ -29,7 +33,7 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=400, help="of each node")
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args()
-    directory = Directory(LeaseRules(600.0), 1)
+    directory = Directory(LeaseRules(600.0, nodes=args.nodes), 1)
     groups = [random.Random(n).randbytes(6).hex() for n in range(args.nodes * args.sessions)]
     began = time.process_time()
     for number in range(args.nodes):
@@ -53,12 +57,19 @@ def main() -> None:
                 held=dict.fromkeys(share_of(groups[number :: args.nodes], count + 2), 1),
                 seen=seen[number],
             )
-            answer = asked(directory, "renew", told)
+            answer: Answer = asked(directory, "renew", told)
             if answer.changes:
                 seen[number] = (answer.changes.generation, answer.changes.version)
     renewed = (time.process_time() - began) / (args.rounds - 1) / args.nodes
+    moved = groups[:CLAIMS]
+    began = time.process_time()
+    for number, group in enumerate(moved):  # each to the next node
+        owner, to = f"node{number % args.nodes}", f"node{(number + 1) % args.nodes}"
+        asked(directory, "claim", group, owner, 1, to)
+    claimed = (time.process_time() - began) / len(moved)
     share = renewed * RENEWALS_PER_S * args.nodes
     print(f"first renewal {1e3 * entered:.2f} ms, renewal {1e3 * renewed:.3f} ms")
+    print(f"claim {1e3 * claimed:.3f} ms: {1 / claimed:.0f} a second take a core")
     print(f"{RENEWALS_PER_S * args.nodes} renewals a second: {100 * share:.0f} % of a core")
 
 
