@@ -88,7 +88,8 @@ from wayfarer.world.stepping.noise import latents
 from wayfarer.world.output.footlock import Planted, leg_shares, lock_feet
 from wayfarer.world.stepping.guards import bear_rows, bend_rows
 from wayfarer.world.stepping.righting import Step, right_rows
-from wayfarer.world.stepping.new_frames import received
+from wayfarer.world.stepping.mirror import mirror_outputs
+from wayfarer.world.stepping.new_frames import broken
 from wayfarer.engines.engine import StepOutputs
 from wayfarer.navigation.mesh import build
 from wayfarer.navigation.paths.find import corridor, pull
@@ -130,7 +131,8 @@ eight = np.repeat(turns, 2, 1), np.repeat(hips, 2, 1)
 upright = Step(eight[1].copy(), eight[0].copy(), markers.copy())
 right_rows(mode, upright)
 raw = StepOutputs(np.repeat(hips, 2, 1), eight[0], np.ones((3, 8, 2), "f4"), markers, mode, mode)
-here, broken = received(raw, wanted, hips[:, 0])
+here = mirror_outputs(raw, wanted)
+lost = broken(hips[:, 0], here)
 mesh = build(np.array([[(k, 0), (k + 1, 0), (k, 1)] for k in range(9)]
     + [[(k + 1, 0), (k + 1, 1), (k, 1)] for k in range(9)], float), np.zeros(18, int), 0.1)
 ends = (0.1, 0.1), (8.9, 0.8)
@@ -180,7 +182,7 @@ ahead = routes.ahead(np.arange(3), people.position[:3], goal[:3], np.arange(0.2,
 KEPT = {
     "here.rotations": 0,
     "here.next_seed_markers": 0,
-    "broken": 0,
+    "lost": 0,
     "passed": 0,
     "string": 0,
     "below": 0,

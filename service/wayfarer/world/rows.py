@@ -135,15 +135,15 @@ def _reader(kind: type) -> Callable[[Rows], tuple[Any, ...]]:
 _values: Final[Callable[[type], Callable[[Rows], tuple[Any, ...]]]] = cache(_reader)
 
 
-def _columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:
-    """Name, dtype or `Rows` class, and row shape of each column of a class."""
-    return _read_columns(rows)
-
-
-@cache  # reading the hints takes longer than most work on rows
 def _read_columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:
+    """Name, dtype or `Rows` class, and row shape of each column of a class."""
     hints = get_type_hints(rows, include_extras=True)
     return tuple((name, *_column(rows, name, hint)) for name, hint in hints.items())
+
+
+_columns: Final[Callable[[type], tuple[tuple[str, Any, tuple[int, ...]], ...]]] = cache(
+    _read_columns
+)  # reading the hints takes longer than most work on rows
 
 
 def _column(rows: type, name: str, hint: Any) -> tuple[Any, tuple[int, ...]]:

@@ -3,7 +3,7 @@ import pytest
 
 from tests.world.fakes import FakeEngine
 from wayfarer.engines.dummy import dummy_inputs
-from wayfarer.world.stepping.new_frames import MAX_STEP_METRES, received
+from wayfarer.world.stepping.new_frames import MAX_STEP_METRES, broken
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, MAX_STEP_METRES + 1])
@@ -13,5 +13,5 @@ def test_a_broken_row_is_found_alone(value, name):
     outputs = FakeEngine().step("male", inputs)
     getattr(outputs, name)[1, -1, ..., 0] = value
     exploded = np.isfinite(value) and name != "translation"  # only hips can be too far away
-    _, found = received(outputs, np.zeros(3, np.bool_), inputs.seed_translation[:, -1])
+    found = broken(inputs.seed_translation[:, -1], outputs)
     assert found.tolist() == [False, not exploded, False]

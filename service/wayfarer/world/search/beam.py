@@ -36,8 +36,8 @@ from wayfarer.world.search.problem import (
     Tree,
 )
 from wayfarer.world.stepping.batch import assemble
-from wayfarer.world.stepping.mirror import mirror_inputs
-from wayfarer.world.stepping.new_frames import received
+from wayfarer.world.stepping.mirror import mirror_inputs, mirror_outputs
+from wayfarer.world.stepping.new_frames import broken
 from wayfarer.world.stepping.noise import latents
 
 Watch = Callable[[int, int], None]
@@ -137,10 +137,10 @@ class _Search:
         outputs = _step(self._engine, np.repeat(starts.gender, count), rows)
         parent = np.repeat(np.arange(len(nodes.agent)), count)
         start = seed.translation[:, -1]
-        outputs, is_broken = received(outputs, starts.mirrored[parent], start[parent])
+        outputs = mirror_outputs(outputs, starts.mirrored[parent])
         felt = np.maximum(outputs.terms - _row(self._settings.tolerances, 0.0), 0.0)
         own = (felt * self._weights(nodes, asked)[parent]).sum(-1).astype(np.float64)
-        own[is_broken | ~np.isfinite(own)] = np.inf
+        own[broken(start[parent], outputs) | ~np.isfinite(own)] = np.inf
         cost = self._settings.memory * nodes.cost[parent] + own
         within = outputs.terms <= _row(self._settings.limits, np.inf)
         rejected = np.logical_not(within.all(-1))

@@ -12,18 +12,18 @@ The mirror is the plane x = 0 of the world.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body import landmarks, skeleton
 from wayfarer.body.model import BodyModel
-from wayfarer.engines.engine import StepInputs
-from wayfarer.process.compiled import compiled, inner, warm
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.output.legs import packed
-from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.rows import Flags, Float
 
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)
 """Spreads seeds that are near each other, as 1, 2, 3, over all bits (Fibonacci hashing)."""
@@ -40,41 +40,29 @@ def is_mirrored(noise_seed: NDArray[np.uint64]) -> Flags:
     return flags
 
 
-class Reflected(NamedTuple):
-    """Inputs that are reflected, all with four axes: agents, groups, things with a counterpart on
-    the other side, components.
-    """
-
-    markers: Float
-    translation: Float
-    rotations: Float
-    goal: Float
-    facing: Float
-    obstacles: Float
-
-
 def mirror_inputs(inputs: StepInputs, rows: Flags) -> StepInputs:
     """The inputs with `rows` [A] reflected; the others stay as they are."""
     if not rows.any():
         return inputs
-    given = Reflected(
-        packed(inputs.seed_markers),
-        packed(inputs.seed_translation)[:, :, None],
-        packed(inputs.seed_rotations),
-        packed(inputs.goal)[:, None, None],
-        packed(inputs.facing)[:, None, None],
-        packed(inputs.obstacles)[:, :, None],
-    )
-    made = Reflected(*map(np.empty_like, given))
-    _reflect_inputs(rows, given, made)
     return replace(
         inputs,
-        seed_markers=made.markers,
-        seed_translation=made.translation[:, :, 0],
-        seed_rotations=made.rotations,
-        goal=made.goal[:, 0, 0],
-        facing=made.facing[:, 0, 0],
-        obstacles=made.obstacles[:, :, 0],
+        seed_markers=_reflected(inputs.seed_markers, rows, _MARKERS, _PLACE),
+        seed_translation=_reflected(inputs.seed_translation, rows, _ONE, _PLACE),
+        seed_rotations=_reflected(inputs.seed_rotations, rows, _JOINTS, _TURN),
+        goal=_reflected(inputs.goal, rows, _ONE, _PLACE),
+        facing=_reflected(inputs.facing, rows, _ONE, _PLACE[:2]),
+        obstacles=_reflected(inputs.obstacles, rows, _ONE, _OBSTACLE),
+    )
+
+
+def mirror_outputs(outputs: StepOutputs, rows: Flags) -> StepOutputs:
+    """The outputs of reflected inputs, in new arrays, with `rows` [A] back on this side."""
+    return replace(
+        outputs,
+        translation=_reflected(outputs.translation, rows, _ONE, _PLACE),
+        rotations=_reflected(outputs.rotations, rows, _JOINTS, _TURN),
+        contacts=_reflected(outputs.contacts, rows, _FEET, -_PLACE[:1]),
+        next_seed_markers=_reflected(outputs.next_seed_markers, rows, _MARKERS, _PLACE),
     )
 
 
@@ -82,63 +70,45 @@ def _pairs(names: Sequence[str], other: Callable[[str], str]) -> NDArray[np.int6
     return np.array([list(names).index(other(name)) for name in names])
 
 
-SIDES: Final = _pairs(landmarks.marker_names(), landmarks.mirrored)
-JOINTS: Final = _pairs(skeleton.joint_names()[:POSED_JOINTS], skeleton.mirrored)
-FEET, ONE = np.array([1, 0]), np.array([0])
-"""Counterparts of markers and joints, for pairs of two sides, and for single things."""
+_MARKERS: Final = _pairs(landmarks.marker_names(), landmarks.mirrored)
+_JOINTS: Final = _pairs(skeleton.joint_names()[:POSED_JOINTS], skeleton.mirrored)
+_FEET, _ONE = np.array([1, 0]), np.array([0])
+"""Counterparts for pairs of two sides, and for single things."""
 
-PLACE: Final = np.array([-1, 1, 1], np.float32)
-TURN: Final = np.array([1, -1, -1, 1], np.float32)
-SAME: Final = np.array([1], np.float32)
-_PLAN: Final = PLACE[:2].copy()
+_PLACE: Final = np.array([-1, 1, 1], np.float32)
+_TURN: Final = np.array([1, -1, -1, 1], np.float32)
 _OBSTACLE: Final = np.array([-1, 1, -1, 1, -1, 1, 1], np.float32)
-"""Signs of the components of a point or direction, also in plan; of a rotation, of which the part
-about x and the cosine stay; of a contact; and of `StepInputs.obstacles`: ends and velocity."""
+"""Signs of the components of a point or direction; of a rotation, of which the part about x and the
+cosine stay; and of `StepInputs.obstacles`: ends and velocity."""
 
 
-@inner
-def reflect(values: Float, row: int, flips: bool, other: Index, signs: Float, found: Float) -> None:
-    """Writes a row of `values` [A, M, P, D] into `found`; if it flips, each of the P becomes its
-    counterpart.
-    """
-    if not flips:
-        given, made = values[row].ravel(), found[row].ravel()
-        for k in range(len(given)):
-            made[k] = given[k]
-        return
-    for group in range(values.shape[1]):
-        for k in range(len(other)):
-            at = other[k]
-            for part in range(len(signs)):
-                found[row, group, k, part] = values[row, group, at, part] * signs[part]
+def _reflected(values: Float, rows: Flags, other: NDArray[np.int64], signs: Float) -> Float:
+    """`values` [A, ..., P, D] with `rows` changed: each of the P becomes its counterpart."""
+    found = np.empty(values.shape, np.float32)
+    shape = len(rows), -1, len(other), len(signs)
+    reflect(packed(values).reshape(shape), rows, other, signs, found.reshape(shape))
+    return found
 
 
 @compiled
-def _reflect_inputs(rows: Flags, given: Reflected, made: Reflected) -> None:
+def reflect(
+    values: Float, rows: Flags, other: NDArray[np.int64], signs: Float, found: Float
+) -> None:
+    """See `_reflected`; values [A, M, P, D]."""
     for row in range(len(rows)):
-        flips = rows[row]
-        reflect(given.markers, row, flips, SIDES, PLACE, made.markers)
-        reflect(given.translation, row, flips, ONE, PLACE, made.translation)
-        reflect(given.rotations, row, flips, JOINTS, TURN, made.rotations)
-        reflect(given.goal, row, flips, ONE, PLACE, made.goal)
-        reflect(given.facing, row, flips, ONE, _PLAN, made.facing)
-        reflect(given.obstacles, row, flips, ONE, _OBSTACLE, made.obstacles)
+        if not rows[row]:
+            given, made = values[row].ravel(), found[row].ravel()
+            for k in range(len(given)):
+                made[k] = given[k]
+            continue
+        for group in range(values.shape[1]):
+            for k in range(len(other)):
+                for part in range(len(signs)):
+                    found[row, group, k, part] = values[row, group, other[k], part] * signs[part]
 
 
 @cache
 def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
-    given = Reflected(
-        *(
-            np.zeros((1, 1, len(other), len(signs)), np.float32)
-            for other, signs in (
-                (SIDES, PLACE),
-                (ONE, PLACE),
-                (JOINTS, TURN),
-                (ONE, PLACE),
-                (ONE, _PLAN),
-                (ONE, _OBSTACLE),
-            )
-        )
-    )
-    warm(_reflect_inputs, np.zeros(1, np.bool_), given, given)
+    values = np.zeros((1, 1, 1, 1), np.float32)
+    warm(reflect, values, np.ones(1, np.bool_), _ONE, _PLACE[:1], values)

@@ -32,8 +32,8 @@ from wayfarer.world.stepping.engine_call import (
 )
 from wayfarer.world.stepping.guards import FELL, FOLDED, got_up
 from wayfarer.world.stepping.guide import Guide, NextTarget
-from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs
-from wayfarer.world.stepping.new_frames import CORRECTIONS, Acts, Frames, corrected, received
+from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
+from wayfarer.world.stepping.new_frames import CORRECTIONS, Frames, broken, corrected
 from wayfarer.world.stepping.playback import Chunks, Playback
 from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
@@ -225,7 +225,8 @@ class Scheduler:
         """Puts the new frames into playback; the next step starts at their end."""
         slots, rows, rules = self._table.rows, batch.rows, self._rules
         start = batch.seed.translation[:, -1]
-        outputs, is_broken = received(outputs, batch.mirrored, start)
+        outputs = mirror_outputs(outputs, batch.mirrored)
+        is_broken = broken(start, outputs)
         translation, rotations = outputs.translation, outputs.rotations
         markers, contacts = outputs.next_seed_markers, outputs.contacts > 0.5
         if is_broken.any():
@@ -236,9 +237,8 @@ class Scheduler:
         legs, mode = slots.legs.take(rows), batch.gait.mode
         lock = slots.foot_lock[rows], self._shares
         for acting in rules.in_turn(*self._corrections):
-            acts = Acts(*(name in acting for name in CORRECTIONS))
-            found = corrected(acts, mode, legs, lock, batch.seed, frames)
-            self.mended_steps += int(np.count_nonzero(found.mended))
+            mended, upright, hips = corrected(acting, mode, legs, lock, batch.seed, frames)
+            self.mended_steps += int(np.count_nonzero(mended))
             for name in acting[-1:]:
                 rules.tell(name, rows, translation, rotations)
         last = slice(-SEED_FRAMES, None)
@@ -257,12 +257,12 @@ class Scheduler:
         )
         gets_up = is_broken
         if rules.acts("getting up"):
-            gets_up = is_broken | (found.upright < FELL) | (found.hips < FOLDED)
+            gets_up = is_broken | (upright < FELL) | (hips < FOLDED)
         if gets_up.any():
             chunks.flags[is_broken] |= FIRST  # it may jump
             which = np.flatnonzero(gets_up)
             unknown = np.where(is_broken[which], np.float32(np.nan), np.float32(0))
-            posture = found.upright[which] + unknown, found.hips[which] + unknown
+            posture = upright[which] + unknown, hips[which] + unknown
             self._fell(rows[which], mode[which], *posture)
             chunks = self._mend(rows, chunks, batch.seed, which)
         self._append(rows, chunks, batch.candidates)
