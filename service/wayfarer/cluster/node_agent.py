@@ -163,13 +163,16 @@ class NodeAgent:
         self._tenancy.decided(group, given)
         self._replicas.drop(group)
         try:
-            for arrival in came.values():
-                with contextlib.suppress(NotFound):
-                    await self._moves.enter(arrival)
+            await self._resume(came, owner, given)
         finally:
             self._tenancy.came(group)
-        log.info("sessions came", sessions=list(came), of=owner, epoch=given, at=boot_clock())
         return None
+
+    async def _resume(self, came: dict[str, Arrival], owner: str, epoch: int) -> None:
+        for arrival in came.values():
+            with contextlib.suppress(NotFound):
+                await self._moves.enter(arrival)
+        log.info("sessions came", sessions=list(came), of=owner, epoch=epoch, at=boot_clock())
 
     async def _leave(self, group: str, came: dict[str, Arrival]) -> None:
         for name in reversed(came):  # another node continues with all of them
@@ -255,23 +258,28 @@ class NodeAgent:
         self._tenancy.released(group)
 
     async def _adopt(self, order: NodeOrder) -> None:
-        """Resumes the sessions whose replicas are on this node. Without room the whole group waits,
-        or is resumed by another node.
+        """Resumes the sessions whose replicas are on this node, each at once. Without room the
+        whole group waits, or another node resumes it.
         """
-        group, own, to = order.group, self._tenancy.node.name, ""
-        self._tenancy.coming(group, order.epoch)
+        self._tenancy.coming(order.group, order.epoch)
+        try:
+            await self._adopt_all(order)
+        finally:
+            self._tenancy.came(order.group)
+
+    async def _adopt_all(self, order: NodeOrder) -> None:
+        group, epoch, own, to = order.group, order.epoch, self._tenancy.node.name, ""
         came, kept = dict[str, Arrival](), self._replicas.of(group)
         names = [name for name in kept if not name.endswith(CONTENT)]
         now = asyncio.get_running_loop().time
         ends, offer_at = now() + ADOPT_S, now() + HAND_ON_S
         for name in sorted(names, key=is_scene, reverse=True):  # first what sessions need
-            while name not in came and not to:
+            while name not in came and not to and self._tenancy.epoch(name) == epoch:
                 try:
                     state, content = kept[name].state, _content(kept, name)
                     came[name] = await self._moves.take(name, state, content, orphan=True)
                 except WayfarerError as error:
-                    full = isinstance(error, Unavailable | ResourceExhausted) and now() < ends
-                    if not (full and self._tenancy.epoch(name) == order.epoch):
+                    if not isinstance(error, Unavailable | ResourceExhausted) or now() > ends:
                         log.error("session not adopted", session_id=name, reason=str(error))
                         break
                     if now() > offer_at:
@@ -280,12 +288,18 @@ class NodeAgent:
                 except Exception:  # the others are adopted all the same
                     log.exception("session not adopted", session_id=name)
                     break
-        if came and not to:
-            await self._enter(own, group, order.epoch, came)
-            return
-        log.warning("group not adopted", group=group, to=to)
-        await self._leave(group, came)
-        await self._decision("decline", group, own, order.epoch, to)
+            if name in came and epoch == order.epoch:  # the first: is it still this node's?
+                epoch = await self._decision("claim", group, own, epoch, own)
+                if not epoch:
+                    await self._leave(group, came)
+                    return
+                self._tenancy.decided(group, epoch)
+            if name in came:
+                await self._resume({name: came[name]}, own, epoch)
+        if to or not came:
+            log.warning("group not adopted", group=group, to=to)
+            await self._leave(group, came)
+            await self._decision("decline", group, own, epoch, to)
         self._replicas.drop(group)
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
