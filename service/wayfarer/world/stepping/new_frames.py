@@ -28,7 +28,7 @@ CORRECTIONS: Final = ("guards", "righting", "foot lock")
 """Names of the rules that correct frames, in their order; see rules.py."""
 
 
-class Frames(NamedTuple):
+class NewFrames(NamedTuple):
     """New frames, in arrays of their own, which the rules change."""
 
     translation: Float  # [A, F, 3] hips
@@ -51,7 +51,7 @@ def corrected(
     legs: Legs,
     lock: tuple[Flags, Float],
     seed: Seeds,
-    frames: Frames,
+    frames: NewFrames,
 ) -> tuple[Flags, Float, Float]:
     """Changes `frames` of A agents by the `acting` ones of `CORRECTIONS`. Returns which of them had
     a joint beyond a body's limits, and their posture at the end; see `bear_rows`.
@@ -73,7 +73,7 @@ def _correct(
     legs: Bones,
     lock: tuple[Flags, Float],
     before: tuple[Float, Float],
-    frames: Frames,
+    frames: NewFrames,
     mended: Flags,
     upright: Float,
     hips: Float,
@@ -117,7 +117,7 @@ def prepare() -> None:
     markers = Seeds.empty(1).markers
     warm(_break, hips[:, 0], hips, turns, markers, some)
     turns = np.ones((1, NEW_FRAMES, POSED_JOINTS, 4), np.float32)
-    frames = Frames(hips, turns, np.zeros((1, NEW_FRAMES, 2), np.bool_), markers)
+    frames = NewFrames(hips, turns, np.zeros((1, NEW_FRAMES, 2), np.bool_), markers)
     lock = some, np.zeros((MARKERS, 2, 2), np.float32)
     acts, mode, legs = (True, True, True), np.zeros(1, np.int8), bones(Legs.empty(1))
     warm(_correct, acts, mode, legs, lock, (hips, turns), frames, some, row, row)

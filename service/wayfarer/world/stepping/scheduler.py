@@ -33,7 +33,7 @@ from wayfarer.world.stepping.engine_call import (
 from wayfarer.world.stepping.guards import FELL, FOLDED, got_up
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
-from wayfarer.world.stepping.new_frames import CORRECTIONS, Frames, broken, corrected
+from wayfarer.world.stepping.new_frames import CORRECTIONS, NewFrames, broken, corrected
 from wayfarer.world.stepping.playback import Chunks, Playback
 from wayfarer.world.stepping.rules import MODEL
 from wayfarer.world.stepping.settings import WorldSettings
@@ -233,7 +233,7 @@ class Scheduler:
             translation[is_broken] = start[is_broken, None]
             rotations[is_broken] = batch.seed.rotations[is_broken, -1:]
         rules.tell(MODEL, rows, translation, rotations)
-        frames = Frames(translation, rotations, contacts, markers)
+        frames = NewFrames(translation, rotations, contacts, markers)
         legs, mode = slots.legs.take(rows), batch.gait.mode
         lock = slots.foot_lock[rows], self._shares
         for acting in rules.in_turn(*self._corrections):
