@@ -33,6 +33,8 @@ def loaded(file: Path, more: int):
 def executed(file: Path):
     spec = importlib.util.spec_from_file_location("kept_rule", file)
     module = importlib.util.module_from_spec(spec)
+    # texts of one size and one second are the same file to Python's own cache
+    Path(importlib.util.cache_from_source(str(file))).unlink(missing_ok=True)
     sys.modules["kept_rule"] = module
     spec.loader.exec_module(module)
     return module
