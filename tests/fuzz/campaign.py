@@ -154,8 +154,9 @@ async def _tended(
                 await _furnish(channel, inputs)
             except grpc.aio.AioRpcError as error:
                 # the machine gives the server no time, or inputs take all room for scenes for
-                # a moment; such answers to inputs count as well
+                # a moment, or delete a scene that was just made; such answers to inputs count, too
                 if error.code() not in (
+                    grpc.StatusCode.NOT_FOUND,
                     grpc.StatusCode.UNAVAILABLE,
                     grpc.StatusCode.RESOURCE_EXHAUSTED,
                 ):
