@@ -137,7 +137,7 @@ async def kill(cluster, watched, record_testsuite_property):
         assert "gap" in one.events, "it is said that something was lost"
         assert any(flag & Flag.FIRST for flag in one.flags)
         steps = np.linalg.norm(np.diff(one.places, axis=0), axis=1)
-        assert steps.max() < 4.0, "who walks on begins where they were a second or two ago"
+        assert steps.max() < 4.0, "an agent that walks on begins where it was a second or two ago"
     for one in watched:
         if one not in there:
             assert not one.events, "others do not notice"

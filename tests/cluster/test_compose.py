@@ -121,7 +121,7 @@ def services():
 async def test_the_commands_of_compose_make_a_cluster(services):
     entry = services.start("entry")
     await services.until(lambda: services.probe("entry") == 0, "Ray's head is well")
-    replicas = 1  # of those that it has, who are alike
+    replicas = 1  # of its three nodes, which are alike
     try:
         for number in range(replicas):  # one by one: on one machine they take each other's ports
             services.start("node")

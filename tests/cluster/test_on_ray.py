@@ -254,7 +254,7 @@ async def the_head_dies(command, everybody):
     assert command.health()[0] == 503
     figures = (await asyncio.to_thread(httpx.get, command.url + "/metrics")).text
     assert "wayfarer_cluster_directory_up 0.0" in figures
-    await command.until(lambda: command.health()[1]["head"] is False, "its end is told")
+    await command.until(lambda: command.health()[1]["head"] is False, "its end is reported")
     async with Client(command.grpc, timeout=10) as other:
         with pytest.raises(Unavailable, match="directory"):
             await other.create_session()

@@ -141,7 +141,7 @@ async def test_one_that_is_not_kept_does_not_stop_the_others(copies, caplog, tro
     before = copies.moves.state + 10
     await copies.rounds(30)
     kept = copies.peers.kept["n2"]._kept
-    assert kept.keys() == {*OTHERS[1:], SESSION}, "who has ended is known, too"
+    assert kept.keys() == {*OTHERS[1:], SESSION}, "a node that has ended is known, too"
     assert all(int(kept[name].state) > before for name in (*OTHERS[2:], SESSION))
     assert OTHERS[1] in caplog.text
 
