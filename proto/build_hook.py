@@ -17,7 +17,8 @@ PROTO = Path(__file__).resolve().parent
 def generate(package_root: Path, package: str) -> None:
     """Write `<package_root>/<package>/v1/*_pb2*.py`, importable as `<package>.v1`.
 
-    For the server, also the classes of transport/schema that restate the protos.
+    Beside them stand what restates the protos: for the server the classes of transport/schema, for
+    the client the fields of a goal as keyword arguments.
     """
     import grpc_tools
     from grpc_tools import protoc
@@ -42,42 +43,25 @@ def generate(package_root: Path, package: str) -> None:
             text = made.read_text(encoding="utf-8")
             text = text.replace("from wayfarer.v1 import", f"from {package}.v1 import")
             (target / made.name).write_text(text, encoding="utf-8")
+        classes = _schema_classes()
+        files = classes.FileDescriptorSet.FromString(described.read_bytes())
         if package == "wayfarer":
             made = package_root / package / "transport" / "schema" / "messages.py"
-            made.write_text(_schema_classes(described.read_bytes()), encoding="utf-8")
+            made.write_text(classes.Classes(files).module(), encoding="utf-8")
         else:
-            (target / "fields.py").write_text(_goal_fields(described.read_bytes()))
+            (target / "fields.py").write_text(classes.goal_fields(files), encoding="utf-8")
     (target / "__init__.py").write_text('"""Generated from proto/wayfarer/v1."""\n')
 
 
-def _schema_classes(described: bytes) -> str:
-    """The server's classes of the JSON forms, from a serialized set of descriptors."""
-    from google.protobuf.descriptor_pb2 import FileDescriptorSet
-
-    path = PROTO / "schema_classes.py"
-    spec = importlib.util.spec_from_file_location("wayfarer_schema_classes", path)
+def _schema_classes() -> Any:
+    """The module `schema_classes.py` beside this file."""
+    spec = importlib.util.spec_from_file_location(
+        "wayfarer_schema_classes", PROTO / "schema_classes.py"
+    )
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    text: str = module.Classes(FileDescriptorSet.FromString(described)).module()
-    return text
-
-
-def _goal_fields(described: bytes) -> str:
-    """The fields of a goal beside its place, as types of the client's keyword arguments."""
-    from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
-
-    types = {FieldDescriptorProto.TYPE_BOOL: "bool", FieldDescriptorProto.TYPE_DOUBLE: "float"}
-    files = FileDescriptorSet.FromString(described).file
-    goal = next(kind for file in files for kind in file.message_type if kind.name == "Goal")
-    lines = [
-        f"    {field.name}: {types.get(field.type, 'Any')} | None"
-        for field in goal.field
-        if field.name != "position"
-    ]
-    head = '"""Generated from proto/wayfarer/v1."""\n\nfrom typing import Any, TypedDict\n\n\n'
-    name = 'class GoalFields(TypedDict, total=False):\n    """How to walk to a place."""\n\n'
-    return head + name + "\n".join(lines) + "\n"
+    return module
 
 
 class ProtoBuildHook(BuildHookInterface):  # type: ignore[type-arg]

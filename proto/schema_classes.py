@@ -1,4 +1,5 @@
-"""Writes the JSON forms of messages as pydantic classes: types, ranges, defaults, descriptions.
+"""Writes the JSON forms of messages as pydantic classes: types, ranges, defaults, descriptions; and
+a goal's fields as types of keyword arguments.
 
 Fields and options come from the descriptors; comments of the protos become the descriptions. A
 class that needs more than `options.proto` can state is written by hand and stands in `BY_HAND`.
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 FILES: Final = ("goal", "agent", "session", "catalog", "admin", "scene", "motion")
 """Protos whose messages are generated."""
@@ -64,7 +66,7 @@ RANGES: Final = {1: "length_range", 4: "plain_range", 5: "count_range"}
 class Classes:
     """The classes of a set of protos, which has its imports and comments."""
 
-    def __init__(self, files: descriptor_pb2.FileDescriptorSet) -> None:
+    def __init__(self, files: FileDescriptorSet) -> None:
         self._pool = descriptor_pool.DescriptorPool()
         for file in files.file:
             self._pool.Add(file)
@@ -229,6 +231,20 @@ def _comments(file: descriptor_pb2.FileDescriptorProto) -> Iterator[tuple[str, s
             case [4, message, 2, field]:
                 kind = file.message_type[message]
                 yield f"{kind.name}.{kind.field[field].name}", text
+
+
+def goal_fields(files: FileDescriptorSet) -> str:
+    """A module with the fields of a goal beside its place, for the Python client's functions."""
+    comments = {name: text for file in files.file for name, text in _comments(file)}
+    goal = next(kind for file in files.file for kind in file.message_type if kind.name == "Goal")
+    text = '"""Generated from proto/wayfarer/v1."""\n\nfrom typing import TypedDict\n\n\n'
+    text += "class GoalFields(TypedDict, total=False):\n"
+    text += '    """How to walk to a place."""\n'
+    for field in goal.field:
+        if field.name != "position":
+            text += f"\n    {field.name}: {TYPES[field.type]} | None\n"
+            text += _docstring(comments[f"Goal.{field.name}"])
+    return text
 
 
 def _short(field: Any) -> str:

@@ -9,8 +9,7 @@ from urllib.request import urlopen
 import pytest
 
 from tests.clients.cluster import RunningCluster
-from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
-from tests.viewer.conftest import REST
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium, resting_tab
 from tests.viewer.stage import NAMES, SHOWN
 
 pytestmark = needs_chromium
@@ -22,10 +21,7 @@ ADD = "document.querySelector('#add-one').click()"
 @pytest.fixture
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A tab."""
-    executable = find_chromium()
-    assert executable
-    with Page(executable, tmp_path_factory.mktemp("profile"), (1000, 640)) as opened:
-        opened.call("Page.addScriptToEvaluateOnNewDocument", source=REST)
+    with resting_tab(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
 
 

@@ -10,7 +10,7 @@ from threading import Thread
 import pytest
 
 from tests.serving import Service
-from tests.viewer.chromium import Page, find_chromium
+from tests.viewer.chromium import Page, resting_tab
 
 ROOT = Path(__file__).parents[2]
 
@@ -65,39 +65,10 @@ def viewer_url() -> Iterator[str]:
         yield service.url
 
 
-REST = """{
-  const { requestAnimationFrame: ask, cancelAnimationFrame: forget } = globalThis;
-  const asked = new Map();
-  let [count, drawn] = [0, 0];
-  globalThis.requestAnimationFrame = (draw) => {
-    const number = ++count;
-    const begin = () => asked.set(number, [forget, ask((now) => {
-      asked.delete(number);
-      draw(now);
-      drawn = performance.now();
-    })]);
-    asked.set(number, [clearTimeout, setTimeout(begin, drawn + 100 - performance.now())]);
-    return number;
-  };
-  globalThis.cancelAnimationFrame = (number) => {
-    const [stop, what] = asked.get(number) ?? [];
-    stop?.(what);
-    asked.delete(number);
-  };
-}"""
-"""A script: a tenth of a second without work between two pictures.
-
-Without a graphics card pictures of a page that waits would take both cores from other tests.
-"""
-
-
 @pytest.fixture(scope="package")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A tab; each module has its own size and address."""
-    executable = find_chromium()
-    assert executable
-    with Page(executable, tmp_path_factory.mktemp("profile"), (1000, 640)) as opened:
-        opened.call("Page.addScriptToEvaluateOnNewDocument", source=REST)
+    with resting_tab(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
 
 

@@ -7,30 +7,12 @@ import argparse
 import asyncio
 import contextlib
 import os
+import sys
 
-import uvicorn
-from fastapi import FastAPI
-from motionmcp.server import build_app
-from starlette.routing import Route
-
-from wayfarer_client.client import Client
-from wayfarer_client.connection import Tls
-from wayfarer_client.mmcp.walker import Walker
+from wayfarer_client.errors import WayfarerError
 
 
-def mmcp_app(walker: Walker) -> FastAPI:
-    """The protocol's two paths, without the SDK's page of documentation, whose script is loaded
-    from another host.
-    """
-    app = build_app(walker, title="Wayfarer over MMCP")
-    kept = ("/capabilities", "/generate")
-    app.router.routes = [
-        route for route in app.router.routes if isinstance(route, Route) and route.path in kept
-    ]
-    return app
-
-
-async def main() -> None:
+def main() -> None:
     """Answer until Ctrl-C."""
     parser = argparse.ArgumentParser(
         "wayfarer_client.mmcp",
@@ -41,13 +23,18 @@ async def main() -> None:
     parser.add_argument("--host", default="127.0.0.1", help="where it listens; 0.0.0.0: everywhere")
     parser.add_argument("--port", type=int, default=8000, help="where it listens; 0: any free one")
     parser.add_argument("--tls", action="store_true", help="call the server over TLS")
-    asked = parser.parse_args()
-    key, tls = os.environ.get("WAYFARER_API_KEY", ""), Tls() if asked.tls else None
-    async with Client(asked.address, api_key=key, tls=tls) as client:
-        app = mmcp_app(await Walker.of(client))
-        await uvicorn.Server(uvicorn.Config(app, asked.host, asked.port)).serve()
+    given = parser.parse_args()
+    try:
+        from wayfarer_client.mmcp.server import serve
+    except ModuleNotFoundError as error:
+        sys.exit(f"no module {error.name!r}; it comes with pip install 'wayfarer-client[mmcp]'")
+    key = os.environ.get("WAYFARER_API_KEY", "")
+    try:
+        asyncio.run(serve(given.address, given.host, given.port, key, given.tls))
+    except WayfarerError as error:
+        sys.exit(str(error))
 
 
 if __name__ == "__main__":
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(main())
+        main()

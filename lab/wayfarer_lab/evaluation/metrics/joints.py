@@ -60,7 +60,7 @@ def turning_rate(heading: Array) -> Array:
 
 
 def turn_seconds(turned: Array, target: float) -> float:
-    """Seconds from 10 % to 90 % of a turn of `asked` degrees; turned [T] since the order.
+    """Seconds from 10 % to 90 % of a turn of `target` degrees; turned [T] since the order.
 
     NaN when the turn is never done to 90 %, or there is none.
     """

@@ -170,13 +170,11 @@ def corridor(portals: Portals, first: int, last: int, start: Spot, goal: Spot, a
     the other finds.
     """
     gx, gy = goal
-    best, came = (
-        np.full(len(portals.first) - 1, inf),
-        np.empty((len(portals.first) - 1, 2), np.int64),
-    )
+    triangles = len(portals.first) - 1
+    best, came = np.full(triangles, inf), np.empty((triangles, 2), np.int64)
     best[first], queue, size = 0.0, np.empty((64, 5)), 0
     size = _push(queue, size, hypot(gx - start[0], gy - start[1]), 0.0, first, start)
-    while True:  # until `last` comes: every portal leads back, so an island is connected
+    while size > 0:  # `last` comes first: every portal leads back, so an island is connected
         cost, here, x, y = queue[0, 1], int(queue[0, 2]), queue[0, 3], queue[0, 4]
         size = _pop(queue, size)
         if here == last:
@@ -204,6 +202,8 @@ def corridor(portals: Portals, first: int, last: int, start: Spot, goal: Spot, a
                     queue = np.concatenate((queue, queue))
                 guess = spent + hypot(gx - px, gy - py)
                 size = _push(queue, size, guess, spent, there, (px, py))
+    if best[last] == inf:
+        raise ValueError("no portals lead from one triangle to the other")
     count, here = 0, last
     while here != first:
         count, here = count + 1, came[here, 0]
