@@ -274,7 +274,7 @@ def _ahead(played: Played) -> Array:
 
 
 def _facing(played: Played) -> float:
-    """The cosine, by the thigh joints and the toes; a toe that hangs down says little."""
+    """The cosine, by the thigh joints and the toes."""
     hips = played.place("pelvis")
     way = (hips[20:] - hips[:-20])[:, [0, 2]]
     fast = np.linalg.norm(way, axis=1)
@@ -283,10 +283,10 @@ def _facing(played: Played) -> float:
         for side in ("left", "right")
         if f"{side}_foot" in played.bones
     ]
-    ahead = (sum(toes) if toes else _ahead(played))[10:-10][:, [0, 2]]
+    ahead = _unit(sum(toes)) if toes else _ahead(played)
+    ahead = _unit(ahead[10:-10][:, [0, 2]])
     moving = fast > 0.5 * fast.max()
-    along = ((way / np.maximum(fast, 1e-9)[:, None]) * ahead).sum(1)[moving].sum()
-    return float(along / np.linalg.norm(ahead, axis=1)[moving].sum())
+    return float(((way / np.maximum(fast, 1e-9)[:, None]) * ahead).sum(1)[moving].mean())
 
 
 def _lean(played: Played) -> float:

@@ -184,3 +184,10 @@ test("what was seen fits into an address: within 2 cm, at the moment shared with
   await assert.rejects(decodePast(text.slice(0, -9)), /not whole/);
   assert.deepEqual(await pastOf([], new History(), NaN, 9000), { text: "", seconds: 0 });
 });
+
+test("links that were made before the last frame became finer are still read", async () => {
+  const text = "Y2SUZZRleCWwjYMBBC6zMCCAIxJbHInNjcRmR2Iz42AzEsEmFXAyMDCUAgA"; // a walker's first second
+  const { count, people: [{ frames }] } = await decodePast(text);
+  assert.equal(frames.length, count);
+  assert.ok(Math.abs(frames.at(-1)[1] - 1) < 2e-4 && frames.at(-1)[2] - frames[0][2] > 0.5 * (count / 30));
+});

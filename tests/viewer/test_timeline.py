@@ -321,7 +321,7 @@ def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Pag
         "(() => { const { past } = wayfarer.replay; return (past.count - 1) / 30; })()"
     )
     assert moment == pytest.approx(seconds, abs=0.051)
-    for ago, before, bar in zip((0.0, 1.0, 2.0), seen, (5e-3, 0.025, 0.025), strict=True):
+    for ago, before, bar in zip((0.0, 1.0, 2.0), seen, (1e-3, 0.025, 0.025), strict=True):
         for one, other in zip(poses(moment - ago), before, strict=True):
             assert np.linalg.norm(one - other, axis=1).max() < bar
     # nobody jumps where the past ends
