@@ -295,7 +295,7 @@ async def test_a_goal_and_loose_fields_are_not_mixed(client):
 
 
 def test_a_goal_is_its_message():
-    """With all fields that the contract has, by position or name."""
+    """A goal takes all fields of the contract, by position or name."""
     goal = wf.Goal((1, 2, 3), 0.5, speed=1.25)
     assert (goal.position, goal.radius, goal.speed, goal.dwell) == ((1, 2, 3), 0.5, 1.25, None)
     assert goal == copy.deepcopy(goal) and hash(goal) == hash(copy.copy(goal))

@@ -64,7 +64,7 @@ class Neighbours:
         return {name for name in kept.renew(owner, set(names)) if name in SCENES}
 
     def state(self, name="n2"):
-        """Of the one session at the neighbour."""
+        """The record of the one session at the neighbour."""
         [kept] = self.kept[name]._kept.values()
         return int(kept.state)
 

@@ -32,7 +32,7 @@ class Watcher:
     async def _follow(self):
         async with self.session.stream(deadline=30) as self.stream:
             async for batch in self.stream:
-                # who walks for minutes, on a busy machine, arrives
+                # an agent that walks for minutes on a busy machine arrives
                 self.events += [one.kind for one in batch.events if one.kind != "path_done"]
                 for frames in batch.frames:
                     self.flags.append(frames.flags)

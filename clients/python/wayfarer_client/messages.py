@@ -160,7 +160,8 @@ class BodyFit:
 
 class Goal:
     """A place to walk to, and how, as in `Goal((2, 0, 3), speed=1.4)`: the fields of the message in
-    goal.proto, in its order or by name. The server chooses for those that are not given.
+    goal.proto, in its order or by name (`GoalFields`). The server chooses for fields that are not
+    given.
     """
 
     __slots__ = ("message",)
@@ -184,7 +185,7 @@ class Goal:
 
     @property
     def position(self) -> Place:
-        """In the session's basis."""
+        """The place, in the session's basis."""
         place = self.message.position
         return place.x, place.y, place.z
 

@@ -44,7 +44,7 @@ RUNNING = 1.9
 
 STRAIGHT, BENT = 0.988, 0.93
 """Height of the waist, as a part of that over straight legs, below which a body squats: where it
-stands, and elsewhere. Of recorded frames 98 in 100 are higher."""
+stands, and elsewhere. 98 in 100 recorded frames are higher."""
 
 ONWARD = 0.87
 """Cosine of the angle between hips and the facing that is asked above which nobody turns."""

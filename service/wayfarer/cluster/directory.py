@@ -130,7 +130,7 @@ class Directory:
         self._nodes_version = 0
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
         self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
-        self._over: OrderedDict[str, None] = OrderedDict()  # nodes that have ended, as they told
+        self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
         self._came: set[int] = set()  # numbers of the nodes that have ever come
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
         self._random = random.Random(seed)

@@ -82,7 +82,7 @@ class NodeFinder:
         return list(self._view.nodes.values())
 
     async def all_nodes(self) -> list[NodeInfo]:
-        """The running nodes, asked anew; while the directory is away, the nodes known last."""
+        """The running nodes, asked for now; while it is away, the last known ones."""
         await self._look()
         return self.nodes
 

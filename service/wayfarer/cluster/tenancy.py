@@ -163,7 +163,7 @@ class Tenancy:
         # the answer does not cover changes after the renewal was sent
         same = {group for group, epoch in told.held.items() if self._held.get(group) == epoch}
         lost = same.intersection(answer.lost)
-        self._lost |= lost - self._frozen  # nobody steps the others, and `claim` tells of them
+        self._lost |= lost - self._frozen  # nobody steps the others: `claim` decides
         for group in lost - (self._frozen - self._coming):
             del self._held[group]
         for group, epoch in answer.epochs.items():

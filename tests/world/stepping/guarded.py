@@ -1,4 +1,4 @@
-"""The guards, called with arrays of their own."""
+"""The guards, called with copies of arrays."""
 
 import numpy as np
 

@@ -63,7 +63,7 @@ def lean(step: Step, frame: int = -1) -> float:
 
 
 def righted(mode: np.ndarray, step: Step) -> Step:
-    """What the rule makes of a step."""
+    """The step after the rule."""
     found = Step(*(np.array(part, np.float32) for part in step))
     right_rows(mode, found)
     return found

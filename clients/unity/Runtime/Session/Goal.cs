@@ -25,8 +25,8 @@ namespace Wayfarer
 
     /// <summary>
     /// A place to go to, in metres of the session's basis, and how: the fields of a goal of the API (docs/api.md,
-    /// "Goals"), as in <c>new Goal(2, 0, 3) { Speed = 1.4, ["stop"] = false }</c>. The server chooses for those that are
-    /// absent or null, and refuses those that it does not know.
+    /// "Goals"), as in <c>new Goal(2, 0, 3) { Speed = 1.4, ["stop"] = false }</c>. The server chooses for fields that are
+    /// absent or null, and refuses fields that it does not know.
     /// </summary>
     public sealed class Goal
     {

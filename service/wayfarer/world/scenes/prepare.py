@@ -23,7 +23,7 @@ PARTS: Final = (
     new_frames, mirror, people, spots, around, near, routes, lanes, collision_avoidance, sampling,
     playback, noise, gait_rules, find, legs, twobone, avoid,
 )  # fmt: skip
-"""Those that take longest are at both ends, so that the two processes rarely meet in one."""
+"""The rules that take longest are at both ends, so that the two processes rarely meet in one."""
 
 
 @cache

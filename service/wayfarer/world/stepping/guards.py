@@ -95,8 +95,8 @@ def _vector(turn: Array) -> Array:
 
 @compiled
 def bend_rows(rotations: Float, rest: Float, mended: Flags) -> None:
-    """Bends the knees of rotations [A, F, 22, 4] within `KNEE`, and at most `SIDEWAYS` beside it;
-    `rest` [A, 2, 3] are the ankles' places in the T-pose, from the knees. Marks who had others.
+    """Bends the knees of rotations [A, F, 22, 4] within `KNEE`, and by `SIDEWAYS` at most to the
+    side; `rest` [A, 2, 3] are the ankles' places in the T-pose, from the knees. Marks mended rows.
     """
     for row in range(len(rotations)):
         for foot in range(2):

@@ -29,7 +29,7 @@ CORRECTIONS: Final = ("guards", "righting", "foot lock")
 
 
 class NewFrames(NamedTuple):
-    """New frames, in arrays of their own, which the rules change."""
+    """New frames, in arrays that the rules may change."""
 
     translation: Float  # [A, F, 3] hips
     rotations: Float  # [A, F, 22, 4]
