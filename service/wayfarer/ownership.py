@@ -33,7 +33,13 @@ class Ownership(Protocol):
         ...
 
     async def claimed(self, name: str) -> None:
-        """Return once other nodes and entries find a new session or scene. On the event loop."""
+        """Return once other nodes and entries find a new session or scene, and it is `copied`."""
+        ...
+
+    async def copied(self, name: str) -> None:
+        """Return once another node has the present state of a session or scene, or knows that it
+        has ended, so that the change is not lost with this node. On the event loop.
+        """
         ...
 
     def may_step(self) -> bool:
@@ -65,6 +71,9 @@ class SingleNode:
 
     async def claimed(self, name: str) -> None:
         """At once."""
+
+    async def copied(self, name: str) -> None:
+        """At once: there is no other node."""
 
     def may_step(self) -> bool:
         """Always."""

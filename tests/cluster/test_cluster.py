@@ -14,7 +14,7 @@ import pytest_asyncio
 from tests.cluster.local import HAS_STORE, LocalCluster
 from tests.cluster.watchers import Stepped, Watcher
 from tests.serving import needs_ray
-from wayfarer_client import Box, Client, Flag, Floor
+from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, NotFound
 
 pytestmark = [pytest.mark.slow, needs_ray, pytest.mark.asyncio(loop_scope="module")]
 
@@ -45,34 +45,57 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
             await one.goes_on()
         await asyncio.to_thread(javascript_follows, cluster.entry.http_url)
 
-        async def all_go_on():
+        async def put():
             nonlocal version
-            assert min(await asyncio.gather(*(one.renew() for one in everybody))) > 0
-            await stepped.goes_on()
             crate = Box(position=(-2, 0, 100 + version), size=(0.5, 0.5, 0.5))
             version += 1
             assert await field.put("crate", crate) == version
 
+        async def all_go_on():
+            assert min(await asyncio.gather(*(one.renew() for one in everybody))) > 0
+            await stepped.goes_on()
+            await put()
+
+        async def change():
+            """Each kind, on the node with the scene; what is called later: nothing is lost."""
+            made = [await client.create_session(lease=900, scene=field.scene_id) for _ in "123"]
+            kept, empty, gone = made
+            stays, goes = await kept.create_agents(AgentSpec(name="stays"), AgentSpec())
+            await gone.delete()
+            await kept.delete_agent(goes)
+            await put()
+
+            async def check():
+                (there,) = await kept.agents()
+                assert (there.agent_id, there.name) == (stays.agent_id, "stays")
+                assert await empty.agents() == []
+                with pytest.raises(NotFound):
+                    await client.session(gone.session_id)
+                await put()  # with the version after the last one
+                await asyncio.gather(kept.delete(), empty.delete())
+
+            return check
+
         async def settle():
-            """All sessions continue, and the scene's present node has copied it."""
+            """All sessions continue, and the neighbour of the scene's present node has baked it."""
             await all_go_on()
             name, ends_at = await with_the_scene(cluster, watched), time.monotonic() + 120
             while time.monotonic() < ends_at:
-                copied = [(line["timestamp"], line["node"]) for line in cluster.said()
-                          if line.get("event") == "scene copied"]  # fmt: skip
-                if name == max(copied, default=("", ""))[1]:
+                baked = [(line["timestamp"], line["node"]) for line in cluster.said()
+                         if line.get("event") == "scene baked"]  # fmt: skip
+                if name == max(baked, default=("", ""))[1]:
                     return
                 await asyncio.sleep(0.2)
-            pytest.fail(f"{name} has not copied its scene")
+            pytest.fail(f"the scene of {name} has not been baked by its neighbour")
 
         await settle()
         there = await ids(crowd)
-        await kill(cluster, watched, record_testsuite_property)
+        await kill(cluster, watched, change, record_testsuite_property)
         async with asyncio.timeout(60):
             while await ids(crowd) <= there:
                 await asyncio.sleep(0.1)  # it goes on: others still come
         await settle()
-        await stop_for_long(cluster, watched)
+        await stop_for_long(cluster, watched, change)
         await settle()
         if HAS_STORE:
             await the_head_returns(cluster, watched, client)
@@ -122,17 +145,19 @@ async def with_the_scene(cluster, watched):
     return cluster.owner(watched[-1].session)
 
 
-async def kill(cluster, watched, record_testsuite_property):
+async def kill(cluster, watched, change, record_testsuite_property):
     name = await with_the_scene(cluster, watched)
     there = living_on(cluster, name, watched)
     await asyncio.sleep(1.5)  # all have been copied to the neighbour since they began to walk
     for one in watched:
         one.clear()
     victim = await cluster.process(name)
+    check = await change()
     killed_at = time.monotonic()
     victim.kill()
     for one in watched:
         await one.goes_on(10)
+    await check()
     for one in there:
         assert "gap" in one.events, "it is said that something was lost"
         assert any(flag & Flag.FIRST for flag in one.flags)
@@ -149,12 +174,13 @@ def settled(status):
     return status.counters.get("adopted", 0) + status.counters.get("lost", 0)
 
 
-async def stop_for_long(cluster, watched):
+async def stop_for_long(cluster, watched, change):
     name = await with_the_scene(cluster, watched)
     there = living_on(cluster, name, watched)
     process = await cluster.process(name)
     assert there
     before = {one: one.stream.reconnections for one in there}
+    check = await change()
     process.suspend()
     async with asyncio.timeout(6):  # within 3 s of the last message, and a pause before the next
         while any(one.stream.reconnections == count for one, count in before.items()):
@@ -165,6 +191,7 @@ async def stop_for_long(cluster, watched):
     await cluster.until(lambda s: settled(s) == wanted)
     process.resume()
     await cluster.until(lambda s: name in [n.node.name for n in s.nodes])
+    await check()
     for one in there:
         one.clear()
     for one in watched:

@@ -1,4 +1,4 @@
-"""Copies at the neighbour, each second."""
+"""Copies at the neighbour: each second, and of what calls change."""
 
 import asyncio
 from types import SimpleNamespace
@@ -24,6 +24,8 @@ class Sessions:
     def __init__(self):
         self.sessions, self.scenes = [SESSION], []
         self.state, self.broken = 0, None
+        self.going_on = asyncio.Event()
+        self.going_on.set()
 
     def is_movable(self, name):
         return True
@@ -32,7 +34,9 @@ class Sessions:
         self.state += 1
         if name == self.broken:
             raise KeyError(name)
-        return str(self.state).encode()
+        state = str(self.state).encode()
+        await self.going_on.wait()
+        return state
 
     async def content(self, scene_id):
         return b"content"
@@ -44,12 +48,17 @@ class Neighbours:
     def __init__(self):
         self.kept = {"n2": Replicas(), "n3": Replicas()}
         self.away = self.broken = False
-        self.refuses, self.contents = None, []
+        self.refuses, self.contents, self.baked, self.messages = None, [], [], []
 
-    async def call(self, node, verb, owner, told, seconds=0):
+    async def call(self, node, verb, *told, seconds=0):
         if self.away:
             raise Unavailable("away")
-        return getattr(self, verb)(self.kept[node.name], owner, told)
+        self.messages.append(verb)
+        return getattr(self, verb)(self.kept[node.name], *told)
+
+    def prepare(self, kept, scene_id):
+        assert scene_id + CONTENT in kept._kept
+        self.baked.append(scene_id)
 
     def keep(self, kept, owner, copies):
         self.contents += [name for name in copies if name.endswith(CONTENT)]
@@ -123,7 +132,7 @@ async def test_the_content_of_a_scene_is_sent_once_to_each_neighbour_and_until_i
     assert copies.peers.kept["n2"]._kept[content].state == b"content"
     sent = len(copies.peers.contents)
     await copies.rounds(6)
-    assert len(copies.peers.contents) == sent
+    assert len(copies.peers.contents) == sent and copies.peers.baked == list(SCENES)
     copies.work.neighbour = "n3"
     await copies.rounds(6)
     assert content in copies.peers.kept["n3"]._kept and len(copies.peers.contents) == sent + 1
@@ -156,3 +165,58 @@ async def test_a_round_that_fails_is_not_the_last_one(copies, caplog):
     before = copies.peers.state()
     await copies.rounds()
     assert copies.peers.state() > before
+
+
+@pytest.fixture
+def seldom(monkeypatch, copies):
+    monkeypatch.setattr(replication, "REPLICATE_S", 1000.0)
+    monkeypatch.setattr(replication, "AGAIN_S", 0.01)
+    return copies
+
+
+async def test_a_change_is_copied_at_once_and_calls_share_a_message(seldom):
+    await seldom.rounds(1)
+    await asyncio.sleep(0.05)  # the last round of the short ones
+    before, seldom.peers.messages[:] = seldom.moves.state, []
+    await asyncio.gather(*(seldom.work.copy(SESSION) for _ in range(20)))
+    assert seldom.peers.state() == seldom.moves.state == before + 1
+    assert seldom.peers.messages == ["present", "keep"]
+    seldom.moves.sessions.clear()
+    await seldom.work.copy(SESSION)
+    assert not len(seldom.peers.kept["n2"]), "what has ended does not come back"
+
+
+async def test_a_call_waits_for_a_state_that_is_newer_than_its_change(seldom):
+    """One that is on its way when the call comes is not enough, and does not replace the newer."""
+    await seldom.rounds(1)
+    await asyncio.sleep(0.05)
+    seldom.moves.going_on.clear()
+    first = asyncio.create_task(seldom.work.copy(SESSION))
+    await asyncio.sleep(0.01)
+    on_its_way = seldom.moves.state
+    second = asyncio.create_task(seldom.work.copy(SESSION))
+    await asyncio.sleep(0.01)
+    seldom.moves.going_on.set()
+    await asyncio.gather(first, second)
+    assert seldom.peers.state() == seldom.moves.state == on_its_way + 1
+
+
+async def test_a_call_waits_for_the_next_neighbour_and_for_nobody_without_one(seldom):
+    await seldom.rounds(1)
+    await asyncio.sleep(0.05)
+    seldom.peers.away = True
+    copying = asyncio.create_task(seldom.work.copy(SESSION))
+    await asyncio.sleep(0.05)
+    assert not copying.done()
+    seldom.work.neighbour, seldom.peers.away = "n3", False
+    await copying
+    assert seldom.peers.state("n3") == seldom.moves.state
+    seldom.work.neighbour, seldom.peers.away = "", True
+    await seldom.work.copy(SESSION)
+
+
+async def test_a_change_in_a_scene_is_copied_with_its_content(seldom):
+    seldom.moves.scenes.extend(SCENES)
+    await seldom.work.copy(SCENES[0])
+    kept = seldom.peers.kept["n2"]._kept
+    assert {SCENES[0], SCENES[0] + CONTENT} <= kept.keys()

@@ -32,6 +32,7 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
+from wayfarer.ids import group_of
 from wayfarer.transport.edge.caller import Caller
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
@@ -98,18 +99,19 @@ class NodeAgent:
     # What other nodes and entries call
 
     async def keep(self, owner: str, copies: dict[str, bytes]) -> dict[str, str]:
-        """Keeps these replicas, by id, and bakes scenes whose content is among them. Returns the
-        refused ones with the reasons.
-        """
+        """Keeps these replicas, by id. Returns the refused ones with the reasons."""
         refused = dict[str, str]()
         for name, state in copies.items():
             try:
                 self._replicas.keep(owner, name, state)
-                if name.endswith(CONTENT):
-                    await self._moves.prepare(name.removesuffix(CONTENT), state)
             except WayfarerError as error:
                 refused[name] = str(error)
         return refused
+
+    async def prepare(self, scene_id: str) -> None:
+        """Bakes a scene that may come, and whose content is kept. Raises WayfarerError."""
+        kept = self._replicas.of(group_of(scene_id))
+        await self._moves.prepare(scene_id, _content(kept, scene_id))
 
     async def present(self, owner: str, names: list[str]) -> set[str]:
         """Drops replicas of sessions and scenes that the owner does not have any more. Returns the
@@ -166,6 +168,8 @@ class NodeAgent:
             await self._resume(came, owner, given)
         finally:
             self._tenancy.came(group)
+        # the giver has it still, should this node end before its own neighbour has a copy
+        await asyncio.gather(*map(self._tenancy.copied, came))
         return None
 
     async def _resume(self, came: dict[str, Arrival], owner: str, epoch: int) -> None:
@@ -328,6 +332,7 @@ class NodeAgent:
                 content = {name + CONTENT: await self._moves.content(name)}
                 if refused := await self._nodes.call(node, "keep", own, content, seconds=KEEP_S):
                     raise ResourceExhausted(refused[name + CONTENT])
+                await self._nodes.call(node, "prepare", name, seconds=KEEP_S)
         except WayfarerError as error:
             log.error("scene not moved", group=group, to=order.to, reason=str(error))
             return
@@ -375,6 +380,7 @@ async def joined(
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
     tenancy.node = tenancy.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
     replicas, replication = Replicas(), Replication(tenancy, gateway.moves, nodes)
+    tenancy.copy = replication.copy
     agent = NodeAgent(tenancy, gateway, directory, nodes, replicas, replication, stop)
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),

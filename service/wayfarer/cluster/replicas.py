@@ -15,7 +15,7 @@ KEPT_S: Final = 60.0
 """Seconds after which a replica without renewal is dropped."""
 
 KEEP_S: Final = 120.0
-"""Seconds within which a node keeps what it is sent, and has baked it if it is a scene."""
+"""Seconds within which a node keeps the content of a scene that it is sent, or has baked it."""
 
 CONTENT: Final = "/content"
 """Suffix of a scene's id: its constant content. The replica under the id is its state."""

@@ -1,12 +1,13 @@
-"""Once a second a node copies its sessions and scenes to its neighbour. Runs on the node's event
-loop.
+"""A node copies its sessions and scenes to its neighbour: all of them once a second, and what a
+call has made, changed or ended before that call is answered. Runs on the node's event loop.
 
-Each round sends the whole state of each session and scene. The constant content of a scene is sent
-once to each neighbour. Logs of recorded sessions are not copied.
+A copy is the whole state of a session or scene. The constant content of a scene is sent once to
+each neighbour. Logs of recorded sessions are not copied.
 """
 
 import asyncio
 import time
+from collections.abc import Collection, Sequence
 from itertools import islice
 from typing import Final
 
@@ -16,17 +17,25 @@ from wayfarer.cluster.messages import NodeInfo, NodeLink
 from wayfarer.cluster.replicas import CONTENT, KEEP_S
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import WayfarerError
+from wayfarer.ids import group_of
 from wayfarer.transport.gateway.moves import SessionMoves
 
 log = structlog.get_logger(__name__)
 
 REPLICATE_S: Final = 1.0
 
-BATCH_BYTES: Final = 1024 * 1024
-"""Bytes of one message, somewhat exceeded."""
+AT_ONCE: Final = 16
+"""Sessions and scenes of one message of a round; calls that wait for a copy come in between."""
+
+SEND_S: Final = 3.0
+"""How long the neighbour's answer to a message is waited for: about a lease, after which a silent
+one is replaced."""
+
+AGAIN_S: Final = 0.25
+"""Until a copy that a call waits for is tried again, possibly with another neighbour."""
 
 TOLD: Final = 4
-"""Refused replicas of a round that are named in the log."""
+"""Refused replicas of a message that are named in the log."""
 
 
 class Replication:
@@ -38,61 +47,89 @@ class Replication:
         self._tenancy = tenancy
         self._moves = moves
         self._link = link
-        self._contents: dict[tuple[str, str], asyncio.Task[None]] = {}  # being sent
+        self._sending = asyncio.Lock()  # else an older state could arrive after a newer one
+        self._due = set[str]()  # for which calls wait
+        self._soon: asyncio.Task[None] | None = None  # sends these
+        self._baked = set[asyncio.Task[None]]()  # scenes, at the neighbour
 
     async def running(self) -> None:
         """For ever."""
         while True:
             began = time.monotonic()
-            nodes = self._tenancy.view.nodes
             try:
-                if self.neighbour in nodes and self._tenancy.may_step():
-                    await self._replicate(nodes[self.neighbour])
+                await self._round(self._names())
             except WayfarerError as error:
                 log.warning("replicas not kept", neighbour=self.neighbour, reason=str(error))
             except Exception:  # else nothing would be copied any more
                 log.exception("a round of copies failed", neighbour=self.neighbour)
             await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
 
-    async def _replicate(self, node: NodeInfo) -> None:
-        names = [name for name in self._moves.scenes if self._moves.is_movable(name)]
-        names += [name for name in self._moves.sessions if self._moves.is_movable(name)]
-        # First: ended sessions make room there; a neighbour that is away fails the round at once.
-        own, refused = self._tenancy.node.name, dict[str, str]()
-        lacks = await self._link.call(node, "present", own, names)
-        self._send_contents(node, lacks)
-        batch, size = dict[str, bytes](), 0
-        for number, name in enumerate(names, start=1):
+    async def _round(self, names: Sequence[str]) -> None:
+        for first in range(0, len(names) or 1, AT_ONCE):  # without any, that is told, too
+            async with self._sending:
+                await self._send(names[first : first + AT_ONCE])
+
+    async def copy(self, name: str) -> None:
+        """Return once the neighbour has the present state of a session or scene, or knows that it
+        has ended; at once without a neighbour. Calls that wait share a message.
+        """
+        while True:
+            self._due.add(name)
+            if self._soon is None:
+                self._soon = asyncio.create_task(self._send_due(), name="copy")
+            try:
+                return await asyncio.shield(self._soon)
+            except WayfarerError as error:
+                log.warning("copy not kept", neighbour=self.neighbour, reason=str(error))
+            await asyncio.sleep(AGAIN_S)
+
+    async def _send_due(self) -> None:
+        async with self._sending:
+            due, self._due, self._soon = self._due, set(), None
+            await self._send(due)
+
+    def _names(self) -> list[str]:
+        """Of all that can move: scenes first, which sessions need."""
+        return [*filter(self._moves.is_movable, (*self._moves.scenes, *self._moves.sessions))]
+
+    async def _send(self, names: Collection[str]) -> None:
+        """Tells the neighbour what there is, and the state of these."""
+        node = self._tenancy.view.nodes.get(self.neighbour)
+        if node is None or not self._tenancy.may_step():
+            return
+        # First: ended sessions make room there; a neighbour that is away fails it at once.
+        own, present = self._tenancy.node.name, self._names()
+        lacks = await self._link.call(node, "present", own, present, seconds=SEND_S)
+        groups, batch = set(map(group_of, names)), dict[str, bytes]()
+        for scene_id in [one for one in lacks if group_of(one) in groups]:
+            await self._send_content(node, scene_id)
+        for name in [one for one in present if one in names]:
             try:
                 batch[name] = await self._moves.replica(name)
-                size += len(batch[name])
             except WayfarerError:  # it has just ended, or moved
                 pass
             except Exception:  # else nothing behind it would ever be copied
                 log.exception("replica not made", session_id=name)
-            if batch and (size > BATCH_BYTES or number == len(names)):
-                refused |= await self._link.call(node, "keep", own, batch)
-                batch, size = {}, 0
+        refused = await self._link.call(node, "keep", own, batch, seconds=SEND_S) if batch else {}
         if refused:
             told = dict(islice(refused.items(), TOLD))
             log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
 
-    def _send_contents(self, node: NodeInfo, lacks: set[str]) -> None:
-        """Sends contents beside the copies: the neighbour answers once it has baked the scene."""
-        self._contents = {key: task for key, task in self._contents.items() if not task.done()}
-        for scene_id in lacks:
-            if (key := (node.name, scene_id)) not in self._contents:
-                sending = asyncio.create_task(self._send_content(node, scene_id), name="scene")
-                self._contents[key] = sending
-
     async def _send_content(self, node: NodeInfo, scene_id: str) -> None:
-        try:
-            copy = {scene_id + CONTENT: await self._moves.content(scene_id)}
-            own = self._tenancy.node.name
-            refused = await self._link.call(node, "keep", own, copy, seconds=KEEP_S)
-        except WayfarerError as error:
-            refused = {scene_id: str(error)}
+        own, name = self._tenancy.node.name, scene_id + CONTENT
+        copy = {name: await self._moves.content(scene_id)}
+        refused = await self._link.call(node, "keep", own, copy, seconds=SEND_S)
         if refused:
-            log.warning("scene not copied", scene_id=scene_id, to=node.name, reason=refused)
-        else:
-            log.info("scene copied", scene_id=scene_id, to=node.name)
+            log.warning("scene not copied", scene_id=scene_id, to=node.name, reason=refused[name])
+            return
+        baking = asyncio.create_task(self._bake(node, scene_id), name="bake")
+        self._baked.add(baking)
+        baking.add_done_callback(self._baked.discard)
+
+    async def _bake(self, node: NodeInfo, scene_id: str) -> None:
+        """At the neighbour, so that an adoption need not."""
+        try:
+            await self._link.call(node, "prepare", scene_id, seconds=KEEP_S)
+            log.info("scene baked", scene_id=scene_id, by=node.name)
+        except WayfarerError as error:
+            log.warning("scene not baked", scene_id=scene_id, by=node.name, reason=str(error))

@@ -8,7 +8,7 @@ it reads there is one float, one set and one dictionary's item, each replaced or
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Awaitable, Callable, Collection
 from typing import Final
 
 from wayfarer.cluster.directory import share_of
@@ -21,6 +21,9 @@ from wayfarer.ids import group_of, new_group
 CLAIM_S: Final = 1.0
 """Seconds to wait for the directory's answer to a new group. A later answer does no harm: each
 renewal names the group again."""
+
+COPY_S: Final = 8.0
+"""Seconds that a change waits for its copy: until a neighbour that is silent has been replaced."""
 
 
 def boot_clock() -> float:
@@ -37,6 +40,8 @@ class Tenancy:
         self.registered = False
         self.unclaimed = asyncio.Event()
         """Something was made here that the directory shall hear of now."""
+        self.copy: Callable[[str], Awaitable[None]] = _alone
+        """See `Replication.copy`."""
         self._answered = asyncio.Event()  # the next time
         self._clock = clock
         self._until = float("-inf")  # of the lease
@@ -87,12 +92,19 @@ class Tenancy:
         return new_group()
 
     async def claimed(self, name: str) -> None:
-        """See `Ownership`; `CLAIM_S` at most."""
+        """See `Ownership`; `CLAIM_S` at most until it is found."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(CLAIM_S):
                 while not self.epoch(name):
                     self.unclaimed.set()
                     await self._answered.wait()
+        await self.copied(name)
+
+    async def copied(self, name: str) -> None:
+        """See `Ownership`; `COPY_S` at most."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(COPY_S):
+                await self.copy(name)
 
     def may_step(self) -> bool:
         """Whether the lease holds and no group of this node has another owner."""
@@ -213,3 +225,7 @@ class Tenancy:
     def came(self, group: str) -> None:
         """Notes that callers find all of it here."""
         self._coming.discard(group)
+
+
+async def _alone(name: str) -> None:
+    """Until the node has joined, there is no neighbour."""

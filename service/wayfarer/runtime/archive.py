@@ -41,12 +41,23 @@ class Archive:
 
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """Implements `MotionService`, as do the methods below."""
-        taken = await self._taken(home, session_id)
-        return await self._packed(taken._replace(crowd=None))
+        for _ in range(SETTLE_TRIES):
+            if await home.ask(lambda world, _: world.members.is_settled(session_id)):
+                break
+            await asyncio.sleep(SETTLE_SECONDS)
+        return await self._packed(
+            await home.ask(lambda world, _: capture_session(world, session_id))
+        )
 
     async def replica(self, home: Home, session_id: str) -> bytes:
         """The data from which it resumes after this server has died. Raises NotFound."""
-        return await self._packed(await self._taken(home, session_id))
+        return await self._packed(
+            await home.ask(
+                lambda world, _: capture_session(world, session_id)._replace(
+                    crowd=world.crowds.copy(session_id)
+                )
+            )
+        )
 
     async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
         """Reads a snapshot's session; `attributes` take precedence over its own.
@@ -66,18 +77,6 @@ class Archive:
         """Implements `MotionService`."""
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
-
-    async def _taken(self, home: Home, session_id: str) -> CapturedSession:
-        """Takes its state. Raises NotFound."""
-        for _ in range(SETTLE_TRIES):
-            if await home.ask(lambda world, _: world.members.is_settled(session_id)):
-                break
-            await asyncio.sleep(SETTLE_SECONDS)
-        return await home.ask(
-            lambda world, _: capture_session(world, session_id)._replace(
-                crowd=world.crowds.copy(session_id)
-            )
-        )
 
     async def _packed(self, taken: CapturedSession) -> bytes:
         return await asyncio.to_thread(encode_record, taken, self._worlds.body)

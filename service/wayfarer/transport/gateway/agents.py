@@ -40,6 +40,7 @@ class AgentApi:
         with self._context.book.agent_room(current_caller(), count):
             made = await self._made(session, request)
             self._context.book.enter_agents(session, made)
+        await self._context.residence.copied(session_id)
         return await self._described(session, made)
 
     async def _made(self, session: OpenSession, request: schema.NewAgents) -> list[AgentInfo]:
@@ -82,6 +83,7 @@ class AgentApi:
         session = await self._context.session_of(agent_id)
         change = AgentChange(**request.model_dump())
         info = await self._context.service.update_agent(agent_id, change)
+        await self._context.residence.copied(session.session_id)
         return convert.agent(info, session.basis, self._context.bodies)
 
     @implements("DeleteAgent")
@@ -95,6 +97,7 @@ class AgentApi:
             alias = (await self._context.service.get_agent(agent_id)).alias
         await self._context.service.delete_agent(agent_id)
         self._context.book.remove_agent(session, agent_id, alias)
+        await self._context.residence.copied(session.session_id)
 
     async def _described(self, session: OpenSession, infos: Sequence[AgentInfo]) -> schema.Agents:
         """Describes a few at a time: each takes half a millisecond in which other calls wait."""

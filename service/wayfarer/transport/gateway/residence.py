@@ -55,6 +55,13 @@ class Residence:
         """See `Ownership`."""
         await self._ownership.claimed(name)
 
+    async def copied(self, name: str) -> None:
+        """See `Ownership`. Raises Unavailable if the lease has ended meanwhile: another node may
+        go on without the change.
+        """
+        await self._ownership.copied(name)
+        self.require_lease()
+
     def left(self, name: str, endpoint: Endpoint) -> None:
         """Records that a session or scene has moved to `endpoint`."""
         group = group_of(name)

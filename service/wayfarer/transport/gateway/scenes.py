@@ -141,6 +141,7 @@ class SceneApi:
         scene = self._context.scenes.scene(scene_id)
         await self._context.service.scenes.delete_scene(scene_id)
         self._context.scenes.close(scene)
+        await self._context.residence.copied(scene_id)
 
     @implements("PutObstacle")
     async def put_obstacle(
@@ -154,6 +155,7 @@ class SceneApi:
         with scene_convert.fields_named(obstacle=request), convert.in_basis(scene.axes):
             made = scene_convert.obstacle(request, scene.axes)
             info = await self._context.service.scenes.put_obstacle(scene_id, name, made)
+        await self._context.residence.copied(scene_id)
         return scene_convert.scene_version(info)
 
     @implements("RemoveObstacle")
@@ -161,6 +163,7 @@ class SceneApi:
         """Removes an obstacle. Raises NotFound."""
         self._context.scenes.scene(scene_id)
         info = await self._context.service.scenes.remove_obstacle(scene_id, name)
+        await self._context.residence.copied(scene_id)
         return scene_convert.scene_version(info)
 
     @implements("QueryPath")
@@ -214,6 +217,7 @@ class SceneApi:
                 session.crowd = max(session.crowd, crowd.count)
                 raise
             session.crowd = state.came + state.waiting  # another call may have replaced it
+        await self._context.residence.copied(session.session_id)
         return state
 
     async def take_over(self) -> None:

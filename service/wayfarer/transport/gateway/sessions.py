@@ -80,6 +80,7 @@ class SessionApi:
     async def delete(self, session_id: str) -> None:
         """Ends a session, its agents and its streams. Raises NotFound, Unavailable."""
         await finish(self._end(self._context.book.session(session_id)))
+        await self._context.residence.copied(session_id)
 
     async def end_expired(self) -> list[str]:
         """Ends the sessions whose lease has expired; returns the ids of ended ones.
