@@ -117,4 +117,5 @@ def coming(name, **fields):
 
 def owner(directory, group):
     """Name of the node that has a group; None: nobody."""
-    return directory.look((0, 0))[1].groups.get(group)
+    entry = directory._groups.get(group)
+    return entry and entry.owner

@@ -6,6 +6,8 @@ import textwrap
 
 import pytest
 
+from tests.cluster.nodes import info
+
 pytest.importorskip("ray")
 
 START = """
@@ -67,3 +69,17 @@ def test_a_start_that_fails_ends_the_process_as_failed():
 def test_a_node_that_hangs_ends_and_says_where():
     code, said = played("node.ready()\ntime.sleep(30)", "time.sleep(30)")
     assert code == 1 and "Timeout" in said and "in work" in said
+
+
+def test_the_end_of_a_process_of_this_machine_is_seen():
+    from wayfarer.cluster.actors import watch
+    from wayfarer.cluster.tenancy import machine
+
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        node = info("n1").model_copy(update={"machine": machine(), "pid": process.pid})
+        has_ended = watch(node)
+        elsewhere = watch(node.model_copy(update={"machine": "another"}))
+        assert machine() and not has_ended()
+        process.kill()
+    assert has_ended() and not elsewhere()
+    assert watch(node)(), "it had ended before"

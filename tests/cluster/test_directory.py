@@ -9,7 +9,7 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
 from wayfarer.cluster.directory import DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
-from wayfarer.cluster.messages import Answer, Changes, NodeLoad
+from wayfarer.cluster.messages import ADOPTED, Answer, Changes, NodeLoad
 from wayfarer.cluster.tenancy import CLAIM_S
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
@@ -472,9 +472,9 @@ def test_what_a_node_keeps_on_disk_waits_for_its_next_life():
     del bench.nodes["n0"]
     bench.later(LEASE, "n1")
     for group in (kept, ended):
-        with pytest.raises(Unavailable, match="started again"):
+        with pytest.raises(Unavailable, match="has ended"):
             bench.nodes["n1"].endpoint_of(named(group))
-        with pytest.raises(Unavailable, match="started again"):
+        with pytest.raises(Unavailable, match="has ended"):
             bench.nodes["n1"].view.node_for(named(group))
     bench.present["m0"] = {kept}
     bench.add("m0", number=0)
@@ -535,3 +535,25 @@ def test_status_counts_room():
 def test_unknown_nodes_are_fenced():
     assert Bench().directory.renew(renewal("n9")).fenced
     assert info("n9").name == "n9"
+
+
+def test_a_process_that_ends_is_known_before_its_lease_ends():
+    over = set()
+    bench = Bench(["n0", "n1", "n2"])
+    bench.directory._watch = lambda node: lambda: node.name in over
+    n3, group = bench.add("n3"), None
+    bench.beat()
+    group = bench.new_session("n3")
+    bench.beat()
+    bench.beat()
+    assert n3.epoch(named(group))
+    over.add("n3")
+    del bench.nodes["n3"]
+    (order,) = [order for answer in bench.beat().values() for order in answer.orders]
+    assert (order.kind, order.group) == ("adopt", group)
+    told = bench.directory.look((0, 0))[1]
+    assert told.groups[group] == ADOPTED, "nobody is sent there before it has come"
+    adopter = bench.owner(group)
+    bench.adopt(adopter, order)
+    assert bench.directory.look((told.generation, told.version))[1].groups[group] == adopter
+    assert not bench.directory.counters["expired"]

@@ -8,6 +8,7 @@ import faulthandler
 import os
 import pkgutil
 import secrets
+import select
 import signal
 import threading
 import time
@@ -24,6 +25,7 @@ from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import CALL_S, NodeInfo, NodePlan
 from wayfarer.cluster.node_agent import NodeAgent, joined
 from wayfarer.cluster.ray_settings import ray
+from wayfarer.cluster.tenancy import machine
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.process.logs import configure_logging
 
@@ -119,6 +121,35 @@ class RayNodes:
         return await actor.ask(f"node {node.name}", seconds, "call", node.name, verb, *told)
 
 
+class Process:
+    """A process of this machine. Its end is seen at once: nobody waits for the end of a lease, or
+    until a busy machine has started the next process.
+    """
+
+    def __init__(self, pid: int) -> None:
+        """Raises ProcessLookupError."""
+        self._poll, self._end = select.poll(), os.pidfd_open(pid)
+        self._poll.register(self._end, select.POLLIN)
+
+    def has_ended(self) -> bool:
+        """Whether it has, for any reason."""
+        return bool(self._poll.poll(0))
+
+    def __del__(self) -> None:
+        if hasattr(self, "_end"):
+            os.close(self._end)
+
+
+def watch(node: NodeInfo) -> Callable[[], bool]:
+    """Whether its process has ended, if that can be seen from here."""
+    if not node.machine or node.machine != machine():
+        return lambda: False
+    try:
+        return Process(node.pid).has_ended
+    except ProcessLookupError:
+        return lambda: True
+
+
 class DirectoryActor(Directory):
     """The directory of a cluster. After a restart it knows nothing until the nodes report."""
 
@@ -127,7 +158,7 @@ class DirectoryActor(Directory):
             again = ray.get_runtime_context().was_current_actor_reconstructed
         if again:
             rules = replace(rules, nodes=0)  # leases of the one before may hold
-        super().__init__(rules, time.time_ns() // 1000)
+        super().__init__(rules, time.time_ns() // 1000, watch=watch)
 
 
 class NodeActor:

@@ -30,6 +30,7 @@ from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
 from wayfarer.cluster.messages import (
+    ADOPTED,
     Answer,
     Changes,
     LeaseRenewal,
@@ -81,6 +82,7 @@ class _Node:
     info: NodeInfo
     load: NodeLoad
     lease_until: float
+    has_ended: Callable[[], bool]  # its process, as far as that can be seen
     count: int = 0  # of the last message
     used: set[str] = field(default_factory=set)  # groups
     keepers: tuple[str, ...] = ()  # of its replicas: the present one, and the one before
@@ -114,13 +116,16 @@ class Directory:
         generation: int,
         clock: Callable[[], float] = time.monotonic,
         seed: int | None = None,
+        watch: Callable[[NodeInfo], Callable[[], bool]] = lambda node: lambda: False,
     ) -> None:
         """`generation`: greater than that of any directory before; microseconds since 1970 are.
 
-        Epochs begin there, so that they still grow after a restart of the directory.
+        Epochs begin there, so that they still grow after a restart of the directory. `watch`
+        returns a function that says whether the process of a node is known to have ended.
         """
         self.rules = rules
         self._clock = clock
+        self._watch = watch
         self.counters: Counter[str] = Counter()
         self._generation = self._epoch = generation
         self._settled_at = clock() + rules.lease_s * DRIFT
@@ -176,7 +181,7 @@ class Directory:
         return self._answer(node, told.seen, tuple(lost), epochs)
 
     def _enter(self, info: NodeInfo) -> _Node:
-        node = self._nodes[info.name] = _Node(info, NodeLoad(), self._clock())
+        node = self._nodes[info.name] = _Node(info, NodeLoad(), self._clock(), self._watch(info))
         self._nodes_changed()
         self._came.add(info.number)
         for group in self._waiting.pop(info.number, ()):
@@ -206,7 +211,9 @@ class Directory:
             self._pass_on(group)
 
     def expire(self) -> None:
-        """Fence the nodes whose lease has ended."""
+        """Fence the nodes whose lease has ended, or whose process has."""
+        for name in [name for name, node in self._nodes.items() if node.has_ended()]:
+            self.ended(name)
         now = self._clock()
         for node in [n for n in self._nodes.values() if n.lease_until <= now]:
             self.counters["expired"] += 1
@@ -246,6 +253,7 @@ class Directory:
             raise Unavailable("not all nodes have come back to the directory; ask again")
         has = entry is not None and entry.owner == to and entry.epoch != epoch
         if entry is not None and has and (owner == to or entry.before == (owner, epoch)):
+            self._touch(group)
             entry.keepers = None  # said twice; or it was to adopt the group, and needs no replica
             return entry.epoch
         is_its = entry is not None and (entry.owner, entry.epoch) == (owner, epoch)
@@ -393,11 +401,17 @@ class Directory:
             generation=self._generation,
             version=self._version,
             whole=whole,
-            groups={g: self._groups[g].owner if g in self._groups else "" for g in touched},
+            groups={g: self._told_owner(g) for g in touched},
             nodes=tuple(node.info for node in self._nodes.values())
             if whole or self._nodes_version > version
             else None,
         )
+
+    def _told_owner(self, group: str) -> str:
+        entry = self._groups.get(group)
+        if entry is None:
+            return ""
+        return entry.owner if entry.keepers is None else ADOPTED
 
     def _status(self) -> Status:
         now = self._clock()

@@ -48,11 +48,11 @@ class GroupMap:
     def owner(self, name: str) -> NodeInfo | None:
         """The node that has what has this id; None: nobody is known to.
 
-        Raises Unavailable while that node is being started again.
+        Raises Unavailable while that node is being started again, or another one adopts it.
         """
         owner = self._owners.get(group_of(name))
         if owner is not None and owner not in self.nodes:
-            raise Unavailable(f"the node that has {name!r} is being started again; try again")
+            raise Unavailable(f"the node of {name!r} has ended; another will have it: try again")
         return None if owner is None else self.nodes[owner]
 
     def node_for(self, name: str) -> NodeInfo | None:

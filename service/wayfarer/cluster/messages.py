@@ -10,6 +10,9 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.config.settings import Settings
 
+ADOPTED: Final = "?"
+"""In place of an owner: a group is being adopted. No node has this name."""
+
 CALL_S: Final = 10.0
 """How long a node's answer is waited for."""
 
@@ -60,6 +63,8 @@ class NodeInfo(ClusterMessage):
     http_port: int
     fingerprint: str  # hash over model, bodies, format: sessions move only between equals
     capacity: int  # agents at most, by its limits
+    machine: str = ""  # see `tenancy.machine`; with `pid` it names the process
+    pid: int = 0
 
 
 class NodeLoad(ClusterMessage):
@@ -99,7 +104,7 @@ class Changes(ClusterMessage):
     generation: int  # of the directory: another one knows nothing of the versions before
     version: int
     whole: bool = False
-    groups: dict[str, str] = {}  # owners; empty: nobody any more
+    groups: dict[str, str] = {}  # owners; empty: nobody any more; `ADOPTED`: nobody yet
     nodes: tuple[NodeInfo, ...] | None = None  # all live ones, when they have changed
 
 

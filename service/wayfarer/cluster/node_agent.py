@@ -4,6 +4,7 @@ loop.
 
 import asyncio
 import contextlib
+import os
 from collections.abc import AsyncIterator, Callable, Iterable
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ from wayfarer.cluster.messages import (
 )
 from wayfarer.cluster.replicas import CONTENT, KEEP_S, KeptReplica, Replicas
 from wayfarer.cluster.replication import Replication
-from wayfarer.cluster.tenancy import Tenancy, boot_clock
+from wayfarer.cluster.tenancy import Tenancy, boot_clock, machine
 from wayfarer.errors import (
     Aborted,
     FailedPrecondition,
@@ -409,5 +410,7 @@ def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
         http_port=0,
         fingerprint=fingerprint,
         capacity=plan.settings.limits.agents,
+        machine=machine(),
+        pid=os.getpid(),
     )
     return Tenancy(node)

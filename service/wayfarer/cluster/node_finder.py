@@ -23,6 +23,12 @@ log = structlog.get_logger(__name__)
 LOOK_S: Final = 0.25
 """Between looks at the directory."""
 
+HOLD_S: Final = 5.0
+"""Seconds that a call waits for a node to adopt what it is about."""
+
+AGAIN_S: Final = 0.1
+"""Between looks while calls wait."""
+
 AWAY_S: Final = 3.0
 """Seconds without an answer after which the directory counts as away."""
 
@@ -97,6 +103,8 @@ class NodeFinder:
             digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
             placed: NodeInfo = await self._directory.call("place", digest)
             return placed
+        if kind == "named":
+            await self._while_adopted(text)
         if kind == "named" and self._view.owner(text) is None:
             if self.away:  # it may live all the same
                 raise Unavailable("the cluster's directory is away: what is new is not found yet")
@@ -106,6 +114,18 @@ class NodeFinder:
         found = self._view.node_for(text) if kind == "named" else random.choice(self.nodes)
         assert found is not None
         return found
+
+    async def _while_adopted(self, name: str) -> None:
+        """What has this id is between two nodes: its callers wait, since each that had to come
+        again would do so later than needed.
+        """
+        ends_at = time.monotonic() + HOLD_S
+        while not self.away and time.monotonic() < ends_at:
+            with contextlib.suppress(Unavailable):
+                self._view.owner(name)
+                return
+            await asyncio.sleep(AGAIN_S)
+            await self._look()
 
     async def drain(self, name: str) -> None:
         """See `Directory.drain`."""

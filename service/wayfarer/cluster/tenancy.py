@@ -7,8 +7,10 @@ it reads there is one float, one set and one dictionary's item, each replaced or
 
 import asyncio
 import contextlib
+import os
 import time
 from collections.abc import Awaitable, Callable, Collection
+from pathlib import Path
 from typing import Final
 
 from wayfarer.cluster.directory import share_of
@@ -29,6 +31,14 @@ COPY_S: Final = 8.0
 def boot_clock() -> float:
     """Seconds of a clock that runs while the process, or the whole machine, is stopped."""
     return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
+def machine() -> str:
+    """Names this machine and its process ids; empty where processes cannot be watched."""
+    if not hasattr(os, "pidfd_open"):
+        return ""
+    boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    return f"{boot} {Path('/proc/self/ns/pid').readlink()}"
 
 
 class Tenancy:
