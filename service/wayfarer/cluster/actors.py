@@ -17,17 +17,19 @@ from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import structlog
 
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import CALL_S, NodeInfo, NodePlan
-from wayfarer.cluster.node_agent import NodeAgent, joined
 from wayfarer.cluster.ray_settings import ray
 from wayfarer.cluster.tenancy import machine
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.process.logs import configure_logging
+
+if TYPE_CHECKING:
+    from wayfarer.cluster.node_agent import NodeAgent
 
 log = structlog.get_logger(__name__)
 
@@ -224,6 +226,10 @@ class NodeActor:
     @contextlib.asynccontextmanager
     async def joined(self, *server: Any) -> AsyncIterator[None]:
         """Be a node of the cluster meanwhile; see node_agent.py."""
+        # with it comes the whole server: the directory, and what tells it that the life before has
+        # ended, shall not wait for that
+        from wayfarer.cluster.node_agent import joined
+
         self._loop = asyncio.get_running_loop()
         async with joined(RayLink.find(), RayNodes(), *server) as self._agent:
             yield
