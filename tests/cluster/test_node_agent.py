@@ -248,3 +248,22 @@ def test_what_is_refused_for_good_is_not_adopted_and_the_others_are():
     assert adopt({"00": [damaged], "01": []}) == (["01"], 0, 1, 0)
     assert adopt({"00": [damaged]}) == ([], 0, 0, 1)
     assert adopt({"00": [Unavailable("")] * 9000}) == ([], 0, 0, 1), "not for ever"
+
+
+def test_who_has_given_a_group_away_adopts_it_if_its_new_node_ends_before_anybody_has_a_copy():
+    pair = Pair()
+    pair.move()
+    assert pair.owner == "n2"
+    pair.bench.directory.ended("n2")
+    del pair.bench.nodes["n2"]
+    pair.moves["n2"].frozen.clear()
+
+    async def obey():
+        for _ in range(3):
+            await pair.agents["n1"]._obey(pair.bench.beat("n1")["n1"])
+            await asyncio.gather(*pair.agents["n1"]._busy.values())
+            pair.bench.present["n1"] = pair.moves["n1"].groups
+
+    virtual_time.run(obey())
+    assert pair.moves["n1"].frozen == {pair.name: False} and not len(pair.replicas["n1"])
+    assert not pair.bench.directory.counters["lost"]

@@ -371,6 +371,22 @@ async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
     assert len((await lives_on(there, replica)).agent_ids) == 1
 
 
+async def test_a_move_that_came_to_nothing_lives_on_from_what_was_sent(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec())).session_id
+    (walker,) = await here.create_agents(session, [AgentSpec()])
+    await here.give(walker.agent_id, goals((5, 0))[0])
+    await here.moves.freeze(session)
+    sent = await here.moves.export(session)
+    await servers.stop(here)
+    await asyncio.sleep(1.0)  # the times in it are over
+    await lives_on(there, sent)
+    follows = await there.subscribe(session, StreamOptions())
+    async with asyncio.timeout(10):
+        chunks = [one for each in await collected(follows, count=4) for one in each.chunks]
+    assert chunks[0].flags & ChunkFlag.FIRST and chunks[-1].seq == chunks[0].seq + 3
+
+
 async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scenes(servers):
     here = await servers.start()
     there = await servers.start(limits=Limits(sessions=1, scenes=1))

@@ -169,8 +169,6 @@ class NodeAgent:
             await self._resume(came, owner, given)
         finally:
             self._tenancy.came(group)
-        # the giver has it still, should this node end before its own neighbour has a copy
-        await asyncio.gather(*map(self._tenancy.copied, came))
         return None
 
     async def _resume(self, came: dict[str, Arrival], owner: str, epoch: int) -> None:
@@ -328,9 +326,10 @@ class NodeAgent:
         own, names = tenancy.node.name, self._moves.of(group)
         if node is None or not all(map(self._moves.is_movable, names)):
             return
+        content = dict[str, bytes]()
         try:
             for name in filter(is_scene, names):  # takes long; the sessions run meanwhile
-                content = {name + CONTENT: await self._moves.content(name)}
+                content[name + CONTENT] = await self._moves.content(name)
                 if refused := await self._nodes.call(node, "keep", own, content, seconds=KEEP_S):
                     raise ResourceExhausted(refused[name + CONTENT])
                 await self._nodes.call(node, "prepare", name, seconds=KEEP_S)
@@ -357,6 +356,8 @@ class NodeAgent:
                 tenancy.decided(group, epoch)
                 await self._thaw(frozen)
                 return
+        # should the other node end before its own neighbour has a copy
+        await self.keep(node.name, frozen | content)
         for name in names:
             await self._moves.release(name, endpoint(node))
             ms = round(1e3 * (boot_clock() - began))

@@ -7,6 +7,7 @@ the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes
 
 import asyncio
 import contextlib
+from dataclasses import replace
 from typing import Final
 
 import structlog
@@ -120,6 +121,8 @@ class LiveMoves:
         spec, session_id = session.record.spec, session.record.session_id
         if session.log is None and not orphan:
             raise InvalidArgument(f"session {session_id!r} is not on its way", "log")
+        if orphan and not spec.lock_step:  # the times of a move that came to nothing are over
+            session = replace(session, rows=None, log=None)
         kept = await self._log(session.recording) if session.recording else None
 
         def entered() -> None:
