@@ -175,8 +175,7 @@ def seldom(monkeypatch, copies):
 
 
 async def test_a_change_is_copied_at_once_and_calls_share_a_message(seldom):
-    await seldom.rounds(1)
-    await asyncio.sleep(0.05)  # the last round of the short ones
+    await asyncio.sleep(0.05)  # the first round
     before, seldom.peers.messages[:] = seldom.moves.state, []
     await asyncio.gather(*(seldom.work.copy(SESSION) for _ in range(20)))
     assert seldom.peers.state() == seldom.moves.state == before + 1
@@ -188,7 +187,6 @@ async def test_a_change_is_copied_at_once_and_calls_share_a_message(seldom):
 
 async def test_a_call_waits_for_a_state_that_is_newer_than_its_change(seldom):
     """One that is on its way when the call comes is not enough, and does not replace the newer."""
-    await seldom.rounds(1)
     await asyncio.sleep(0.05)
     seldom.moves.going_on.clear()
     first = asyncio.create_task(seldom.work.copy(SESSION))
@@ -202,7 +200,6 @@ async def test_a_call_waits_for_a_state_that_is_newer_than_its_change(seldom):
 
 
 async def test_a_call_waits_for_the_next_neighbour_and_for_nobody_without_one(seldom):
-    await seldom.rounds(1)
     await asyncio.sleep(0.05)
     seldom.peers.away = True
     copying = asyncio.create_task(seldom.work.copy(SESSION))
@@ -213,6 +210,21 @@ async def test_a_call_waits_for_the_next_neighbour_and_for_nobody_without_one(se
     assert seldom.peers.state("n3") == seldom.moves.state
     seldom.work.neighbour, seldom.peers.away = "", True
     await seldom.work.copy(SESSION)
+
+
+async def test_a_session_that_has_no_time_delays_no_call_on_another(seldom, monkeypatch):
+    monkeypatch.setattr(replication, "STATE_S", 0.05)
+    await asyncio.sleep(0.05)
+    replica = seldom.moves.replica
+
+    async def busy(name):
+        return await (asyncio.Event().wait() if name == OTHERS[0] else replica(name))
+
+    seldom.moves.replica = busy
+    seldom.moves.sessions = [OTHERS[0], SESSION]
+    async with asyncio.timeout(1):
+        await asyncio.gather(seldom.work.copy(OTHERS[0]), seldom.work.copy(SESSION))
+    assert seldom.peers.kept["n2"]._kept.keys() == {SESSION}
 
 
 async def test_a_change_in_a_scene_is_copied_with_its_content(seldom):

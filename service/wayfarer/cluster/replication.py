@@ -31,6 +31,10 @@ SEND_S: Final = 3.0
 """How long the neighbour's answer to a message is waited for: about a lease, after which a silent
 one is replaced."""
 
+STATE_S: Final = 2.0
+"""How long a state is waited for: a session in lock-step that makes many steps has none meanwhile,
+and others must not wait for it."""
+
 AGAIN_S: Final = 0.25
 """Until a copy that a call waits for is tried again, possibly with another neighbour."""
 
@@ -100,20 +104,27 @@ class Replication:
         # First: ended sessions make room there; a neighbour that is away fails it at once.
         own, present = self._tenancy.node.name, self._names()
         lacks = await self._link.call(node, "present", own, present, seconds=SEND_S)
-        groups, batch = set(map(group_of, names)), dict[str, bytes]()
+        groups = set(map(group_of, names))
         for scene_id in [one for one in lacks if group_of(one) in groups]:
             await self._send_content(node, scene_id)
-        for name in [one for one in present if one in names]:
-            try:
-                batch[name] = await self._moves.replica(name)
-            except WayfarerError:  # it has just ended, or moved
-                pass
-            except Exception:  # else nothing behind it would ever be copied
-                log.exception("replica not made", session_id=name)
+        due = [name for name in present if name in names]
+        states = await asyncio.gather(*map(self._state, due))
+        batch = {name: state for name, state in zip(due, states, strict=True) if state}
         refused = await self._link.call(node, "keep", own, batch, seconds=SEND_S) if batch else {}
         if refused:
             told = dict(islice(refused.items(), TOLD))
             log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
+
+    async def _state(self, name: str) -> bytes:
+        """Empty for a session that has just ended or moved, or has no time."""
+        try:
+            async with asyncio.timeout(STATE_S):
+                return await self._moves.replica(name)
+        except (WayfarerError, TimeoutError):
+            pass
+        except Exception:  # the others are copied all the same
+            log.exception("replica not made", session_id=name)
+        return b""
 
     async def _send_content(self, node: NodeInfo, scene_id: str) -> None:
         own, name = self._tenancy.node.name, scene_id + CONTENT
