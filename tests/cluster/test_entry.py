@@ -253,3 +253,21 @@ async def test_who_may_not_is_told_nothing(tmp_path):
             assert (await http.request(verb, path)).status_code == 401
         assert (await http.post("/v1/cluster/nodes/n1/drain")).status_code == 401
     await entry.stop()
+
+
+async def test_a_call_about_what_is_being_adopted_waits_for_the_node_that_gets_it():
+    async with Rig() as rig:
+        gone, adopter = rig.nodes[1], rig.nodes[0]
+        name = await rig.owned(gone)
+        directory = rig.link.directory
+        directory._nodes[gone.name].keepers = (adopter.name,)
+        directory.ended(gone.name)
+        await asyncio.sleep(0.4)  # the entry has seen it
+        asked = asyncio.create_task(rig.http.get(f"/v1/sessions/{name}"))
+        await asyncio.sleep(0.4)
+        assert not asked.done()
+        epoch = directory._groups[GROUP].epoch
+        assert directory.claim(GROUP, adopter.name, epoch, adopter.name)
+        answer = await asked
+        assert answer.status_code == 421
+        assert answer.json()["endpoint"]["http_port"] == adopter.http_port
