@@ -267,3 +267,43 @@ def test_who_has_given_a_group_away_adopts_it_if_its_new_node_ends_before_anybod
     virtual_time.run(obey())
     assert pair.moves["n1"].frozen == {pair.name: False} and not len(pair.replicas["n1"])
     assert not pair.bench.directory.counters["lost"]
+
+
+def test_all_sessions_of_a_scene_stand_still_together():
+    """Each for as long as one takes, and after the scene."""
+    pair, log = Pair(), []
+    scene, other = f"scene-{pair.group}{0:012x}", f"session-{pair.group}{1:012x}"
+    for name in (other, scene):
+        pair.moves["n1"].frozen[name] = False
+
+    def slow(node, verb):
+        work = getattr(pair.moves[node], verb)
+
+        async def later(name, *told):
+            began = asyncio.get_running_loop().time()
+            await asyncio.sleep(1.0)
+            log.append((verb, name.partition("-")[0], began, asyncio.get_running_loop().time()))
+            return await work(name, *told)
+
+        setattr(pair.moves[node], verb, later)
+
+    async def content(name):
+        return b"content"
+
+    async def prepare(name, content):
+        pass
+
+    pair.moves["n1"].content, pair.moves["n2"].prepare = content, prepare
+    slow("n1", "freeze")
+    slow("n2", "take")
+
+    async def peer(node, verb, *told, seconds=0):
+        return await getattr(pair.agents[node.name], verb)(*told)
+
+    pair.agents["n1"]._nodes.call = peer
+    pair.move()
+    assert pair.moves["n2"].frozen == {pair.name: False, other: False, scene: False}
+    for verb in ("freeze", "take"):
+        (_, first, _, ended), *others = [one for one in log if one[0] == verb]
+        assert first == "scene" and [one[1] for one in others] == ["session", "session"]
+        assert all(one[2] == ended and one[3] == ended + 1.0 for one in others)

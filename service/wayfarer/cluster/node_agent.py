@@ -5,8 +5,8 @@ loop.
 import asyncio
 import contextlib
 import os
-from collections.abc import AsyncIterator, Callable, Iterable
-from typing import Any, Final
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
+from typing import Any, Final, TypeVar
 
 import structlog
 
@@ -39,6 +39,8 @@ from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
 
 log = structlog.get_logger(__name__)
+
+T = TypeVar("T")
 
 RENEW_S: Final = 0.25
 """Between renewals: several in the length of any lease."""
@@ -144,8 +146,9 @@ class NodeAgent:
         self._tenancy.coming(group)
         came, kept = dict[str, Arrival](), self._replicas.of(group)
         try:
-            for name, data in live.items():
-                came[name] = await self._moves.take(name, data, _content(kept, name))
+            await _together(
+                lambda name: self._moves.take(name, live[name], _content(kept, name)), live, came
+            )
         except BaseException as error:
             await self._leave(group, came)
             if isinstance(error, WayfarerError):
@@ -338,8 +341,7 @@ class NodeAgent:
             return
         began, frozen = boot_clock(), dict[str, bytes]()
         try:
-            for name in reversed(names):  # nobody enters a scene any more, first
-                frozen[name] = await self._moves.freeze(name)
+            await _together(self._moves.freeze, names, frozen)
             if set(self._moves.of(group)) != set(names) or group in tenancy.lost:
                 raise Unavailable("somebody has come or gone meanwhile")
         except WayfarerError as error:
@@ -394,6 +396,23 @@ async def joined(
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
+
+
+async def _together(
+    work: Callable[[str], Awaitable[T]], names: Iterable[str], done: dict[str, T]
+) -> None:
+    """Does it for scenes, which nobody enters from then on, and then for all sessions at once: each
+    stands still until the last is done. `done`: what has succeeded; raises what failed.
+    """
+    all_names = set(names)
+    for name in filter(is_scene, all_names):
+        done[name] = await work(name)
+    sessions = sorted(all_names - done.keys())
+    found = await asyncio.gather(*map(work, sessions), return_exceptions=True)
+    ended = dict(zip(sessions, found, strict=True))
+    done |= {name: one for name, one in ended.items() if not isinstance(one, BaseException)}
+    if failed := [one for one in found if isinstance(one, BaseException)]:
+        raise failed[0]
 
 
 def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
