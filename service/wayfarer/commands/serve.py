@@ -53,8 +53,8 @@ M_ARENA_MAX, M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -8, -1, -3
 """Constants of glibc's malloc.h."""
 
 KEPT_FREE: Final = 64 << 20
-"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB, which the kernel
-would clear again for the next call if they went back to it.
+"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB; if they went
+back to the kernel, it would clear them again for the next call.
 """
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
