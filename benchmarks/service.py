@@ -26,6 +26,7 @@ from benchmarks.bench import Row
 from benchmarks.models import add_engine, opened
 from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, add_rings, loaded, ring_rows, ringed, settings
+from wayfarer.commands.serve import share_heaps
 from wayfarer.engines.engine import Engine
 from wayfarer.process.processor import cores
 from wayfarer.spec import STEP_SECONDS
@@ -125,6 +126,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, help="of the long runs: 300, or 15 when quick")
     asked: argparse.Namespace = parser.parse_args()
     seconds = asked.seconds or (15.0 if asked.quick else 300.0)
+    share_heaps()  # the engine alone has the server's memory settings
     command = (*SERVE, "--engine", asked.engine)
     count = cores()
 

@@ -70,6 +70,9 @@ class FakeSubscription:
     def ack(self, position: int, playhead: float) -> None:
         self.acks.append((position, playhead))
 
+    def end(self) -> None:
+        self.queue.put_nowait(None)
+
     async def close(self) -> None:
         self.closed = True
 

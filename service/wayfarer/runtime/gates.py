@@ -54,7 +54,9 @@ class SessionGates:
         try:
             yield
         finally:
-            self._inside -= Counter([group])  # drops entries that are 0
+            self._inside[group] -= 1
+            if not self._inside[group]:
+                del self._inside[group]
 
     async def close(self, name: str) -> None:
         """Stops further calls, and waits for those in progress.

@@ -3,7 +3,7 @@ from contextlib import aclosing
 
 import pytest
 
-from wayfarer.transport.streams.merge import merged, paced
+from wayfarer.transport.streams.merge import merged
 
 
 async def numbers(most: int, pulled: list[int], pause: float = 0.0):
@@ -48,13 +48,3 @@ async def test_an_error_of_either_ends_both():
         async for _ in merged(watched(), broken()):
             pass
     assert closed == [True]
-
-
-async def test_a_pause_is_filled_and_stopping_ends_it():
-    stop = asyncio.Event()
-    got = []
-    async for item in paced(numbers(2, [], 0.05), 0.02, stop):
-        got.append(item)
-        if item == 1:
-            stop.set()
-    assert [n for n in got if n is not None] == [0, 1] and got.count(None) >= 1

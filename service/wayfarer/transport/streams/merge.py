@@ -1,4 +1,4 @@
-"""Async iterators with a pace, and two that are read as one."""
+"""Two async iterators that are read as one."""
 
 import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator
@@ -6,32 +6,6 @@ from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 Other = TypeVar("Other")
-
-
-async def paced(
-    source: AsyncIterator[Item], interval: float, stop: asyncio.Event
-) -> AsyncGenerator[Item | None]:
-    """Items of `source`, None after each `interval` seconds without one, until `stop` is set."""
-    stopped: asyncio.Future[Any] = asyncio.ensure_future(stop.wait())
-    upcoming: asyncio.Future[Item] = asyncio.ensure_future(anext(source))
-    try:
-        while True:
-            await asyncio.wait(
-                {stopped, upcoming}, timeout=interval, return_when=asyncio.FIRST_COMPLETED
-            )
-            if stopped.done():
-                return
-            if not upcoming.done():
-                yield None
-                continue
-            try:
-                item = upcoming.result()
-            except StopAsyncIteration:
-                return
-            upcoming = asyncio.ensure_future(anext(source))
-            yield item
-    finally:
-        await _cancel(stopped, upcoming)
 
 
 async def merged(

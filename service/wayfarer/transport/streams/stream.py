@@ -19,7 +19,6 @@ from wayfarer.transport.conversion.basis import Axes, Basis
 from wayfarer.transport.streams.batches import BatchWriter, event_message
 from wayfarer.transport.streams.detail_levels import DetailLevels
 from wayfarer.transport.streams.framing import Part, field
-from wayfarer.transport.streams.merge import paced
 from wayfarer.transport.streams.portions import NO_ROWS, PortionWriter, Shown, WrittenBatch
 from wayfarer.transport.streams.resume import Progress
 from wayfarer.v1 import motion_pb2
@@ -58,7 +57,6 @@ class MotionStream:
         self._session_id = session_id
         self._subscription = subscription
         self._clock = clock
-        self._ended = asyncio.Event()
         self._error: WayfarerError | None = None
         self._followed = followed
         self._since = since
@@ -85,7 +83,7 @@ class MotionStream:
         if self._error is not None:
             return False
         self._error = error
-        self._ended.set()
+        self._subscription.end()
         return True
 
     def ack(self, token: str, playhead: float) -> None:
@@ -185,8 +183,19 @@ class MotionStream:
         if self._interest is not None:
             self._interest.forget(alias)
 
-    def _publications(self) -> AsyncGenerator[Publication | None]:
-        return paced(aiter(self._subscription), HEARTBEAT_S, self._ended)
+    async def _publications(self) -> AsyncGenerator[Publication | None]:
+        """Yields publications, and None after each `HEARTBEAT_S` without one, until `end`."""
+        while self._error is None:
+            published = None
+            try:
+                async with asyncio.timeout(HEARTBEAT_S):
+                    published = await anext(self._subscription)
+            except TimeoutError:
+                pass
+            except StopAsyncIteration:
+                return
+            if self._error is None:
+                yield published
 
     def _response(self, **payload: object) -> bytes:
         self._sent_at = self._clock()

@@ -22,10 +22,10 @@ ROUNDING: Final = 1e-3
 
 FOREVER: Final = int(np.iinfo(np.int64).max)
 
-REPLAN_FRAMES: Final = 5
-"""Frames ahead of its time at which a replanned chunk is planned: it may have to wait for two
-engine calls in progress. Planning earlier would not show it sooner, and goals that come one by one
-would each have a separate engine call.
+REPLAN_FRAMES: Final = NEW_FRAMES // 2
+"""Frames ahead of its time at which a replanned chunk is planned: the moment at which the other
+phase is planned, so that both share an engine call. Planning earlier would not show it sooner, and
+goals that come one by one would each have a separate engine call.
 """
 
 
