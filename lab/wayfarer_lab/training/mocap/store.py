@@ -64,7 +64,7 @@ class Dataset:
         return np.concatenate(starts) if starts else np.zeros(0, np.int64)
 
     def save(self, folder: Path) -> None:
-        """Write `motion.npz`; it appears whole or not at all."""
+        """Writes `motion.npz`; it appears whole or not at all."""
         folder.mkdir(parents=True, exist_ok=True)
         meta = {"format": FORMAT, "fps": FPS, "clips": [asdict(c) for c in self.clips]}
         atomically(
@@ -83,7 +83,7 @@ class Dataset:
 
     @classmethod
     def load(cls, folder: Path) -> "Dataset":
-        """Read a prepared folder. Raises DataError when it is not one."""
+        """Reads a prepared folder. Raises DataError when it is not one."""
         path = folder / FILE
         try:
             with np.load(path) as file:
