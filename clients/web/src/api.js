@@ -276,9 +276,10 @@ export class Api {
       request.headers["content-type"] = "application/json";
       request.body = JSON.stringify(body);
     }
-    let response;
+    let response, text;
     try {
       response = await this.fetcher(base + path, request);
+      text = await response.text(); // it can be cut off, or the time be over, after the status has come
     } catch (error) {
       const { message, cause } = /** @type {Error & { cause?: { code?: string, message: string } }} */ (error);
       // Node repeats a request answered with 421 by itself, sometimes without the body; the server took nothing
@@ -287,7 +288,6 @@ export class Api {
       const elsewhere = page && new URL(base, page).origin !== page ? `, or its cors_origins do not list ${page}` : "";
       throw new ApiError(`the server does not answer${elsewhere} (${cause?.message ?? message})`, 0); // Node says "fetch failed" only
     }
-    const text = await response.text();
     if (!response.ok) throw refusal(text, response.status);
     return text ? JSON.parse(text) : null;
   }
