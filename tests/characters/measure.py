@@ -274,16 +274,19 @@ def _ahead(played: Played) -> Array:
 
 
 def _facing(played: Played) -> float:
-    """The cosine, by the thigh joints and the toes."""
+    """The cosine, by the toes of the foot that stands, or by the thigh joints without toes.
+
+    A foot that swings in high heels hangs past the vertical, and its toes point back.
+    """
     hips = played.place("pelvis")
     way = (hips[20:] - hips[:-20])[:, [0, 2]]
     fast = np.linalg.norm(way, axis=1)
-    toes = [
-        played.place(f"{side}_foot") - played.place(f"{side}_ankle")
-        for side in ("left", "right")
-        if f"{side}_foot" in played.bones
-    ]
-    ahead = _unit(sum(toes)) if toes else _ahead(played)
+    ahead = _ahead(played)
+    if {"left_foot", "right_foot"} <= set(played.bones):
+        ankles = np.stack([played.place(f"{side}_ankle") for side in ("left", "right")])
+        toes = np.stack([played.place(f"{side}_foot") for side in ("left", "right")])
+        stands = ankles[..., 1].argmin(0)
+        ahead = (toes - ankles)[stands, np.arange(len(stands))]
     ahead = _unit(ahead[10:-10][:, [0, 2]])
     moving = fast > 0.5 * fast.max()
     return float(((way / np.maximum(fast, 1e-9)[:, None]) * ahead).sum(1)[moving].mean())
