@@ -31,7 +31,7 @@ class Admin:
         return int(reply.moved)
 
     async def unload_model(self, name: str) -> None:
-        """Unload a model that moves nobody."""
+        """Unloads a model that moves nobody."""
         request = admin_pb2.UnloadModelRequest(name=name)
         await self._connection.call(self._connection.admin.UnloadModel, request)
 

@@ -151,7 +151,7 @@ class Control(GoalCommands):
             await asyncio.sleep(VIEW_INTERVAL_S)
 
     async def _give(self, request: Message) -> int:
-        """Carry out a request of GoalService over this connection."""
+        """Carries out a request of GoalService over this connection."""
         if self._ended is not None:
             raise self._ended
         try:
@@ -243,7 +243,7 @@ class Control(GoalCommands):
             self._call.cancel()
 
     async def _keep_up(self, message: motion_pb2.StreamMotionResponse) -> None:
-        """Advance the playhead while nothing moves: motion may begin again at any time."""
+        """Advances the playhead while nothing moves: motion may begin again at any time."""
         if message.HasField("heartbeat") and self._batches.empty():
             await self.ack(message.sent_at_us / 1e6)
 

@@ -31,7 +31,7 @@ class GoalCommands(ABC):
 
     @abstractmethod
     async def _give(self, request: Message) -> int:
-        """Carry out a request of GoalService."""
+        """Carries out a request of GoalService."""
 
     async def set_goal(
         self,

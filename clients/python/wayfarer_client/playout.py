@@ -97,7 +97,7 @@ class PlayoutClock:
         return self.server_time(now) - self._playhead
 
     def advance(self, now: float) -> float:
-        """Advance to local `now`; returns the moment to show, in server time."""
+        """Advances to local `now`; returns the moment to show, in server time."""
         if self._offset is None:
             return now  # nothing has come yet
         ideal = self.server_time(now) - self.wanted_delay(now)
@@ -196,5 +196,5 @@ class PoseTrack:
 
 
 def mix(a: tuple[Array, Array], b: tuple[Array, Array], share: float) -> tuple[Array, Array]:
-    """Interpolate two poses (hips [3], rotations [B, 4]): linearly, and along the shorter arc."""
+    """Interpolates two poses (hips [3], rotations [B, 4]): linearly, and along the shorter arc."""
     return (1 - share) * a[0] + share * b[0], slerp(a[1], b[1], share)

@@ -45,7 +45,7 @@ class Scene:
         """As it was when last requested: area_m2, islands, version, obstacles and more."""
 
     async def refresh(self) -> scene_pb2.Scene:
-        """Refresh `message`, and return it."""
+        """Refreshes `message`, and returns it."""
         request = scene_pb2.GetSceneRequest(scene_id=self.scene_id)
         self.message = (await self._call("GetScene", request)).scene
         return self.message

@@ -78,7 +78,7 @@ class Session(GoalCommands):
                 raise
 
     async def _keep_alive(self) -> None:
-        """Renew the lease until the session has ended, which its next call reports.
+        """Renews the lease until the session has ended, which its next call reports.
 
         Other failures may be temporary: the lease is long enough for another attempt.
         """
@@ -94,7 +94,7 @@ class Session(GoalCommands):
     # lifetime
 
     async def renew(self) -> float:
-        """Restart the lease; return when it ends (Unix seconds, server's clock)."""
+        """Restarts the lease; returns when it ends (Unix seconds, server's clock)."""
         request = session_pb2.RenewSessionRequest(session_id=self.session_id)
         reply = await self._connection.call(self._connection.sessions.RenewSession, request)
         return float(reply.expires_at_us / 1e6)
@@ -255,7 +255,7 @@ class Session(GoalCommands):
         return Control(self._connection, request, deadline)
 
     async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
-        """Advance a session made with `lock_step` by `steps` primitives of 0.2 s."""
+        """Advances a session made with `lock_step` by `steps` primitives of 0.2 s."""
         wanted = format or PoseFormat()
         layout = PoseLayout.of(wanted, await self._connection.skeleton())
         request = motion_pb2.StepAgentsRequest(

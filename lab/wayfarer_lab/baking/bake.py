@@ -119,7 +119,7 @@ def _shared_arrays(source: AnnySource, spaces: list[ShapeSpace]) -> Arrays:
 
 
 def _low_markers(arrays: Mapping[str, NDArray[Any]]) -> Arrays:
-    """Append the full mesh's marker vertices to the low-poly mesh, as points of no face.
+    """Appends the full mesh's marker vertices to the low-poly mesh, as points of no face.
 
     So both details have the very same markers.
     """

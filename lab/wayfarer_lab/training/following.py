@@ -96,7 +96,7 @@ class Orders:
     facing: Tensor  # [A, 2] unit vector, or zero: the way to the goal
 
     def put(self, rows: Tensor, other: "Orders") -> None:
-        """Replace those of rows [A] that are true by those of `other`, of as many agents."""
+        """Replaces those of rows [A] that are true by those of `other`, of as many agents."""
         for column in fields(self):
             mine, new = getattr(self, column.name), getattr(other, column.name)
             chosen = rows.view(-1, *(1,) * (mine.dim() - 1))

@@ -38,7 +38,7 @@ BATCHES = (1, 2, 3, 5, 8)
 
 
 def make_rows_independent(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Rewrite the operators named above, in place. Raises ArtifactError for unknown sizes."""
+    """Rewrites the operators named above, in place. Raises ArtifactError for unknown sizes."""
     graph = model.graph
     known = [*graph.input, *graph.value_info, *graph.output]
     shapes = {v.name: [d.dim_value for d in v.type.tensor_type.shape.dim] for v in known}

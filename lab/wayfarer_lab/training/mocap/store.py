@@ -101,7 +101,7 @@ class Dataset:
 def mirror(
     translation: NDArray[Any], rotations: NDArray[Any], contacts: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Reflect a motion in the plane x = 0: left and right change places.
+    """Reflects a motion in the plane x = 0: left and right change places.
 
     translation [..., 3], rotations [..., 22, 4] (x, y, z, w), contacts [..., 2]. Reflecting x
     keeps a rotation's x axis part and its angle's cosine, and negates its y and z parts.
