@@ -29,6 +29,8 @@ PINS := $(CURDIR)/requirements/dev.txt
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
+# Python compiles what it imports; pip would compile all of torch. PIP_NO_COMPILE=1 means the opposite.
+export PIP_COMPILE := 0
 
 .PHONY: help serve lab demo test lint lint-proto release-proto format proto lock matrix docker
 .PHONY: image-check clean

@@ -45,7 +45,7 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
 
 
 def finish(asked: argparse.Namespace, rows: list[Row], **more: Any) -> None:
-    """Print the rows and, if asked, write `{"rows": …, "ratios": …, "meta": …}`."""
+    """Prints the rows and, if asked, writes `{"rows": …, "ratios": …, "meta": …}`."""
     show(rows)
     for name, found in more.get("ratios", {}).items():
         print(f"ratio  {name}: {found['value']:.3g} ({found['better']} is better)")
@@ -55,7 +55,7 @@ def finish(asked: argparse.Namespace, rows: list[Row], **more: Any) -> None:
 
 
 def show(rows: list[Row]) -> None:
-    """Print a table for each run of rows that have the same columns."""
+    """Prints a table for each run of rows that have the same columns."""
     console = Console(width=160)
     for columns, group in groupby(rows, key=tuple):
         cells = [list(columns), *([text(value) for value in row.values()] for row in group)]

@@ -73,7 +73,7 @@ def _verdict(before: float, after: float, better: str, tolerance: float) -> str:
 
 
 def main() -> int:
-    """Print a table; 1 when a ratio is worse or missing."""
+    """Prints a table; returns 1 when a ratio is worse or missing."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

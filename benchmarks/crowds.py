@@ -128,7 +128,7 @@ def summed(rows: Sequence[Row]) -> Row:
 
 
 def main() -> None:
-    """Run, print, and draw."""
+    """Runs, prints and draws."""
     parser = bench.parser(__doc__)
     parser.add_argument("--cases", nargs="+", choices=CASES, metavar="CASE", help=f"of {[*CASES]}")
     parser.add_argument("--seeds", type=int, default=1)

@@ -27,7 +27,7 @@ def asked(directory: Directory, verb: str, *told: object) -> Any:
 
 
 def main() -> None:
-    """Print it."""
+    """Prints it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--nodes", type=int, default=140)
     parser.add_argument("--sessions", type=int, default=400, help="of each node")

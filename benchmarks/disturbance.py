@@ -70,7 +70,7 @@ async def quiet(_: Target) -> None:
 
 
 async def stall(target: Target) -> None:
-    """Stop the server for a second."""
+    """Stops the server for a second."""
     assert target.process is not None
     target.process.send_signal(signal.SIGSTOP)
     await asyncio.sleep(STALL_S)
@@ -206,7 +206,7 @@ def plot(path: Path, runs: list[dict[str, Any]]) -> None:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     parser.add_argument("--agents", type=int, default=768)
     add_engine(parser)

@@ -44,7 +44,7 @@ class Progress:
         self._next = SAY_EVERY
 
     def __call__(self, report: Report) -> None:
-        """Print a line when enough inputs have passed since the last one."""
+        """Prints a line when enough inputs have passed since the last one."""
         if report.answers.inputs >= self._next:
             self._next += SAY_EVERY
             answers = report.answers

@@ -37,7 +37,7 @@ def main() -> int:
 
 
 def shown(form: MeshFormat, files: int, seed: int, out: Path) -> int:
-    """Run one format and print the result; 0 when all is well."""
+    """Runs one format and prints the result; 0 when all is well."""
     began = time.monotonic()
     report = fuzz(form, files, seed)
     seconds, refused = time.monotonic() - began, sum(report.refused.values())

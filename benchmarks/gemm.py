@@ -117,7 +117,7 @@ def _onnxruntime(threads: int) -> Multiply:
 
 
 def main() -> None:
-    """Print the table."""
+    """Prints the table."""
     parser = bench.parser(__doc__)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     asked: argparse.Namespace = parser.parse_args()

@@ -33,13 +33,13 @@ class Walker(FastHttpUser):
     session = ""
 
     def on_start(self) -> None:
-        """Create the session and its agent; without them there is nothing to load."""
+        """Creates the session and its agent; without them there is nothing to load."""
         self.session = self._made("/v1/sessions", {})["session_id"]
         made = self._made(f"/v1/sessions/{self.session}/agents", {"agents": [{}]})
         self.agent = f"/v1/agents/{made['agents'][0]['agent_id']}"
 
     def on_stop(self) -> None:
-        """End the session."""
+        """Ends the session."""
         if self.session:
             self.client.delete(
                 f"/v1/sessions/{self.session}", headers=HEADERS, name="/v1/sessions/[id]"
@@ -52,17 +52,17 @@ class Walker(FastHttpUser):
 
     @task(3)
     def set_path(self) -> None:
-        """Walk along a path."""
+        """Walks along a path."""
         self._call("PUT", "/path", {"goals": [self._goal() for _ in range(PATH_GOALS)]})
 
     @task(2)
     def clear(self) -> None:
-        """Stop."""
+        """Stops."""
         self._call("DELETE", "/goal")
 
     @task(5)
     def look(self) -> None:
-        """Read the agent."""
+        """Reads the agent."""
         self._call("GET", "")
 
     def _goal(self) -> dict[str, dict[str, float]]:

@@ -33,7 +33,7 @@ def resting_megabytes(environment: dict[str, str]) -> float:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     parser.add_argument("--agents", type=int, nargs="+", default=AGENTS)
     parser.add_argument("--candidates", type=int, default=1)

@@ -91,7 +91,7 @@ def lookups(scene: Scene, points: int = 10_000) -> float:
 
 
 def main() -> None:
-    """Measure, print, and write the file of --json."""
+    """Measures, prints and writes the file of --json."""
     parser = bench.parser(__doc__)
     parser.add_argument("--seeds", type=int, help="3, or 1 when quick")
     parser.add_argument("--pairs", type=int, default=100)

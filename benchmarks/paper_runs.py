@@ -147,7 +147,7 @@ def settings(name: str, runs: Path, group: str, asked: argparse.Namespace) -> An
 
 
 def train(config: Any, data: Data, folder: Path, minutes: float) -> bool:
-    """Train or resume one run. True when it is finished."""
+    """Trains or resumes one run. True when it is finished."""
     frames = data.drawn(config.mix)
     if isinstance(config, EndToEndConfig):
         return train_end_to_end(config, *frames, folder, minutes)
@@ -177,7 +177,7 @@ def rows(group: str, finished: Sequence[str]) -> list[str]:
 def measure(
     group: str, runs: Path, data: Path, poses: int, results: Path = RESULTS, seed: int = 0
 ) -> None:
-    """Write the tables of a group's finished runs into a folder. `seed`: that of the training."""
+    """Writes the tables of a group's finished runs into a folder. `seed`: that of the training."""
     trained = folder = runs / seeded(group, seed)
     if group == "end_to_end":  # its networks are runs inside it
         folder = folder / "end_to_end"
@@ -204,7 +204,7 @@ def measure(
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Train and measure; 1 when the time was up before all was trained."""
+    """Trains and measures; 1 when the time was up before all was trained."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

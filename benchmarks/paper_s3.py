@@ -63,7 +63,7 @@ def table(engine: Engine, spend: float) -> list[Row]:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     add_engine(parser)
     parser.add_argument("--threads", type=int, default=0, help="0: one for each core")

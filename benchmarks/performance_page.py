@@ -126,7 +126,7 @@ def page(records: dict[str, Part], picture: Callable[[str, str, Part], str | Non
 
 
 def main() -> None:
-    """Write the page."""
+    """Writes the page."""
     files = sorted(RESULTS.glob("performance_*.json"))
     records = {f.stem.removeprefix("performance_"): json.loads(f.read_text()) for f in files}
 

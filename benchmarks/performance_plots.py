@@ -11,7 +11,7 @@ SERIES = ("engine", "candidates", "threads")
 
 
 def draw(folder: Path, file: str, name: str, part: Part) -> str | None:
-    """Draw a part, if it has a plot; returns `file`, or None."""
+    """Draws a part, if it has a plot; returns `file`, or None."""
     pictures = {"step": step, "paper_s3": paper_s3, "memory": memory}
     drawn = next((draw for kind, draw in pictures.items() if name.startswith(kind)), None)
     if drawn is None or not part.get("rows"):

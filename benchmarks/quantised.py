@@ -169,7 +169,7 @@ class Calls(CalibrationDataReader):
 
 
 def quantise(graph: Path, target: Path, networks: Collection[str], calls: Iterable[Feed]) -> None:
-    """Write a graph with products of these networks in int8, with scales that fit the calls."""
+    """Writes a graph with products of these networks in int8, with scales that fit the calls."""
     products = products_of(onnx.load(graph, load_external_data=False).graph, networks)
     folded = target.with_name(f"folded_{graph.name}")
     fold(graph, folded)

@@ -91,7 +91,7 @@ def measured(part: str, quick: bool, agents: int | None = None) -> dict[str, Any
 
 
 def main() -> int:
-    """Run, write, and draw the page; 1 when a benchmark failed."""
+    """Runs, writes and draws the page; 1 when a benchmark failed."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

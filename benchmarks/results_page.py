@@ -117,7 +117,7 @@ def bars(result: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Write the page."""
+    """Writes the page."""
     found = commits()
     release = release_of(found)
     stale = sorted(name for name, commit in found.items() if commit != release)

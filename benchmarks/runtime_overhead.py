@@ -175,7 +175,7 @@ async def people(gateway: Gateway, asked: argparse.Namespace) -> str:
 
 
 async def drained(service: Driven) -> None:
-    """Return when all readers have taken everything."""
+    """Returns when all readers have taken everything."""
     await asyncio.sleep(0.5)
     while any(reader._waiting for reader in service.subscriptions):
         await asyncio.sleep(0.1)
@@ -191,7 +191,7 @@ def _row(reader: str, steps: int, part: str, seconds: float, calls: int = 0) -> 
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     parser.add_argument("--agents", type=int, default=1024)
     parser.add_argument("--sessions", type=int, default=8)

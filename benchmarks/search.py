@@ -93,7 +93,7 @@ def row(
 
 
 def main() -> None:
-    """Run the searches and print a table."""
+    """Runs the searches and prints a table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )

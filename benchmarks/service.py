@@ -113,7 +113,7 @@ def row(engine: str, candidates: int, plan: LoadPlan, engine_alone: int, summary
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     add_engine(parser)
     parser.add_argument("--candidates", type=int, nargs="+", default=[1, 8])

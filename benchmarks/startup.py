@@ -39,7 +39,7 @@ def imports() -> float:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     parser.add_argument("--runs", type=int, default=5)
     add_engine(parser)

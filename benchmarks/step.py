@@ -146,7 +146,7 @@ def ratios(rows: list[Row], shares: list[Row]) -> dict[str, Row]:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=ENGINES)
     parser.add_argument("--batches", type=int, nargs="+")

@@ -109,7 +109,7 @@ async def bare_socket(size: int, seconds: float) -> float:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measures and prints."""
     parser = bench.parser(__doc__)
     parser.add_argument("--agents", type=int, default=1024)
     parser.add_argument("--seconds", type=float)

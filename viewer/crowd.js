@@ -10,7 +10,7 @@ const NEAR_SHARE = 2 / 3; // of the people who may have a fine body: people who 
 const SWAP_SECONDS = 2; // between two people who give up their fine bodies: reading another takes as long as some frames
 const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
 
-/** The people shown; `changed()` is called when somebody comes or goes. */
+/** The people shown; `changed()` is called when people have come or gone, once for all that one message of the stream names. */
 export class Crowd {
   /** `heightAt(x, z, y)`: of the ground at a place. */
   constructor(stage, heightAt, mesh, changed, failed) {
@@ -24,6 +24,7 @@ export class Crowd {
     this.refining = false;
     this.swapped = -Infinity; // local time when somebody gave up his fine body
     this.changed = changed;
+    this.reported = true; // whether `changed` knows who is here
     this.failed = failed;
     this.members = new Map(); // alias → Person
     this.looks = new Map(); // id of an agent → CharacterFile, for agents that have one
@@ -109,7 +110,15 @@ export class Crowd {
     const look = this.looks.get(agent.id);
     if (look) person.wear(look.body(agent.restOffsets));
     else person.load(...this.mesh(agent, "low"), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
-    this.changed();
+    this.#report();
+  }
+
+  #report() {
+    if (this.reported) queueMicrotask(() => {
+      this.reported = true;
+      this.changed();
+    });
+    this.reported = false;
   }
 
   /** Makes an agent look like a character (`CharacterFile`), now or when it comes. */
@@ -147,7 +156,7 @@ export class Crowd {
     const person = this.members.get(alias);
     person?.dispose();
     if (person) this.looks.delete(person.agent.id);
-    if (this.members.delete(alias)) this.changed();
+    if (this.members.delete(alias)) this.#report();
   }
 
   #chunk(person, { flags, goalRevision, waypoint }, now) {

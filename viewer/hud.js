@@ -118,7 +118,7 @@ export class Readout {
   #frames = 0;
   #since = null;
 
-  /** Call once per frame; when it is time to write, asks `figures()` and returns the fps. */
+  /** Counts a frame; when it is time to write, asks `figures()` and returns the fps. */
   frame(now, figures) {
     this.#since ??= now;
     this.#frames += 1;

@@ -120,10 +120,12 @@ async function start() {
     beginStage();
     await welcomed;
     if (lost && !watched) {
-      const kept = lost;
+      stage.lookFrom(lost.view);
+      chosen = await bringBack(lost, { api, session, book, crowd, errands }).catch((error) => {
+        if (error.status) lost = null; // a refusal would be repeated
+        throw error;
+      });
       lost = null;
-      stage.lookFrom(kept.view);
-      chosen = await bringBack(kept, { api, session, book, crowd, errands });
     }
   } catch (error) {
     if (error instanceof NoPicture) {
@@ -132,6 +134,7 @@ async function start() {
       return;
     }
     beginStage();
+    if (welcomed && error.status === 0) place.begun = false; // perhaps nobody has come: people are welcomed again
     showConnection("lost", `${error.message}; trying again`);
     showTrouble(...reasonOf(error));
     setTimeout(start, 2000);
@@ -146,7 +149,7 @@ function beginStage() {
 function reasonOf({ status, message }) {
   const again = "This page tries again every two seconds.";
   if (status === 0) return ["The server does not answer", `Start it with “wayfarer serve”. ${again}`];
-  if (status === 503) return ["The server is starting", again];
+  if (status === 503) return ["The server is starting", "The first start on a machine takes about half a minute. This page opens by itself."];
   return [message, again];
 }
 
@@ -214,7 +217,7 @@ function onEvent(event) {
 
 /** Begins another session after the server has forgotten this one, with its contents if it was the page's own. */
 function onEnded(reason) {
-  lost = session.current.own ? remember(crowd, book, stage, selection.people) : null;
+  lost ??= session.current.own ? remember(crowd, book, stage, selection.people) : null;
   tell((lost && restoreText(lost)) || `The session has ended (${reason}). A new one begins.`, true);
   setTimeout(start, RESTART_SECONDS * 1000);
 }

@@ -116,6 +116,10 @@ export class ScenePanel {
   }
 
   async #open(id) {
+    if (id && id === this.book.id) { // only the session was lost: what is drawn stays
+      await Promise.all([this.enter(id), this.book.poll()]);
+      return;
+    }
     this.level.clear();
     this.fresh = true;
     await Promise.all([this.enter(id), this.book.open(id)]);

@@ -62,7 +62,7 @@ export class Person {
     this.group.add(this.marker, this.path);
   }
 
-  /** Load the body (`bodies.load`); the person appears with its first pose. */
+  /** Loads the body (`bodies.load`); the person appears with its first pose. */
   async load(url, headers, boneNames) {
     const body = await this.bodies.load(url, headers, boneNames, this.colour);
     if (this.gone || this.body) body.remove();
@@ -138,13 +138,13 @@ export class Person {
     this.#mark(goals);
   }
 
-  /** Show goals that were added to the end of the path. */
+  /** Shows goals that were added to the end of the path. */
   extendPath(goals) {
     this.ahead = [...this.ahead, ...goals];
     this.#mark(goals);
   }
 
-  /** Show the way to the next goal: a line through these points, or none. */
+  /** Shows the way to the next goal: a line through these points, or none. */
   showWay(points) {
     if (this.way) discard([this.way]);
     this.way = points.length > 1 ? wayLine(points, colourOf(this.agent.alias)) : null;

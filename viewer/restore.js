@@ -30,7 +30,7 @@ export function restoreText({ people, crates }) {
   return what.length ? `The server no longer knows this session. ${what.join(" and ")} come back.` : "";
 }
 
-/** Restore them in a session and scene that have just been opened. Returns the ids of the selected people. Throws errors of the server. */
+/** Restores them in a session and scene that have just been opened. Returns the ids of the selected people. Throws errors of the server. */
 export async function bringBack({ people, crates }, { api, session, book, crowd, errands }) {
   await Promise.all([...crates].filter(([name]) => !book.obstacles.has(name)).map(([name, block]) => book.move(name, block)));
   const chosen = [];

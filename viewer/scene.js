@@ -155,7 +155,7 @@ export class Stage {
     return { area, count };
   }
 
-  /** Look from one place { eye, target } as [x, y, z]. */
+  /** Looks from the place `eye` at the place `target`, each [x, y, z]. */
   lookFrom({ eye, target }) {
     this.#move(new Vector3(...eye), new Vector3(...target), 1);
   }

@@ -51,7 +51,7 @@ VARIANTS: Final = 8
 
 
 def write_demo(out: Path) -> None:
-    """Write the folder. Raises InvalidArgument when `out` is somebody else's, ArtifactError."""
+    """Writes the folder. Raises InvalidArgument when `out` is somebody else's, ArtifactError."""
     if out.exists() and not (out / "people" / "wayfarer.json").exists() and any(out.iterdir()):
         raise InvalidArgument(f"{out} holds other files; name another folder", "out")
     if not RUNTIME.is_dir():

@@ -35,12 +35,12 @@ class WeightStore:
         return self._places[key]
 
     def write(self, folder: Path) -> None:
-        """Write `weights.bin`."""
+        """Writes `weights.bin`."""
         (folder / WEIGHTS_FILE).write_bytes(bytes(self._bytes))
 
 
 def externalise(model: onnx.ModelProto, store: WeightStore) -> onnx.ModelProto:
-    """Move the graph's larger float32 tensors into the store; as float16 where that is exact."""
+    """Moves the graph's larger float32 tensors into the store; as float16 where that is exact."""
     casts = []
     for tensor in model.graph.initializer:
         values = numpy_helper.to_array(tensor)

@@ -150,6 +150,18 @@ class Page:
         node = self.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
         self.call("DOM.setFileInputFiles", files=[str(file)], nodeId=node)
 
+    def freeze(self, seconds: float) -> None:
+        """Another tab comes to the front, and the browser freezes this one; then it is back."""
+        own = self.call("Target.getTargetInfo")["targetInfo"]["targetId"]
+        other = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.wait_for("document.hidden", 10)
+        self.call("Page.setWebLifecycleState", state="frozen")
+        time.sleep(seconds)
+        self.call("Page.setWebLifecycleState", state="active")
+        self.call("Target.activateTarget", targetId=own)
+        self.wait_for("!document.hidden", 20)
+        self.call("Target.closeTarget", targetId=other)
+
     def screenshot(self) -> bytes:
         """The page as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])

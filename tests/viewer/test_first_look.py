@@ -266,6 +266,19 @@ def test_without_webgl_it_says_so(page: Page):
     assert page.problems == []
 
 
+def test_people_come_though_the_first_request_for_them_gets_no_answer(page: Page):
+    script = (
+        "{ const { fetch } = globalThis; globalThis.lost = 0; globalThis.fetch = (url, ...rest) =>"
+        " (/agents$/.test(url) && !lost++ ? Promise.reject(new TypeError('offline'))"
+        " : fetch(url, ...rest)); }"
+    )
+    made = page.call("Page.addScriptToEvaluateOnNewDocument", source=script)
+    page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor")
+    page.wait_for(f"{PEOPLE}?.length >= 8 && lost > 1 && {TROUBLE}.hidden", 90)
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
+    assert page.problems == []
+
+
 def test_without_a_server_it_says_so(page: Page):
     script = (
         "{ const { fetch } = globalThis; globalThis.fetch = (url, ...rest) => (/v1/.test(url)"

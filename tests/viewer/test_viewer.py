@@ -167,6 +167,24 @@ def test_a_lost_connection_is_made_again_without_a_gap(page: Page):
     assert page.problems == []
 
 
+def test_a_page_that_was_frozen_is_at_the_present_again_without_a_fast_forward(page: Page):
+    session = page.evaluate("wayfarer.session")
+    page.evaluate(
+        "{ globalThis.seen = []; (function look() { const { moment } = wayfarer.player;"
+        " if (moment > 1e9) seen.push([Date.now() / 1000, moment]);"
+        " requestAnimationFrame(look); })() }"
+    )
+    page.freeze(4)
+    page.evaluate("seen.length = 0")  # until the stream is back it shows what was last seen
+    page.wait_for("seen.length > 15", 90)
+    passed, played = np.diff(page.evaluate("seen"), axis=0).T
+    jumps = played > 1.06 * passed + 0.02  # it plays 5 % faster at most
+    assert jumps.sum() <= 2, jumps  # to the present, and again if the first message came late
+    assert page.evaluate(f"[{CROWD}.members.size, wayfarer.session]") == [16, session]
+    assert all("Back-Forward Cache" in problem for problem in page.problems)  # it closed the socket
+    page.problems.clear()
+
+
 def test_people_are_selected_followed_and_removed_with_the_keyboard(page: Page):
     page.evaluate(
         "(() => { const list = document.querySelector('#selected');"

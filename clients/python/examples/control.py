@@ -13,7 +13,7 @@ CORNERS = [(2.0, 0.0, 0.0), (2.0, 0.0, 2.0), (0.0, 0.0, 2.0), (0.0, 0.0, 0.0)]
 
 
 async def main(address: str) -> None:
-    """Walk around a square."""
+    """Walks around a square."""
     async with Client(address) as client, await client.create_session() as session:
         (ada,) = await session.create_agents(AgentSpec(name="Ada"))
         async with session.control([ada]) as control:

@@ -11,7 +11,7 @@ from wayfarer_client import AgentSpec, Client
 
 
 async def main(address: str) -> None:
-    """Print where she is until she is there."""
+    """Prints where she is until she is there."""
     async with Client(address) as client, await client.create_session() as session:
         (ada,) = await session.create_agents(AgentSpec(name="Ada"))
         await session.set_goal(ada, (2.0, 0.0, 3.0))

@@ -11,7 +11,7 @@ from wayfarer_client import AgentSpec, Box, Client
 
 
 async def main(address: str = "localhost:50051", people: str = "20") -> None:
-    """Print what happens on the way."""
+    """Prints what happens on the way."""
     async with Client(address) as client:
         square = await client.scenes.example("town_square")
         print(f"{square.message.area_m2:.0f} m² to walk on")

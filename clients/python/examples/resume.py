@@ -11,7 +11,7 @@ from wayfarer_client import AgentSpec, Client, MotionStream
 
 
 async def main(address: str) -> None:
-    """Follow an agent through two runs of a program."""
+    """Follows an agent through two runs of a program."""
     session_id, token = await first_life(address)
     print("... away for a second; the agent walks on")
     await asyncio.sleep(1.0)
@@ -39,7 +39,7 @@ async def second_life(address: str, session_id: str, token: str) -> None:
 
 
 async def show(stream: MotionStream, chunks: int) -> None:
-    """Print the numbers of `chunks` chunks."""
+    """Prints the numbers of `chunks` chunks."""
     async for batch in stream:
         for event in batch.events:
             print(event.kind, event.detail)

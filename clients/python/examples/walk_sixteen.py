@@ -44,7 +44,7 @@ def next_goal(agent: Agent, revision: int) -> tuple[float, float, float]:
 
 
 async def main(address: str) -> int:
-    """Return the number of people that did not get to all their goals."""
+    """Returns the number of people that did not get to all their goals."""
     async with Client(address) as client, await client.create_session() as session:
         people = await session.create_agents(*map(person, range(PEOPLE)))
         for agent in people:
@@ -67,7 +67,7 @@ async def main(address: str) -> int:
 
 
 async def send_on(session: Session, batch: Batch, reached: dict[str, int], started: float) -> None:
-    """Give agents that have arrived their next goal."""
+    """Gives agents that have arrived their next goal."""
     for frames in batch:
         agent = frames.agent
         # a chunk planned for an earlier goal says nothing about the present one

@@ -16,7 +16,7 @@ class Admin:
         self._connection = connection
 
     async def load_model(self, name: str) -> catalog_pb2.Model:
-        """Load a model beside the others."""
+        """Loads a model beside the others."""
         request = admin_pb2.LoadModelRequest(name=name)
         method = self._connection.admin.LoadModel
         reply: admin_pb2.LoadModelResponse = await self._connection.call(
@@ -25,16 +25,16 @@ class Admin:
         return reply.model
 
     async def use_model(self, name: str, move_agents: bool = False) -> int:
-        """Use it for new agents, and on request for present ones; return how many change."""
+        """Uses it for new agents, and on request for present ones; returns how many change."""
         request = admin_pb2.UseModelRequest(name=name, move_agents=move_agents)
         reply = await self._connection.call(self._connection.admin.UseModel, request)
         return int(reply.moved)
 
     async def unload_model(self, name: str) -> None:
-        """Unload a model that moves nobody."""
+        """Unloads a model that moves nobody."""
         request = admin_pb2.UnloadModelRequest(name=name)
         await self._connection.call(self._connection.admin.UnloadModel, request)
 
     async def drain(self) -> None:
-        """End the server's streams and stop it."""
+        """Ends the server's streams and stops it."""
         await self._connection.call(self._connection.admin.Drain, admin_pb2.DrainRequest())

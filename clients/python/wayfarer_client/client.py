@@ -61,12 +61,12 @@ class Client:
         return self.connection.address
 
     async def connect(self) -> Self:
-        """Wait until the server answers. Raises Unavailable."""
+        """Waits until the server answers. Raises Unavailable."""
         await self.connection.ready()
         return self
 
     async def close(self) -> None:
-        """Close the connection. Sessions remain until they are deleted or their lease ends."""
+        """Closes the connection. Sessions remain until they are deleted or their lease ends."""
         await self.connection.close()
 
     async def __aenter__(self) -> Self:
@@ -93,7 +93,7 @@ class Client:
         scene: SceneHandle | str = "",
         avoid: bool = True,
     ) -> Session:
-        """Open a session; basis: gltf, unity, unreal, unreal_mannequin, blender or ros.
+        """Opens a session; basis: gltf, unity, unreal, unreal_mannequin, blender or ros.
 
         `seed`: agents without a seed draw theirs from it. `lease`: seconds that the session
         outlives its last call and stream. `lock_step`: time passes only in `Session.step`.
@@ -113,7 +113,7 @@ class Client:
         return self._session(reply.session, owned=True)
 
     async def session(self, session_id: str) -> Session:
-        """Join an existing session, which is not deleted at the end. Raises NotFound."""
+        """Joins an existing session, which is not deleted at the end. Raises NotFound."""
         request = session_pb2.GetSessionRequest(session_id=session_id)
         reply = await self.connection.call(self.connection.sessions.GetSession, request)
         return self._session(reply.session, owned=False)
@@ -125,7 +125,7 @@ class Client:
         return [self._session(message, owned=False) for message in reply.sessions]
 
     async def import_session(self, snapshot: bytes) -> Session:
-        """Resume a session from `Session.export`, on this or another server."""
+        """Resumes a session from `Session.export`, on this or another server."""
         request = snapshot_pb2.ImportSessionRequest(snapshot=snapshot)
         reply = await self.connection.call(self.connection.snapshots.ImportSession, request)
         return self._session(reply.session, owned=True)

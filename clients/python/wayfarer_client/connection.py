@@ -119,7 +119,7 @@ class Connection:
         self.admin: Any = admin_pb2_grpc.AdminServiceStub(methods)
 
     async def ready(self) -> None:
-        """Wait until the server answers. Raises Unavailable."""
+        """Waits until the server answers. Raises Unavailable."""
         try:
             async with asyncio.timeout(self.timeout):
                 await self._channel.channel_ready()
@@ -131,12 +131,12 @@ class Connection:
             ) from None
 
     async def close(self) -> None:
-        """Close the channels."""
+        """Closes the channels."""
         for channel in (self._channel, *self._nodes.values()):
             await channel.close(None)
 
     def learn(self, session_id: str, host: str, port: int) -> None:
-        """Note that a session lives at that node."""
+        """Notes that a session lives at that node."""
         self.homes.learn(session_id, self.homes.node(host, port))
 
     def _node(self, address: str) -> grpc.aio.Channel:
@@ -233,7 +233,7 @@ def goes_on(route: Route, refusal: WayfarerError) -> bool:
 
 
 async def come_again(refusal: WayfarerError, ends_at: float) -> bool:
-    """Wait for as long as the server asks; False at once if it does not, or time is up."""
+    """Waits for as long as the server asks; False at once if it does not, or time is up."""
     wait = refusal.retry_after * random.uniform(1.0, 1.2)  # so that not all come back together
     if not (isinstance(refusal, ResourceExhausted) and 0 < wait <= ends_at - _now()):
         return False
@@ -249,12 +249,12 @@ class Backoff:
         self.succeeded()
 
     def succeeded(self) -> None:
-        """Begin again with the shortest pause."""
+        """Begins again with the shortest pause."""
         self._pause = BACKOFF_S[0]
         self._ends_at = _now() + self.deadline
 
     async def pause(self, at_least: float = 0.0) -> bool:
-        """Wait before the next attempt; False, at once, when the time is over."""
+        """Waits before the next attempt; False, at once, when the time is over."""
         left = self._ends_at - _now()
         if left <= 0:
             return False

@@ -111,7 +111,7 @@ class Control(GoalCommands):
         raise item
 
     async def ack(self, playhead: float, resume_token: str = "") -> None:
-        """Report what is on the screen now, in Unix seconds of the server's clock.
+        """Reports what is on the screen now, in Unix seconds of the server's clock.
 
         Taking a batch reports the time of its first frame; a program that plays with a delay
         reports it more precisely.
@@ -142,7 +142,7 @@ class Control(GoalCommands):
             self._looking = asyncio.create_task(self._look(), name="wayfarer viewpoints")
 
     async def _look(self) -> None:
-        """Send the viewpoints until they are at rest."""
+        """Sends the viewpoints until they are at rest."""
         while self._view is not None and self._ended is None:
             view, self._view = self._view, None
             with contextlib.suppress(Unavailable):  # the next connection begins with them
@@ -151,7 +151,7 @@ class Control(GoalCommands):
             await asyncio.sleep(VIEW_INTERVAL_S)
 
     async def _give(self, request: Message) -> int:
-        """Carry out a request of GoalService over this connection."""
+        """Carries out a request of GoalService over this connection."""
         if self._ended is not None:
             raise self._ended
         try:
@@ -243,7 +243,7 @@ class Control(GoalCommands):
             self._call.cancel()
 
     async def _keep_up(self, message: motion_pb2.StreamMotionResponse) -> None:
-        """Advance the playhead while nothing moves: motion may begin again at any time."""
+        """Advances the playhead while nothing moves: motion may begin again at any time."""
         if message.HasField("heartbeat") and self._batches.empty():
             await self.ack(message.sent_at_us / 1e6)
 

@@ -31,7 +31,7 @@ class GoalCommands(ABC):
 
     @abstractmethod
     async def _give(self, request: Message) -> int:
-        """Carry out a request of GoalService."""
+        """Carries out a request of GoalService."""
 
     async def set_goal(
         self,
@@ -41,7 +41,7 @@ class GoalCommands(ABC):
         expected: int | None = None,
         **how: Unpack[GoalFields],
     ) -> int:
-        """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name."""
+        """Sends an agent to a goal: a `Goal`, or a place and the other fields of one by name."""
         if isinstance(goal, Goal) and how:
             raise InvalidArgument(
                 f"{', '.join(how)}: a Goal says itself how to walk there; give it there, or a place"
@@ -54,7 +54,7 @@ class GoalCommands(ABC):
     async def set_path(
         self, agent: Agent | str, goals: Iterable[Goal | Place], expected: int | None = None
     ) -> int:
-        """Send an agent to goals in turn, in place of what it had."""
+        """Sends an agent to goals in turn, in place of what it had."""
         wired = [_wired(goal) for goal in goals]
         request = goal_pb2.SetPathRequest(
             agent_id=id_of(agent), goals=wired, expected_revision=expected
@@ -64,7 +64,7 @@ class GoalCommands(ABC):
     async def append_goals(
         self, agent: Agent | str, goals: Iterable[Goal | Place], expected: int | None = None
     ) -> int:
-        """Add goals to the end of an agent's path; its present goal stays."""
+        """Adds goals to the end of an agent's path; its present goal stays."""
         wired = [_wired(goal) for goal in goals]
         request = goal_pb2.AppendGoalsRequest(
             agent_id=id_of(agent), goals=wired, expected_revision=expected
@@ -80,7 +80,7 @@ class GoalCommands(ABC):
         dwell: float | None = None,
         expected: int | None = None,
     ) -> int:
-        """Make an agent wander in a disc or its whole scene, until its next goal command."""
+        """Makes an agent wander in a disc or its whole scene, until its next goal command."""
         if (center is None) != (radius is None):
             raise InvalidArgument(
                 "center and radius belong together: give both, or neither to walk all over the "
@@ -95,7 +95,7 @@ class GoalCommands(ABC):
     async def behave(
         self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
     ) -> int:
-        """Give an agent a behaviour that it follows until its next goal command."""
+        """Gives an agent a behaviour that it follows until its next goal command."""
         wired = behaviour_to_wire(behaviour)
         request = goal_pb2.BehaveRequest(
             agent_id=id_of(agent), behaviour=wired, expected_revision=expected
@@ -103,6 +103,6 @@ class GoalCommands(ABC):
         return await self._give(request)
 
     async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
-        """Stop an agent where it is."""
+        """Stops an agent where it is."""
         request = goal_pb2.ClearGoalRequest(agent_id=id_of(agent), expected_revision=expected)
         return await self._give(request)

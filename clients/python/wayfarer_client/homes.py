@@ -37,12 +37,12 @@ class Homes:
         return Route(self, about)
 
     def learn(self, about: str, address: str) -> None:
-        """Note that the slot of `about` lives at `address`."""
+        """Notes that the slot of `about` lives at `address`."""
         if slot := slot_of(about):
             self._homes[slot] = address
 
     def forget(self, about: str) -> None:
-        """Forget where it lives; only the entry knows."""
+        """Forgets where it lives; only the entry knows."""
         self._homes.pop(slot_of(about), None)
 
 
@@ -58,7 +58,7 @@ class Route:
         self.begin()
 
     def begin(self) -> None:
-        """Start again, as for a new call."""
+        """Starts again, as for a new call."""
         self.address = self._homes.home(self._about)
         self._entry_tried = self.address == self._homes.entry
         self._followed = False
@@ -70,7 +70,7 @@ class Route:
         self.begin()
 
     def misdirected(self, host: str, port: int) -> bool:
-        """Note that `address` has named another node; returns whether the call continues there.
+        """Notes that `address` has named another node; returns whether the call continues there.
 
         Port 0, or an invalid host name: it has named none.
         """
@@ -82,7 +82,7 @@ class Route:
         return True
 
     def unavailable(self) -> bool:
-        """Note that `address` does not answer at present; returns as `misdirected`."""
+        """Notes that `address` does not answer at present; returns as `misdirected`."""
         return self._ask()
 
     def _ask(self) -> bool:

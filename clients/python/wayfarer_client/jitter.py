@@ -45,7 +45,7 @@ class JitterBuffer:
         return self._playout.delay(self._clock())
 
     def push(self, batch: Batch) -> None:
-        """Add what has just arrived."""
+        """Adds what has just arrived."""
         now = self._clock()
         self._playout.observe(now, batch.sent_at)
         if batch.resumed_at is not None:

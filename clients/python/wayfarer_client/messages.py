@@ -324,7 +324,7 @@ class Batch:
     tier: int = 0  # number of the ring that the agents of `frames` are in
 
     def __iter__(self) -> Iterator[Frames]:
-        """Iterate over the frames."""
+        """Iterates over the frames."""
         return iter(self.frames)
 
 

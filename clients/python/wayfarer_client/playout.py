@@ -61,19 +61,19 @@ class PlayoutClock:
         self._last = 0.0
 
     def observe(self, now: float, sent_at: float) -> None:
-        """Note a message that came at local `now`, sent at server time `sent_at`."""
+        """Notes a message that came at local `now`, sent at server time `sent_at`."""
         if self._offset is None:  # at first, expect as much as the first delay allows
             self._earliness.add(now, MARGIN - FIRST_DELAY)
         self._transit.add(now, now - sent_at)
         self._offset = self._transit.least(now)
 
     def observe_chunk(self, now: float, scheduled_at: float) -> None:
-        """Note a chunk that came at local `now`, whose first frame is for `scheduled_at`."""
+        """Notes a chunk that came at local `now`, whose first frame is for `scheduled_at`."""
         if scheduled_at >= self._caught_up_at:
             self._earliness.add(now, scheduled_at - self.server_time(now))
 
     def resumed(self, sent_at: float) -> None:
-        """Note that a connection was restored; its header was sent at server time `sent_at`.
+        """Notes that a connection was restored; its header was sent at server time `sent_at`.
 
         Chunks for earlier times were missed meanwhile; their lateness predicts nothing.
         """
@@ -97,7 +97,7 @@ class PlayoutClock:
         return self.server_time(now) - self._playhead
 
     def advance(self, now: float) -> float:
-        """Advance to local `now`; returns the moment to show, in server time."""
+        """Advances to local `now`; returns the moment to show, in server time."""
         if self._offset is None:
             return now  # nothing has come yet
         ideal = self.server_time(now) - self.wanted_delay(now)
@@ -142,7 +142,7 @@ class PoseTrack:
         rotations: Array,
         contacts: NDArray[np.uint8],
     ) -> None:
-        """Add frames, the first of which is for `time`: [F, 3], [F, B, 4], [F].
+        """Adds frames, the first of which is for `time`: [F, 3], [F, B, 4], [F].
 
         Known ones are dropped.
         """
@@ -196,5 +196,5 @@ class PoseTrack:
 
 
 def mix(a: tuple[Array, Array], b: tuple[Array, Array], share: float) -> tuple[Array, Array]:
-    """Interpolate two poses (hips [3], rotations [B, 4]): linearly, and along the shorter arc."""
+    """Interpolates two poses (hips [3], rotations [B, 4]): linearly, and along the shorter arc."""
     return (1 - share) * a[0] + share * b[0], slerp(a[1], b[1], share)

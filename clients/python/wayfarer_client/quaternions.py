@@ -65,7 +65,7 @@ def from_axes(columns: Array) -> Array:
 
 
 def slerp(a: Array, b: Array, share: float | Array) -> Array:
-    """Interpolate unit quaternions [..., 4] along the shorter arc; `share`: one, or [..., 1]."""
+    """Interpolates unit quaternions [..., 4] along the shorter arc; `share`: one, or [..., 1]."""
     cosine = (a * b).sum(-1, keepdims=True)
     b = np.where(cosine < 0, -b, b)
     angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))

@@ -45,24 +45,24 @@ class Scene:
         """As it was when last requested: area_m2, islands, version, obstacles and more."""
 
     async def refresh(self) -> scene_pb2.Scene:
-        """Refresh `message`, and return it."""
+        """Refreshes `message`, and returns it."""
         request = scene_pb2.GetSceneRequest(scene_id=self.scene_id)
         self.message = (await self._call("GetScene", request)).scene
         return self.message
 
     async def delete(self) -> None:
-        """Remove it. FailedPrecondition while sessions are in it."""
+        """Removes it. FailedPrecondition while sessions are in it."""
         await self._call("DeleteScene", scene_pb2.DeleteSceneRequest(scene_id=self.scene_id))
 
     async def put(self, name: str, obstacle: Obstacle) -> int:
-        """Place or move an obstacle; return the scene's new version."""
+        """Places or moves an obstacle; returns the scene's new version."""
         request = scene_pb2.PutObstacleRequest(
             scene_id=self.scene_id, name=name, obstacle=shape_to_wire(obstacle)
         )
         return int((await self._call("PutObstacle", request)).scene.version)
 
     async def remove(self, name: str) -> int:
-        """Remove an obstacle; return the scene's new version."""
+        """Removes an obstacle; returns the scene's new version."""
         request = scene_pb2.RemoveObstacleRequest(scene_id=self.scene_id, name=name)
         return int((await self._call("RemoveObstacle", request)).scene.version)
 
@@ -110,7 +110,7 @@ class Scenes:
         mesh_basis: str = "",
         mesh_unit: float | None = None,
     ) -> Scene:
-        """Make a scene from floors and solids, from a mesh (a file, or its bytes), or from both.
+        """Makes a scene from floors and solids, from a mesh (a file, or its bytes), or from both.
 
         `entries`: ground that cannot be reached from there is left out. `lease`: seconds that the
         scene outlives its last session and call. `mesh_format`: glb, obj or ply; empty: by the
@@ -150,7 +150,7 @@ class Scenes:
         return {example.name: example.summary for example in reply.examples}
 
     async def example(self, name: str, basis: str = "gltf", lease: float | None = None) -> Scene:
-        """Make one of the server's scenes. Raises NotFound."""
+        """Makes one of the server's scenes. Raises NotFound."""
         request = scene_pb2.CreateExampleSceneRequest(
             name=name, basis=enum_label(common_pb2.Basis, basis, "basis"), lease_s=lease
         )

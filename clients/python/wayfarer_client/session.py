@@ -78,7 +78,7 @@ class Session(GoalCommands):
                 raise
 
     async def _keep_alive(self) -> None:
-        """Renew the lease until the session has ended, which its next call reports.
+        """Renews the lease until the session has ended, which its next call reports.
 
         Other failures may be temporary: the lease is long enough for another attempt.
         """
@@ -94,13 +94,13 @@ class Session(GoalCommands):
     # lifetime
 
     async def renew(self) -> float:
-        """Restart the lease; return when it ends (Unix seconds, server's clock)."""
+        """Restarts the lease; returns when it ends (Unix seconds, server's clock)."""
         request = session_pb2.RenewSessionRequest(session_id=self.session_id)
         reply = await self._connection.call(self._connection.sessions.RenewSession, request)
         return float(reply.expires_at_us / 1e6)
 
     async def delete(self) -> None:
-        """End the session, its agents and its streams."""
+        """Ends the session, its agents and its streams."""
         request = session_pb2.DeleteSessionRequest(session_id=self.session_id)
         await self._connection.call(self._connection.sessions.DeleteSession, request)
 
@@ -128,7 +128,7 @@ class Session(GoalCommands):
         return await self._connection.file(self._connection.snapshots.ExportMotion, request)
 
     async def show(self, url: str = "") -> str:
-        """Show it in the viewer; return the address. In a notebook the viewer is a frame.
+        """Shows it in the viewer; returns the address. In a notebook the viewer is a frame.
 
         Elsewhere it opens in a browser; without one the address is printed. `url`: where the
         server's HTTP port is seen from here; empty: port 8080 of the host that this client calls.
@@ -165,7 +165,7 @@ class Session(GoalCommands):
     async def update_agent(
         self, agent: Agent | str, name: str | None = None, foot_lock: bool | None = None
     ) -> Agent:
-        """Change the given fields; return the changed agent."""
+        """Changes the given fields; returns the changed agent."""
         request = agent_pb2.UpdateAgentRequest(
             agent_id=id_of(agent), name=name, foot_lock=foot_lock
         )
@@ -173,7 +173,7 @@ class Session(GoalCommands):
         return agent_from_wire(reply.agent)
 
     async def delete_agent(self, agent: Agent | str) -> None:
-        """Remove an agent."""
+        """Removes an agent."""
         request = agent_pb2.DeleteAgentRequest(agent_id=id_of(agent))
         await self._connection.call(self._connection.agents.DeleteAgent, request)
 
@@ -194,7 +194,7 @@ class Session(GoalCommands):
         spawn_rate: float = 0.0,
         stay: float = 0.0,
     ) -> CrowdCame:
-        """Populate the session's scene with `count` walking people; return how many have come.
+        """Populates the session's scene with `count` walking people; returns how many have come.
 
         Returns once all are there, or the reason why the rest must wait is known. They replace
         the people of an earlier call; 0 removes all. `speed`: of the slowest and the fastest;
@@ -229,7 +229,7 @@ class Session(GoalCommands):
         interest: Interest | None = None,
         max_message_bytes: int = 0,
     ) -> MotionStream:
-        """Follow the agents named, or all of the session. `deadline`: see MotionStream.
+        """Follows the agents named, or all of the session. `deadline`: see MotionStream.
 
         `slow_reader`: "drop_oldest"; "hold": agents wait for this reader; "disconnect": the stream
         is cut, and resumes. `interest`: detail by distance; use `control` to move the viewpoints.
@@ -255,7 +255,7 @@ class Session(GoalCommands):
         return Control(self._connection, request, deadline)
 
     async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
-        """Advance a session made with `lock_step` by `steps` primitives of 0.2 s."""
+        """Advances a session made with `lock_step` by `steps` primitives of 0.2 s."""
         wanted = format or PoseFormat()
         layout = PoseLayout.of(wanted, await self._connection.skeleton())
         request = motion_pb2.StepAgentsRequest(

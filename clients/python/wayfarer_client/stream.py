@@ -63,7 +63,7 @@ class MotionStream:
         return await anext(self._batches)
 
     async def aclose(self) -> None:
-        """End the stream."""
+        """Ends the stream."""
         await self._batches.aclose()
 
     async def __aenter__(self) -> Self:

@@ -187,7 +187,7 @@ class SyncClient:
         return SyncScenes(self._of.scenes, self._run)
 
     def close(self) -> None:
-        """Close the connection and end the thread."""
+        """Closes the connection and ends the thread."""
         self._run(self._of.close())
         self._end()
 

@@ -34,7 +34,7 @@ class Track:
         return character.animate(places, self.rotations, rest, fps / scale**0.5, title)
 
     def save(self, path: str | Path) -> Path:
-        """Write an npz file of these arrays, with the agent's betas and rest offsets."""
+        """Writes an npz file of these arrays, with the agent's betas and rest offsets."""
         path = Path(path).with_suffix(".npz")
         np.savez_compressed(
             path,

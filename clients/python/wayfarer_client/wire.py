@@ -38,7 +38,7 @@ class BatchReader:
         self._resumed_at: float | None = None
 
     def begin(self, header: motion_pb2.StreamHeader, sent_at: float = 0.0) -> StreamInfo:
-        """Read the header. Raises WayfarerError when the poses cannot be read."""
+        """Reads the header. Raises WayfarerError when the poses cannot be read."""
         if self.info is not None:
             self._resumed_at = sent_at
         bones, self._layouts = layouts_of(header)
@@ -48,7 +48,7 @@ class BatchReader:
         return self.info
 
     def batch(self, message: motion_pb2.MotionBatch, sent_at: float = 0.0) -> Batch:
-        """Read a batch."""
+        """Reads a batch."""
         added = tuple(agent_from_wire(agent) for agent in message.added)
         fresh = tuple(agent for agent in added if agent.alias not in self.agents)
         self.agents.update((agent.alias, agent) for agent in added)
@@ -65,7 +65,7 @@ class BatchReader:
         )
 
     def event(self, message: motion_pb2.Event) -> Event:
-        """Read an event."""
+        """Reads an event."""
         return Event(
             kind=EVENTS.get(message.kind, ""),
             at=message.at_us / 1e6,

@@ -166,8 +166,8 @@ setInterval(async () => {
   const now = await session.figures(), rows = now.rows - before.rows;
   if (rows) {
     const each = (now.graphMs + now.otherMs - before.graphMs - before.otherMs) / rows;
-    const waited = now.waited > before.waited ? "; too many for this machine: time waits" : "";
-    part("figures").textContent = `${people.size} people; a person's 0.2 s takes ${each.toFixed(1)} ms: ${Math.floor(200 / each)} people per core${waited}`;
+    const waited = now.waited > before.waited ? "; it is behind, so they move in slow motion" : "";
+    part("figures").textContent = `${people.size} people; this computer can move about ${Math.floor(200 / each)} on each core${waited}`;
   }
   before = now;
 }, 2000);

@@ -18,7 +18,7 @@ export class Access {
   }
 
   /**
-   * Get a token in place of `refused`; many callers share one question. False when there is no `ask`.
+   * Gets a token in place of `refused`; many callers share one question. False when there is no `ask`.
    * @param {string} refused @param {string} reason @returns {Promise<boolean>}
    */
   async renew(refused, reason) {

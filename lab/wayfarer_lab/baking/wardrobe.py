@@ -139,7 +139,7 @@ def bake(
     identities: int = IDENTITIES,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> dict[str, dict[str, int]]:
-    """Write anny52_wardrobe.npz and the manifest; return the vertices of each garment's details.
+    """Writes anny52_wardrobe.npz and the manifest; returns the vertices of each garment's details.
 
     `clothes` is the folder with `base`, where the archive was unpacked. Raises ImportError without
     anny, DataError where a garment is missing or is none.
@@ -365,7 +365,7 @@ def layered(
 
 
 def flared(places: Array, loose: Index, share: float) -> None:
-    """Make what hangs [N] of places [V, 3] wider, the more the lower."""
+    """Makes what hangs [N] of places [V, 3] wider, the more the lower."""
     hanging = places[loose]
     top, bottom = hanging[:, 2].max(), hanging[:, 2].min()
     wider = share * ((top - hanging[:, 2]) / (top - bottom))[:, None]
@@ -374,7 +374,7 @@ def flared(places: Array, loose: Index, share: float) -> None:
 
 
 def shorten(places: Array, directions: Array, share: float) -> None:
-    """Draw what hangs below the chin nearer to it: heights of places [V, 3], directions [V, 3, B].
+    """Draws what hangs below the chin nearer to it: heights of places [V, 3], directions [V, 3, B].
 
     The chin is CHIN_M below the highest vertex.
     """
@@ -386,7 +386,7 @@ def shorten(places: Array, directions: Array, share: float) -> None:
 
 
 def part(places: Array, directions: Array) -> None:
-    """Draw up to the brow what falls over a face: places [V, 3], directions [V, 3, B]."""
+    """Draws up to the brow what falls over a face: places [V, 3], directions [V, 3, B]."""
     top, front = places[:, 2].argmax(), places[:, 1].max()
     brow, change = places[top, 2] - BROW_M, directions[top, 2]
     ahead = np.clip((places[:, 1] - front + FACE_M) / (FACE_M / 2), 0.0, 1.0)

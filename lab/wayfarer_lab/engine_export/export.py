@@ -46,7 +46,7 @@ Report = Callable[[str], None]
 def export_for_engines(
     models: Path, out: Path, candidates: int, report: Report, halves: bool = False
 ) -> None:
-    """Write graphs, bodies, sidecar and page of a model folder to `out`.
+    """Writes graphs, bodies, sidecar and page of a model folder to `out`.
 
     `report` receives lines of progress.
     With `halves` the graphs share `halves.bin`, float16, for pages that load both: the same

@@ -95,7 +95,7 @@ def _embed(graph: onnx.GraphProto) -> None:
 
 
 def _fix(graph: onnx.GraphProto, axis: str, size: int) -> None:
-    """Give a named axis a size, wherever it occurs."""
+    """Gives a named axis a size, wherever it occurs."""
     for value in (*graph.input, *graph.output, *graph.value_info):
         for dim in value.type.tensor_type.shape.dim:
             if dim.dim_param == axis:
@@ -142,7 +142,7 @@ def _drop_choice(graph: onnx.GraphProto, source: Path) -> None:
 
 
 def _prune(graph: onnx.GraphProto) -> None:
-    """Drop nodes and weights that no output needs, and nodes that do nothing."""
+    """Drops nodes and weights that no output needs, and nodes that do nothing."""
     names = {output.name for output in graph.output}
     same: dict[str, str] = {}
     kept = []
@@ -166,7 +166,7 @@ def _prune(graph: onnx.GraphProto) -> None:
 
 
 def _fold(graph: onnx.GraphProto) -> None:
-    """Compute at once what depends on weights alone."""
+    """Computes at once what depends on weights alone."""
     known = {t.name: numpy_helper.to_array(t) for t in graph.initializer}
     outputs = {output.name for output in graph.output}
     kept = []
@@ -183,7 +183,7 @@ def _fold(graph: onnx.GraphProto) -> None:
 
 
 def _lower(model: onnx.ModelProto, source: Path) -> None:
-    """Write the newer forms of operators as opset 15 has them. Raises ArtifactError."""
+    """Writes the newer forms of operators as opset 15 has them. Raises ArtifactError."""
     graph = model.graph
     constants = {t.name: numpy_helper.to_array(t) for t in graph.initializer}
     ranks = _ranks(model)

@@ -30,7 +30,7 @@ def read_scene(name: str) -> SceneSpec:
 
 
 def write_scene(spec: SceneSpec, out: Path) -> Scene:
-    """Bake a scene and write `scene.json` and `scene.bin` to the folder `out`.
+    """Bakes a scene and writes `scene.json` and `scene.bin` to the folder `out`.
 
     scene.json: `radius`; `corners` [T, 3, 2] of the navigation mesh's triangles, anticlockwise;
     `neighbours` [T, 3], the triangle behind the edge from corner k to k + 1, or -1; `island` [T];

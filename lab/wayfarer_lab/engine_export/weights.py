@@ -33,7 +33,7 @@ class SharedWeights:
         self._places: dict[str, int] = {}
 
     def take(self, graph: onnx.ModelProto) -> None:
-        """Move the graph's larger tensors that float16 holds exactly out of it, in place."""
+        """Moves the graph's larger tensors that float16 holds exactly out of it, in place."""
         for tensor in graph.graph.initializer:
             values = numpy_helper.to_array(tensor)
             if values.dtype != np.float32 or values.size < SMALL:
@@ -49,7 +49,7 @@ class SharedWeights:
                 tensor.external_data.add(key=key, value=str(value))
 
     def write(self, folder: Path) -> None:
-        """Write both files."""
+        """Writes both files."""
         halves = np.concatenate(self._parts)
         pairs = halves.astype("<f2").view(np.uint8).reshape(-1, 2)
         (folder / HALVES_FILE).write_bytes(pairs.T.tobytes())

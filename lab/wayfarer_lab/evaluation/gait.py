@@ -33,7 +33,7 @@ class Windows:
 
     @classmethod
     def cut(cls, markers: Array, hips: Array, seam_every: int = NEW_FRAMES) -> "Windows":
-        """Cut one track, markers [T, M, 3] and hips [T, 3], into whole windows of 5 primitives."""
+        """Cuts one track, markers [T, M, 3] and hips [T, 3], into whole windows of 5 primitives."""
         frames = WINDOW_STEPS * seam_every
         return cls(
             kinematics.windows(markers, frames), kinematics.windows(hips, frames), seam_every

@@ -30,7 +30,7 @@ class Lead:
 
     @torch.inference_mode()
     def __call__(self, specs: Sequence[AgentSpec], motions: Sequence[Motion]) -> None:
-        """Change the motions of `specs` in place: their seeds end the new primitive."""
+        """Changes the motions of `specs` in place: their seeds end the new primitive."""
         for spec, motion in zip(specs, motions, strict=True):
             step = self._steps[spec.gender]
             still = Seed(

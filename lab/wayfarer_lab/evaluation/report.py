@@ -48,7 +48,7 @@ def progress() -> Progress:
 
 
 def show(title: str, rows: Sequence[Row]) -> None:
-    """Print rows as a table: a column per row, since rows have many figures and short names."""
+    """Prints rows as a table: a column per row, since rows have many figures and short names."""
     if not rows:
         return
     table = Table(title=title)
@@ -61,7 +61,7 @@ def show(title: str, rows: Sequence[Row]) -> None:
 
 
 def write(path: Path, tables: Tables, **about: Any) -> None:
-    """Write `{"rows": […], "meta": {…}}` to `path` (.json), and .md next to it.
+    """Writes `{"rows": […], "meta": {…}}` to `path` (.json), and .md next to it.
 
     `rows` are those of all tables; `about` (arguments, seed) joins the meta part. A figure that
     could not be measured (NaN) becomes null: JSON has no NaN.

@@ -173,7 +173,7 @@ def roll_out(
     random: torch.Generator,
     goals: Goals | None = None,
 ) -> Rollout:
-    """Generate whole primitives that cover `frames` frames, after the lead-in.
+    """Generates whole primitives that cover `frames` frames, after the lead-in.
 
     `goals` are for variants with a policy; the others draw latents from N(0, I) and know none.
     """

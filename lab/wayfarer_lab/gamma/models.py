@@ -111,7 +111,7 @@ def gamma_graphs(
 def import_gamma(
     files: Checkpoints, out: Path, passes: int = PASSES, grounding: float = GROUNDING
 ) -> dict[str, float]:
-    """Write the model folder; return each graph's torch-ONNX difference. See `gamma_graphs`."""
+    """Writes the model folder; returns each graph's torch-ONNX difference. See `gamma_graphs`."""
     graphs = gamma_graphs(files, passes, grounding)
     return write_models(graphs, out, _card(out.name, files), out.name, BODY, floor_origin=False)
 

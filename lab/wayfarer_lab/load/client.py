@@ -45,7 +45,7 @@ class SimulatedClient:
         self.session_id = ""
 
     async def open(self) -> None:
-        """Create the session, at the node that takes it, and as many agents as that admits."""
+        """Creates the session, at the node that takes it, and as many agents as that admits."""
         metadata = self._connection.metadata
         request = session_pb2.CreateSessionRequest(seed=self._chance.getrandbits(32))
 
@@ -106,7 +106,7 @@ class SimulatedClient:
         )
 
     async def run(self, measuring_from: float, until: float) -> None:
-        """Read the stream and give goals until `until` (Unix seconds), and count the end."""
+        """Reads the stream and gives goals until `until` (Unix seconds), and counts the end."""
         if not self._agents:
             return
         reader = Reader(self._tally, measuring_from, until)
@@ -126,7 +126,7 @@ class SimulatedClient:
                 raise error
 
     async def _read(self, reader: Reader) -> None:
-        """Follow the session again whenever the stream ends; its agents keep walking meanwhile."""
+        """Follows the session again whenever the stream ends; its agents keep walking meanwhile."""
         while True:
             messages = followed(
                 self._connection,
@@ -143,7 +143,7 @@ class SimulatedClient:
             await asyncio.sleep(RECONNECT_SECONDS)
 
     async def _give_goals(self, goals: GoalWatch, measuring_from: float) -> None:
-        """Give every agent a goal, then more at random instants without waiting for answers."""
+        """Gives every agent a goal, then more at random instants without waiting for answers."""
         for agent in self._agents:
             self._command(agent, goals, time.time(), measuring_from)
             await asyncio.sleep(FIRST_GOALS / len(self._agents))
@@ -181,7 +181,7 @@ class SimulatedClient:
             goals.asked(agent.alias, reply.revision, due)
 
     async def close(self) -> None:
-        """End the session."""
+        """Ends the session."""
         for task in self._commands:
             task.cancel()
         if self.session_id:

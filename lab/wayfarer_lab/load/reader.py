@@ -49,7 +49,7 @@ class Reader:
         self._check = PoseCheck()
 
     def take(self, message: motion_pb2.StreamMotionResponse, now: float) -> None:
-        """Count a message that came at `now`."""
+        """Counts a message that came at `now`."""
         if message.HasField("header"):
             self._begin(message.header, now)
         batch = message.batch
@@ -217,7 +217,7 @@ class GoalWatch:
         self._sent_goals.pop(alias, None)
 
     def finish(self, now: float) -> None:
-        """Count the goals without a pose, as late as they are by now."""
+        """Counts the goals without a pose, as late as they are by now."""
         for waiting in self._sent_goals.values():
             for since in waiting.values():
                 if now - since > UNANSWERED_S:

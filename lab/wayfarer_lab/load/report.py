@@ -25,7 +25,7 @@ MAX_GENERATOR_LOAD = 0.7
 
 
 def show(summary: dict[str, Any], console: Console) -> None:
-    """Print the figures."""
+    """Prints the figures."""
     table = Table("", "p50", "p95", "p99", "p99.9", "max")
     for key, title in SHOWN.items():
         if values := summary[key]:

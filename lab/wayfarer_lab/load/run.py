@@ -91,12 +91,12 @@ class MemoryWatch:
         self.samples: list[tuple[float, float]] = []  # seconds of measuring, megabytes
 
     async def run(self) -> None:
-        """Sample until cancelled."""
+        """Samples until cancelled."""
         while self.sample():
             await asyncio.sleep(self._interval)
 
     def sample(self) -> bool:
-        """Take a sample; False for a server that we did not start."""
+        """Takes a sample; False for a server that we did not start."""
         megabytes = self._target.resident_megabytes()
         if megabytes is not None:
             self.samples.append((round(time.time() - self._start, 3), round(megabytes, 2)))
@@ -135,7 +135,7 @@ class Nuisance:
         self._viewpoint = plan.viewpoint(plan.sessions + number, tally.failed)
 
     async def read_slowly(self) -> None:
-        """Take a message every few seconds; reconnect when the server ends the stream."""
+        """Takes a message every few seconds; reconnects when the server ends the stream."""
         while True:
             connection = Connection(self._target)
             try:
@@ -151,7 +151,7 @@ class Nuisance:
             await asyncio.sleep(SLOW_SECONDS)
 
     async def vanish(self) -> None:
-        """Open streams and cut them off, one after the other."""
+        """Opens streams and cuts them off, one after the other."""
         while True:
             connection = Connection(self._target)
             reading = asyncio.create_task(self._glance(connection))

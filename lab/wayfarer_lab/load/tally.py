@@ -29,7 +29,7 @@ class Latencies:
         return found
 
     def add(self, seconds: float) -> None:
-        """Count one."""
+        """Counts one."""
         self.histogram.record_value(int(min(max(seconds, 1e-6), MAX_S) * 1e6))
 
     @property
@@ -196,7 +196,7 @@ class Tally:
         return self.late + self.lost
 
     def failed(self, status: str) -> None:
-        """Count a call that failed."""
+        """Counts a call that failed."""
         self.failures[status] = self.failures.get(status, 0) + 1
 
     def summary(self, seconds: float) -> dict[str, Any]:

@@ -109,7 +109,7 @@ async def _announcement(output: asyncio.StreamReader, lines: deque[str]) -> dict
 
 
 async def _drain(output: asyncio.StreamReader, lines: deque[str]) -> None:
-    """Keep the pipe from filling up."""
+    """Keeps the pipe from filling up."""
     while line := await output.readline():
         lines.append(line.decode(errors="replace"))
 

@@ -53,7 +53,7 @@ class Connection:
         self._motion = motion_pb2_grpc.MotionServiceStub(self._channel)
 
     async def close(self) -> None:
-        """End all calls."""
+        """Ends all calls."""
         await self._channel.close(None)
 
     async def stream(

@@ -247,7 +247,7 @@ def train_cloning(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
+    """Trains or resumes in `folder`. True when all steps are done."""
     trainer = CloningTrainer(config, train, validation)
     others = {"manners": trainer.manners}
     trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer, others)

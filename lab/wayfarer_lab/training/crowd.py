@@ -45,7 +45,7 @@ class TrainingCrowd:
         return forward / forward.norm(dim=-1, keepdim=True).clamp(min=1e-6)
 
     def put(self, rows: Tensor, other: "TrainingCrowd") -> None:
-        """Replace some agents."""
+        """Replaces some agents."""
         for column in fields(self):
             getattr(self, column.name)[rows] = getattr(other, column.name)
 

@@ -92,7 +92,7 @@ def train_end_to_end(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done.
+    """Trains or resumes in `folder`. True when all steps are done.
 
     The results are separate runs in `folder`: predictor_…_rollout, regressor_male and
     regressor_female, for `wayfarer export --runs` and `wayfarer eval … --runs`.

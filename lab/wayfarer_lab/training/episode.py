@@ -49,7 +49,7 @@ def simulate(
     primitives: int,
     together: int = 1,
 ) -> Episode:
-    """Step agents until each has reached its goal or has broken, for at most `primitives` steps.
+    """Steps agents until each has reached its goal or has broken, for at most `primitives` steps.
 
     Latents are drawn from the policy. Consecutive `together` agents continue until all of them have
     arrived or broken: the paper's simulation of clones.

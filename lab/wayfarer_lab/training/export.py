@@ -126,7 +126,7 @@ def parity(
 
 
 def save_graph(graph: ExportGraph, path: Path, store: WeightStore, contract: str) -> None:
-    """Write one graph; its weights go to the store, its contract (JSON) into the metadata."""
+    """Writes one graph; its weights go to the store, its contract (JSON) into the metadata."""
     model = externalise(make_rows_independent(to_onnx(graph)), store)
     for node in model.graph.node:
         del node.metadata_props[:]  # stack traces of the exporter: a megabyte of them
@@ -185,7 +185,7 @@ def export_models(
     card: str,
     name: str = "gamma-anny52",
 ) -> dict[str, float]:
-    """Write a model folder from trained weights; see `load_graphs` and `write_models`."""
+    """Writes a model folder from trained weights; see `load_graphs` and `write_models`."""
     floor_origin = bool(read_run_config(sources.predictor_2f)["floor_origin"])
     graphs = load_graphs(sources, SHIPPED)
     return write_models(graphs, out, card, name, SHIPPED, floor_origin)
@@ -199,7 +199,7 @@ def write_models(
     body: str = "anny52",
     floor_origin: bool = True,
 ) -> dict[str, float]:
-    """Write graphs, by file name, as a model folder; return each one's torch-ONNX difference.
+    """Writes graphs, by file name, as a model folder; returns each one's torch-ONNX difference.
 
     The folder is written beside its place and moved there only when every graph agrees with torch
     on random inputs; step graphs also on standing and on moving bodies.

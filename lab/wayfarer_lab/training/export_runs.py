@@ -18,7 +18,7 @@ def export_runs(
     predictor_2f: str,
     goal_cvae: str,
 ) -> dict[str, float]:
-    """Write a model folder; return each graph's torch-ONNX difference.
+    """Writes a model folder; returns each graph's torch-ONNX difference.
 
     Names are those of runs in `runs`; with `goal_cvae` that baseline is written.
     """

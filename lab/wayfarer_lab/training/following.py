@@ -96,7 +96,7 @@ class Orders:
     facing: Tensor  # [A, 2] unit vector, or zero: the way to the goal
 
     def put(self, rows: Tensor, other: "Orders") -> None:
-        """Replace those of rows [A] that are true by those of `other`, of as many agents."""
+        """Replaces those of rows [A] that are true by those of `other`, of as many agents."""
         for column in fields(self):
             mine, new = getattr(self, column.name), getattr(other, column.name)
             chosen = rows.view(-1, *(1,) * (mine.dim() - 1))
@@ -350,7 +350,7 @@ def train_following(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
+    """Trains or resumes in `folder`. True when all steps are done."""
     trainer = FollowingTrainer(config, train, validation)
     trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes, every=100)

@@ -46,7 +46,7 @@ class GoalCvae(MarkerPredictor):
         self.seed_encoder = Gru(2 * SIZE, HIDDEN)
 
     def start_from(self, predictor: MarkerPredictor) -> None:
-        """Take over a predictor's weights: at first, the goal is not looked at."""
+        """Takes over a predictor's weights: at first, the goal is not looked at."""
         weights = predictor.state_dict()
         known = weights["seed_encoder.from_input.weight"]
         weights["seed_encoder.from_input.weight"] = torch.cat([known, torch.zeros_like(known)], 1)
@@ -100,7 +100,7 @@ def train_goal_cvae(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
+    """Trains or resumes in `folder`. True when all steps are done."""
     trainer = GoalCvaeTrainer(config, train, validation)
     trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)

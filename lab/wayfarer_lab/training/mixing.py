@@ -15,7 +15,7 @@ from wayfarer_lab.training.run import read_weights
 
 
 def mix_policies(first: Path, second: Path, share: float, out: Path) -> None:
-    """Write a run of `share` of the second run's weights and the rest of the first's.
+    """Writes a run of `share` of the second run's weights and the rest of the first's.
 
     Raises InvalidArgument for a share off 0 to 1, ArtifactError where the runs do not fit.
     """

@@ -199,7 +199,7 @@ def train_policy(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all epochs are done."""
+    """Trains or resumes in `folder`. True when all epochs are done."""
     trainer = PolicyTrainer(config, environment)
     trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
     if trainer.run.step == 0:
@@ -210,7 +210,7 @@ def train_policy(
 
 
 def draw_trails(path: Path, hips: Tensor, goals: Tensor, clones: int, title: str) -> None:
-    """Write a PNG of trails: hips [T, A, 3] (NaN when no longer going), goals [A, 3].
+    """Writes a PNG of trails: hips [T, A, 3] (NaN when no longer going), goals [A, 3].
 
     `clones` agents after one another share start and goal, hence a colour. A ring is a goal, a dot
     the end of a trail.

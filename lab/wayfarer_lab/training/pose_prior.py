@@ -101,7 +101,7 @@ def train_pose_prior(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
+    """Trains or resumes in `folder`. True when all steps are done."""
     trainer = PosePriorTrainer(config, train, validation)
     trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)

@@ -171,7 +171,7 @@ def update(
     samples: SampleBatch,
     settings: PpoSettings,
 ) -> dict[str, float]:
-    """Minimise Eq. 10 over `settings.passes` passes through the samples. Returns mean losses.
+    """Minimises Eq. 10 over `settings.passes` passes through the samples. Returns mean losses.
 
     Once KL(π^k ‖ π) exceeds `settings.kl_limit`, only the critic trains on; the actor and the
     shared encoder stay as they are.

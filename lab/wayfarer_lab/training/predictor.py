@@ -351,7 +351,7 @@ def train_predictor(
     folder: Path,
     minutes: float = float("inf"),
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
+    """Trains or resumes in `folder`. True when all steps are done."""
     trainer = PredictorTrainer(config, train, validation)
     trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)

@@ -11,7 +11,7 @@ from wayfarer.motion import posing
 
 
 def matrix_from_6d(sixd: Tensor) -> Tensor:
-    """Orthonormalise two columns (Gram-Schmidt). [..., 6] → [..., 3, 3]."""
+    """Orthonormalises two columns (Gram-Schmidt). [..., 6] → [..., 3, 3]."""
     return posing.from_6d(sixd.movedim(-1, 0)).movedim((0, 1), (-2, -1))
 
 

@@ -38,7 +38,7 @@ BATCHES = (1, 2, 3, 5, 8)
 
 
 def make_rows_independent(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Rewrite the operators named above, in place. Raises ArtifactError for unknown sizes."""
+    """Rewrites the operators named above, in place. Raises ArtifactError for unknown sizes."""
     graph = model.graph
     known = [*graph.input, *graph.value_info, *graph.output]
     shapes = {v.name: [d.dim_value for d in v.type.tensor_type.shape.dim] for v in known}
@@ -58,7 +58,7 @@ def make_rows_independent(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def check_rows(path: Path, inputs: Mapping[str, NDArray[np.float32]]) -> None:
-    """Run the rows of `inputs` in smaller batches, too. Raises ArtifactError on any difference."""
+    """Runs the rows of `inputs` in smaller batches, too. Raises ArtifactError on any difference."""
     session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     names = [output.name for output in session.get_outputs()]
     rows = len(next(iter(inputs.values())))

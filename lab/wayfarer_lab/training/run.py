@@ -114,7 +114,7 @@ class TrainingRun:
         torch.set_rng_state(state["rng"])
 
     def save(self) -> None:
-        """Write the checkpoint; a crash while writing leaves the old one whole."""
+        """Writes the checkpoint; a crash while writing leaves the old one whole."""
         now = time.process_time()
         self.cpu_seconds += now - self._counted
         self._counted = now
@@ -148,7 +148,7 @@ class TrainingRun:
         minutes: float = float("inf"),
         every: int = 500,
     ) -> bool:
-        """Call `update` until `steps` are done (True) or `minutes` have passed (False).
+        """Calls `update` until `steps` are done (True) or `minutes` have passed (False).
 
         Raises KeyboardInterrupt at the end of the step in which a signal came.
         """

@@ -25,7 +25,7 @@ from wayfarer_lab.training.pose_networks import PosePrior
 
 
 def unpack_models(models: Path, runs: Path) -> dict[str, int]:
-    """Write a run folder for each network of `models`; how many tensors of each were found.
+    """Writes a run folder for each network of `models`; how many tensors of each were found.
 
     Folders that exist are left alone. Raises ArtifactError when a graph or the card is missing.
     """

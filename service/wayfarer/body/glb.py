@@ -41,7 +41,7 @@ class GlbFile:
         self._blob = bytearray()
 
     def add(self, values: NDArray[Any], target: int | None = None, normalized: bool = False) -> int:
-        """Append an array as buffer view and accessor; return the accessor's index.
+        """Appends an array as buffer view and accessor; returns the accessor's index.
 
         values [n, ...] of float32, uint8, uint16 or uint32. Matrices are stored by columns, as
         glTF wants. Bounds are written for floats, where glTF asks for some of them.
@@ -107,7 +107,7 @@ def add_body(
     names: Sequence[str] | None = None,
     root: str = "",
 ) -> tuple[list[int], int, int]:
-    """Add joint nodes, mesh and skin; return the nodes of the joints, of the mesh, of the top.
+    """Adds joint nodes, mesh and skin; returns the nodes of the joints, of the mesh, of the top.
 
     `names`: of the joints; none: the canonical ones. `root`: name of a bone above the hips, at the
     origin, which moves no vertex. The nodes are in no scene yet.

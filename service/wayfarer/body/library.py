@@ -167,7 +167,7 @@ def body_from_arrays(
 
 
 def write_manifest(folder: Path) -> None:
-    """Write the SHA-256 of each body file in a folder."""
+    """Writes the SHA-256 of each body file in a folder."""
     hashes = {path.name: sha256_of(path) for path in sorted(folder.glob("*.npz"))}
     (folder / MANIFEST).write_text(json.dumps(hashes, indent=1) + "\n")
 

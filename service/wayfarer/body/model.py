@@ -97,7 +97,7 @@ class BodyModel:
         return float(self.skin(betas, rotations, places, self.sole_vertices)[:, 2].min())
 
     def check_betas(self, betas: Array) -> Array:
-        """Return betas as float64. Raises InvalidArgument on shape, NaN or |beta| > 5."""
+        """Returns betas as float64. Raises InvalidArgument on shape, NaN or |beta| > 5."""
         values = np.asarray(betas, dtype=np.float64)
         if values.shape[-1:] != (self.betas,) or not np.isfinite(values).all():
             raise InvalidArgument(f"betas must be {self.betas} finite numbers", "betas")

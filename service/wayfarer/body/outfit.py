@@ -194,5 +194,5 @@ def regions(body: BodyModel) -> NDArray[np.int64]:
 
 
 def linear_colours(srgb: Array) -> Array:
-    """Convert sRGB to linear light (IEC 61966-2-1), as used in glTF's factors."""
+    """Converts sRGB to linear light (IEC 61966-2-1), as used in glTF's factors."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -74,7 +74,7 @@ def height_of(gender: str, betas: ArrayLike, name: str = "anny52") -> float:
 
 
 def fit(body: BodyModel, betas: Array, described: Array) -> dict[str, NDArray[Any]]:
-    """Fit the regression (build time): betas [N, B] of identities, described [N, 3] as weight,
+    """Fits the regression (build time): betas [N, B] of identities, described [N, 3] as weight,
     muscle and age.
 
     Heights are those of the baked bodies. Returns the arrays of the body file; in it

@@ -94,7 +94,7 @@ def multiply(p: Array, q: Array) -> Array:
 
 
 def continuous_quaternions(quaternions: Array) -> Array:
-    """Flip signs so that neighbours in time (axis 0) lie on one half-sphere. [N, ..., 4]."""
+    """Flips signs so that neighbours in time (axis 0) lie on one half-sphere. [N, ..., 4]."""
     q = np.array(quaternions)
     flips = np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0
     q[1:] *= np.where(np.cumsum(flips, axis=0) % 2 == 1, -1.0, 1.0)

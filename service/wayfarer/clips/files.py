@@ -202,7 +202,7 @@ def write_clip(
 
 
 def read_clip(path: Path) -> Clip:
-    """Read a clip that Wayfarer wrote as npz or GLB, or an AMASS npz.
+    """Reads a clip that Wayfarer wrote as npz or GLB, or an AMASS npz.
 
     A BVH file is refused: it holds bones without the body around them. Raises InvalidArgument
     for other names, NotFound when there is no such file, DataError when it does not fit.

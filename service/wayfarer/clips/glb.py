@@ -117,7 +117,7 @@ def _add_scene(file: GlbFile, triangles: Array) -> int:
 
 
 def read_glb(path: Path) -> Clip:
-    """Read a clip of one person that `glb_bytes` made; GLB has no place for contacts and goals.
+    """Reads a clip of one person that `glb_bytes` made; GLB has no place for contacts and goals.
 
     Raises DataError for any other file: joints and body of a foreign GLB are not ours.
     """

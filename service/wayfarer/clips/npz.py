@@ -55,7 +55,7 @@ def npz_bytes(actor: Actor) -> bytes:
 
 
 def read_npz(path: Path, body: BodyModel | None = None) -> Clip:
-    """Read an AMASS-style file, ours or AMASS's own (without fingers and contacts).
+    """Reads an AMASS-style file, ours or AMASS's own (without fingers and contacts).
 
     `body` defaults to the one named in the file, or to anny52 of the file's gender. A file of
     another body keeps its motion, but not its shape. Raises DataError when the file does not fit.

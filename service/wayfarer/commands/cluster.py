@@ -113,7 +113,7 @@ def _enter(
 
 @contextlib.asynccontextmanager
 async def _covered(ray: "RayCluster", settings: Settings, node_port: int) -> AsyncIterator[None]:
-    """Keep a node on each of Ray's machines, also on new ones."""
+    """Keeps a node on each of Ray's machines, also on new ones."""
     from wayfarer.cluster.actors import on_daemon
 
     reported = ""  # the last round's error

@@ -73,7 +73,7 @@ OPTIONS: Final = (
 async def serve(
     settings: Settings, node: "NodeActor | None" = None, shows_page: bool = False
 ) -> None:
-    """Run until SIGINT, SIGTERM or AdminService.Drain.
+    """Runs until SIGINT, SIGTERM or AdminService.Drain.
 
     As a `node` of several, or as the whole server. Raises Unavailable when the motion loop has
     failed for good, so that a supervisor restarts the process.
@@ -134,12 +134,12 @@ async def serve(
 
 
 def serve_node(node: "NodeActor") -> None:
-    """Run as one node of a cluster."""
+    """Runs as one node of a cluster."""
     run(serve(node.plan.settings, node))
 
 
 def warn_if_open(settings: Settings) -> None:
-    """Warn when other machines may call without authentication."""
+    """Warns when other machines may call without authentication."""
     if not (settings.is_loopback or settings.has_auth):
         log.warning("reachable from other machines without authentication", host=settings.host)
 
@@ -158,7 +158,7 @@ def share_heaps() -> None:
 
 
 def settle() -> None:
-    """Exclude everything loaded so far from garbage collection, and free what is garbage now.
+    """Excludes everything loaded so far from garbage collection, and frees what is garbage now.
 
     It lives as long as the process, and each pass over it stops all threads for 0.1 s.
     """
@@ -169,7 +169,7 @@ def settle() -> None:
 
 
 def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
-    """Report the addresses of the service, to a person on a terminal or to the log."""
+    """Reports the addresses of the service, to a person on a terminal or to the log."""
     model = Path(settings.model).name
     if not sys.stdout.isatty():
         log.info("ready", http=http_url, grpc=grpc_address, model=model, workers=settings.workers)
@@ -185,7 +185,7 @@ def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
 
 
 def open_page(http_url: str) -> None:
-    """Open the viewer in the user's browser; log it if there is none."""
+    """Opens the viewer in the user's browser; logs it if there is none."""
 
     def show() -> None:
         if not webbrowser.open(page):
@@ -197,7 +197,7 @@ def open_page(http_url: str) -> None:
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the settings of `OPTIONS` as options; their help is the settings' own."""
+    """Gives a command the settings of `OPTIONS` as options; their help is the settings' own."""
     own = inspect.signature(command)
     options = []
     for key in OPTIONS:
@@ -278,7 +278,7 @@ def serve_command(
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:
-    """Run on its own event loop."""
+    """Runs on its own event loop."""
     try:
         import uvloop
     except ImportError:  # Windows has none

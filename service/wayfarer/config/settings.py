@@ -108,7 +108,7 @@ class Auth(BaseModel):
 
 
 def _signature(name: str) -> str:
-    """Allow public-key signatures only: with HS256, the verifier could also sign."""
+    """Allows public-key signatures only: with HS256, the verifier could also sign."""
     if name not in SIGNATURES:
         raise ValueError(f"{name!r} is not allowed; allowed are {', '.join(SIGNATURES)}")
     return name

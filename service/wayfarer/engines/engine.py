@@ -81,7 +81,7 @@ class Engine(Protocol):
         return self
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """Step all rows, which are agents of one gender.
+        """Steps all rows, which are agents of one gender.
 
         A row's result depends on that row alone, bit for bit, whatever the others are.
         """

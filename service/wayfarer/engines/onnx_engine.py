@@ -56,7 +56,7 @@ class OnnxEngine(WarmEngine):
         return other
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """Step all rows; see `Engine`."""
+        """Steps all rows; see `Engine`."""
         session = self._sessions[gender]
 
         def run(rows: StepInputs) -> StepOutputs:

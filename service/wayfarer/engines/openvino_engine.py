@@ -116,7 +116,7 @@ class OpenVinoEngine(WarmEngine):
         return other
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """Step all rows; see `Engine`. A size that has not been warmed is compiled first (1 s).
+        """Steps all rows; see `Engine`. A size that has not been warmed is compiled first (1 s).
 
         Rows are padded to `SIZES`: networks of these give the same bits, that of a single row, or
         of any number of rows, does not.

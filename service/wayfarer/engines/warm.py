@@ -29,7 +29,7 @@ class WarmEngine(Engine, Protocol):
         candidates: Iterable[int],
         done: Callable[[int, int, float], None] = lambda agents, candidates, seconds: None,
     ) -> None:
-        """Run every size once, largest first, so that no later call has to allocate or compile.
+        """Runs every size once, largest first, so that no later call has to allocate or compile.
 
         `done(agents, candidates, seconds)` is called after each; compiling does not count.
         """

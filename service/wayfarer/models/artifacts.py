@@ -174,7 +174,7 @@ def contract_to_json(contract: Contract) -> str:
 
 
 def contract_from_json(text: str, where: str) -> Contract:
-    """Read a contract; `where` opens the error messages. Raises ArtifactError."""
+    """Reads a contract; `where` opens the error messages. Raises ArtifactError."""
     values = _json_object(text, f"{where}: metadata {METADATA_KEY!r}")
     known = {f.name for f in fields(Contract)}
     # a contract that lacks anything else is not an earlier one but damaged
@@ -195,7 +195,7 @@ def contract_from_json(text: str, where: str) -> Contract:
 
 
 def write_manifest(path: Path, name: str, body: str) -> None:
-    """Write `manifest.json` over all files now in the folder. Raises ArtifactError."""
+    """Writes `manifest.json` over all files now in the folder. Raises ArtifactError."""
     files = {p.name: sha256_of(p) for p in sorted(path.iterdir()) if p.name != MANIFEST}
     manifest = {"schema": SCHEMA, "name": name, "files": files, "body": body, "card": CARD}
     (path / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
@@ -204,7 +204,7 @@ def write_manifest(path: Path, name: str, body: str) -> None:
 def load_model_folder(
     path: Path, bodies: Mapping[str, BodyIdentity], required: Iterable[str] = SERVED
 ) -> ModelFolder:
-    """Check a model folder: every file's hash, and every graph's contract.
+    """Checks a model folder: every file's hash, and every graph's contract.
 
     Args:
         path: the folder.
@@ -253,7 +253,7 @@ def read_contract(path: Path) -> Contract:
 
 
 def open_session(path: Path, options: onnxruntime.SessionOptions) -> onnxruntime.InferenceSession:
-    """Open a graph on the CPU. Raises ArtifactError when onnxruntime refuses it."""
+    """Opens a graph on the CPU. Raises ArtifactError when onnxruntime refuses it."""
     try:
         return onnxruntime.InferenceSession(
             str(path), sess_options=options, providers=["CPUExecutionProvider"]

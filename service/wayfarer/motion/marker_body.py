@@ -90,7 +90,7 @@ class MarkerBody(nn.Module):
         self._keep("rest_dirs", held_dirs.sum(2) + offsets_dirs @ moves)
 
     def _keep(self, name: str, array: ArrayLike) -> None:
-        """Register as a constant of the module (not a weight: not in its state dict)."""
+        """Registers as a constant of the module (not a weight: not in its state dict)."""
         values = torch.from_numpy(np.array(array, dtype=np.float32))
         self.register_buffer(name, values, persistent=False)
 

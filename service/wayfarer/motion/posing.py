@@ -58,7 +58,7 @@ def turn(rotation: Tensor, v: Tensor) -> Tensor:
 
 
 def from_6d(sixd: Tensor) -> Tensor:
-    """Orthonormalise two columns (Gram-Schmidt): [6, ...] → [3, 3, ...]."""
+    """Orthonormalises two columns (Gram-Schmidt): [6, ...] → [3, 3, ...]."""
     x = unit(sixd[:3])
     second = sixd[3:]
     y = unit(second - dot(x, second) * x)

@@ -114,7 +114,7 @@ class PrimitiveStep(nn.Module):
         manner: Tensor,  # [A, 8]
         obstacles: Tensor,  # [A, O, 7]
     ) -> StepResult:
-        """Step every row; rows do not influence each other."""
+        """Steps every row; rows do not influence each other."""
         frame, known = self._begin(seed_translation, seed_rotations)
         seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])
         asked = Condition(

@@ -46,7 +46,7 @@ class Sites:
 
     @classmethod
     def from_names(cls, names: Sequence[str]) -> "Sites":
-        """Find them by name. Raises InvalidArgument when one is missing."""
+        """Finds them by name. Raises InvalidArgument when one is missing."""
 
         def find(*wanted: str) -> list[int]:
             missing = [w for w in wanted if w not in names]

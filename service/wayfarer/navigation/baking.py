@@ -51,7 +51,7 @@ def blocks(obstacle: Obstacle, layer: Layer, walkable: Walkable) -> bool:
 
 
 def bake_mesh(spec: SceneSpec, ground: Ground, open_areas: Sequence[shapely.Geometry]) -> NavMesh:
-    """Triangulate all layers and keep the islands that matter."""
+    """Triangulates all layers and keeps the islands that matter."""
     pieces = [triangulate(area) for area in open_areas]
     corners = np.concatenate(pieces)
     layer = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])

@@ -51,7 +51,7 @@ REASON: Final = re.compile(r"(.+)\[(\S+) (\S+)\]")
 
 
 def check_spec(spec: SceneSpec) -> None:
-    """Raise InvalidArgument unless the scene is complete, finite and within all limits."""
+    """Raises InvalidArgument unless the scene is complete, finite and within all limits."""
     if not spec.floors and spec.mesh is None:
         raise InvalidArgument("a scene needs ground: give floors, a mesh, or both", "floors")
     _count(spec.floors, MAX_FLOORS, "floors")
@@ -74,7 +74,7 @@ def check_spec(spec: SceneSpec) -> None:
 
 
 def check_obstacle(obstacle: Obstacle, field: str) -> None:
-    """Raise InvalidArgument unless this is a box, cylinder or prism within all limits."""
+    """Raises InvalidArgument unless this is a box, cylinder or prism within all limits."""
     if not isinstance(obstacle, Box | Cylinder | Prism):
         raise InvalidArgument(
             f"{field} is a {type(obstacle).__name__}; it is a Box, Cylinder or Prism",
@@ -93,7 +93,7 @@ def count_points(spec: SceneSpec) -> int:
 
 
 def check_solid(solid: Solid, field: str) -> None:
-    """Raise InvalidArgument unless sizes, places and outline are usable."""
+    """Raises InvalidArgument unless sizes, places and outline are usable."""
     _within(solid.height, MIN_SIZE, MAX_EXTENT, f"{field}.height", Metres)
     _within(solid.bottom, -MAX_COORDINATE, MAX_COORDINATE, f"{field}.bottom", Metres)
     if isinstance(solid, Prism):
@@ -112,7 +112,7 @@ def check_solid(solid: Solid, field: str) -> None:
 
 
 def check_point(point: Point2 | Point3, field: str) -> None:
-    """Raise InvalidArgument unless the point has two or three finite coordinates within 10 km."""
+    """Raises InvalidArgument unless the point has two or three finite coordinates within 10 km."""
     if len(point) not in (2, 3):
         raise InvalidArgument(
             f"{field} has {len(point)} numbers, a point is x, y or x, y, z", field

@@ -62,7 +62,7 @@ class NavMesh:
 
 
 def build(corners: Array, layer: Ints, slack: float) -> NavMesh:
-    """Connect triangles by the edges they share.
+    """Connects triangles by the edges they share.
 
     `slack`: metres by which the borders of two layers may be apart where one continues the other.
     """

@@ -265,7 +265,7 @@ class Scene:
 
 
 def bake(spec: SceneSpec) -> Scene:
-    """Check a scene and bake it. Raises InvalidArgument, which names the field."""
+    """Checks a scene and bakes it. Raises InvalidArgument, which names the field."""
     check_spec(spec)
     ground = find_ground(spec)
     open_areas = tuple(baking.open_ground(layer, spec.walkable.radius) for layer in ground.layers)

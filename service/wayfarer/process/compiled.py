@@ -46,7 +46,7 @@ def inner(rule: Callable[..., Any]) -> Any:
 
 
 def warm(rule: Any, *arguments: Any) -> None:
-    """Call a compiled rule once before it is needed, and log it if that takes seconds."""
+    """Calls a compiled rule once before it is needed, and logs it if that takes seconds."""
     folder = rule.stats.cache_path
     if folder is None:
         log.info("compiling a rule; no folder can keep it: set NUMBA_CACHE_DIR", rule=rule.__name__)

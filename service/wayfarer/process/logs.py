@@ -33,7 +33,7 @@ _SECRETS: Final = re.compile(
 
 
 def configure_logging(level: str, form: str, **fields: Any) -> None:
-    """Send everything to stderr. `form`: "text", "json", or "auto": text on a terminal.
+    """Sends everything to stderr. `form`: "text", "json", or "auto": text on a terminal.
 
     `fields` are part of every line.
     """

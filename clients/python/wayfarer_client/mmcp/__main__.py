@@ -13,7 +13,7 @@ from wayfarer_client.errors import WayfarerError
 
 
 def main() -> None:
-    """Answer until Ctrl-C."""
+    """Answers until Ctrl-C."""
     parser = argparse.ArgumentParser(
         "wayfarer_client.mmcp",
         description="The people of a server as a model of MMCP. An API key for the server is taken "

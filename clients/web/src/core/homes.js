@@ -12,7 +12,7 @@ export class Homes {
     this.others = [];
   }
 
-  /** Ask another address in place of the entry from now on. */
+  /** Asks another address in place of the entry from now on. */
   turn() {
     this.others.push(this.entry);
     this.entry = /** @type {string} */ (this.others.shift());
@@ -30,13 +30,13 @@ export class Homes {
     return `${scheme}${name || own}:${port}`;
   }
 
-  /** Note that the slot of `about` lives at `address`. @param {string} about @param {string} address */
+  /** Notes that the slot of `about` lives at `address`. @param {string} about @param {string} address */
   learn(about, address) {
     const slot = slotOf(about);
     if (slot) this.#homes.set(slot, address);
   }
 
-  /** Forget where it lives; only the entry knows. @param {string} about */
+  /** Forgets where it lives; only the entry knows. @param {string} about */
   forget(about) {
     this.#homes.delete(slotOf(about));
   }
@@ -66,7 +66,7 @@ export class Route {
     this.begin();
   }
 
-  /** Start again, as for a new call. */
+  /** Starts again, as for a new call. */
   begin() {
     this.address = this.#homes.home(this.#about);
     this.#asked = this.address === this.#homes.entry;
@@ -81,7 +81,7 @@ export class Route {
   }
 
   /**
-   * Note that `address` has named another node; returns whether the call continues there.
+   * Notes that `address` has named another node; returns whether the call continues there.
    * @param {string} host @param {number} port 0, or an invalid host name: it has named none
    */
   misdirected(host, port) {
@@ -92,13 +92,13 @@ export class Route {
     return true;
   }
 
-  /** Note that `address` does not answer at present; returns as `misdirected`. */
+  /** Notes that `address` does not answer at present; returns as `misdirected`. */
   unavailable() {
     return this.#ask();
   }
 
   /**
-   * Note that a call was refused with an HTTP status (0: no answer). Returns whether it continues.
+   * Notes that a call was refused with an HTTP status (0: no answer). Returns whether it continues.
    * @param {number} status @param {{ host?: string, http_port?: number }} [endpoint] of the problem
    */
   refused(status, { host = "", http_port = 0 } = {}) {
@@ -106,7 +106,7 @@ export class Route {
     return (status === 0 || status === 503) && this.unavailable();
   }
 
-  /** Note that a stream has ended; returns whether to connect to `address` at once. @param {number} code @param {string} reason */
+  /** Notes that a stream has ended; returns whether to connect to `address` at once. @param {number} code @param {string} reason */
   closed(code, reason) {
     const { host, port } = placeOf(reason);
     if (code === 4421) return this.misdirected(host, port);

@@ -120,7 +120,7 @@ export class StreamDecoder {
     return new TextDecoder().decode(this.#token.subarray(0, this.#tokenLength));
   }
 
-  /** Read a message. Throws when it is malformed. @param {Uint8Array} message @returns {Kind} */
+  /** Reads a message. Throws when it is malformed. @param {Uint8Array} message @returns {Kind} */
   decode(message) {
     const reader = this.#reader;
     reader.load(message);

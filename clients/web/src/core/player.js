@@ -90,7 +90,7 @@ export class MotionPlayer {
   }
 
   /**
-   * Take a message of the stream (StreamMotionResponse) that came at local `now`. Returns its kind. Throws when it
+   * Takes a message of the stream (StreamMotionResponse) that came at local `now`. Returns its kind. Throws when it
    * cannot be read; the connection is then of no more use.
    * @param {Uint8Array} message @param {number} now
    */
@@ -107,7 +107,7 @@ export class MotionPlayer {
     return kind;
   }
 
-  /** Show all agents as at local `now`. Returns the moment shown, in server time. @param {number} now */
+  /** Shows all agents as at local `now`. Returns the moment shown, in server time. @param {number} now */
   advance(now) {
     this.moment = this.#moment[0] = this.clock.advance(now);
     this.agents.forEach(this.#show);
@@ -119,13 +119,13 @@ export class MotionPlayer {
     this.clock = new PlayoutClock();
   }
 
-  /** Forget all agents, as if they were removed, and the clock. */
+  /** Forgets all agents, as if they were removed, and the clock. */
   clear() {
     for (const alias of [...this.agents.keys()]) this.remove(alias);
     this.clock = new PlayoutClock();
   }
 
-  /** Forget an agent. @param {number} alias */
+  /** Forgets an agent. @param {number} alias */
   remove(alias) {
     const played = this.agents.get(alias);
     if (!played) return;

@@ -34,7 +34,7 @@ class WindowLeast {
     this.take();
   }
 
-  /** Add the time and value in `given`. */
+  /** Adds the time and value in `given`. */
   take() {
     const { given } = this;
     let mask = this.pairs.length / 2 - 1;
@@ -49,7 +49,7 @@ class WindowLeast {
     this.count += 1;
   }
 
-  /** Put the least at the time in `given` into `found`; NaN when there is none. */
+  /** Puts the least at the time in `given` into `found`; NaN when there is none. */
   look() {
     const mask = this.pairs.length / 2 - 1;
     while (this.count && this.pairs[2 * this.first] < this.given[0] - this.seconds) {
@@ -77,7 +77,7 @@ export class PlayoutClock {
   #numbers = new Float64Array(7).fill(NaN); // OFFSET: the last known least transit; CAUGHT_UP: when it was resumed
 
   /**
-   * Note a message that came at local `now`, sent at server time `sentAt`.
+   * Notes a message that came at local `now`, sent at server time `sentAt`.
    * @param {number} now @param {number} sentAt
    */
   observe(now, sentAt) {
@@ -87,7 +87,7 @@ export class PlayoutClock {
   }
 
   /**
-   * Note a chunk that came at local `now`, whose first frame is for `scheduledAt`.
+   * Notes a chunk that came at local `now`, whose first frame is for `scheduledAt`.
    * @param {number} now @param {number} scheduledAt
    */
   observeChunk(now, scheduledAt) {
@@ -104,7 +104,7 @@ export class PlayoutClock {
   }
 
   /**
-   * Note that a connection was restored; its header was sent at server time `sentAt`. Chunks for earlier times were
+   * Notes that a connection was restored; its header was sent at server time `sentAt`. Chunks for earlier times were
    * missed meanwhile; their lateness predicts nothing.
    * @param {number} sentAt
    */
@@ -131,7 +131,7 @@ export class PlayoutClock {
     return playhead === playhead ? this.serverTime(now) - playhead : this.wantedDelay(now);
   }
 
-  /** Advance to local `now`; returns the moment to show, in server time. @param {number} now */
+  /** Advances to local `now`; returns the moment to show, in server time. @param {number} now */
   advance(now) {
     const numbers = this.#numbers;
     if (numbers[OFFSET] !== numbers[OFFSET]) return now; // nothing has come yet
@@ -219,7 +219,7 @@ export class PoseTrack {
   }
 
   /**
-   * Add `count` frames that stand one behind the other in `frames`, the first of which is for `time`, with a byte
+   * Adds `count` frames that stand one behind the other in `frames`, the first of which is for `time`, with a byte
    * of `contacts` each, from `at` on. Known ones are dropped.
    * @param {number} time @param {number} fps @param {ArrayLike<number>} frames @param {number} count
    * @param {ArrayLike<number>} contacts @param {number} [at]
@@ -245,7 +245,7 @@ export class PoseTrack {
   }
 
   /**
-   * Write the pose at `time` into `out`; false when no frame has come yet.
+   * Writes the pose at `time` into `out`; false when no frame has come yet.
    * @param {number} time @param {Float32Array} out @returns {boolean}
    */
   sample(time, out) {

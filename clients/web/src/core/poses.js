@@ -14,7 +14,7 @@ export function frameBytes(encoding, bones) {
 }
 
 /**
- * Read `count` frames that begin at byte `start` into `out`, each hips x, y, z and then x, y, z, w per bone.
+ * Reads `count` frames that begin at byte `start` into `out`, each hips x, y, z and then x, y, z, w per bone.
  * @param {DataView} view @param {number} start @param {number} count
  * @param {number} encoding @param {number} bones @param {Float32Array} out
  */

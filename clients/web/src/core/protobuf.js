@@ -11,7 +11,7 @@ export class Column {
     this.length = 0;
   }
 
-  /** Append the number in `from`; as an argument it would be boxed. @param {Float64Array} from */
+  /** Appends the number in `from`; as an argument it would be boxed. @param {Float64Array} from */
   push(from) {
     if (from[0] > this.most) throw new Error("malformed message: a number above 2^31");
     if (this.length === this.values.length) this.#grow();
@@ -38,7 +38,7 @@ export class ProtoReader {
     this.number = new Float64Array(1);
   }
 
-  /** Begin with a message. @param {Uint8Array} message */
+  /** Begins with a message. @param {Uint8Array} message */
   load(message) {
     if (message.length > this.bytes.length) {
       this.bytes = new Uint8Array(2 ** Math.ceil(Math.log2(message.length)));
@@ -49,7 +49,7 @@ export class ProtoReader {
     this.end = message.length;
   }
 
-  /** Move to the next field; returns its number, or 0 at the end of the message. */
+  /** Moves to the next field; returns its number, or 0 at the end of the message. */
   next() {
     if (this.at >= this.end) return 0;
     this.#raw();
@@ -123,7 +123,7 @@ export class ProtoReader {
     }
   }
 
-  /** Append a repeated varint field to `into`, packed or one at a time. @param {Column} into */
+  /** Appends a repeated varint field to `into`, packed or one at a time. @param {Column} into */
   varints(into) {
     if (this.wireType === 2) {
       const outer = this.enter();
@@ -155,7 +155,7 @@ export class ProtoReader {
     }
   }
 
-  /** Read a varint into `number`. */
+  /** Reads a varint into `number`. */
   #raw() {
     let value = 0;
     let scale = 1;
@@ -173,7 +173,7 @@ export class ProtoReader {
     throw new Error("malformed message: a number has more than 10 bytes");
   }
 
-  /** Read the length of a block. */
+  /** Reads the length of a block. */
   #length() {
     this.#expect(2);
     this.#raw();
@@ -182,7 +182,7 @@ export class ProtoReader {
     return length;
   }
 
-  /** Move past `size` bytes; returns where they begin. @param {number} size */
+  /** Moves past `size` bytes; returns where they begin. @param {number} size */
   #fixed(size) {
     const start = this.at;
     if (size > this.end - start) throw new Error("malformed message: a field passes its end");

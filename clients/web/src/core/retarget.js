@@ -193,7 +193,7 @@ export class Retarget {
   }
 
   /**
-   * Turn up the toes of a long shoe, so that the ankle is as high over where it stands as the agent's, scaled.
+   * Turns up the toes of a long shoe, so that the ankle is as high over where it stands as the agent's, scaled.
    * LOW: the agent's lowest point from its ankle.
    * @param {number} leg
    */
@@ -297,7 +297,7 @@ export class Retarget {
     for (let n = 0; n < 3; n += 1) s[goal + n] += s[BALL + n] - s[TO + n];
   }
 
-  /** Turn thigh and shin so that the ankle is at its goal, or as near as the leg reaches. @param {number} leg */
+  /** Turns thigh and shin so that the ankle is at its goal, or as near as the leg reaches. @param {number} leg */
   #bend(leg) {
     const { turns, rotations, places, scratch: s } = this;
     const { forward } = this.basis;
@@ -341,7 +341,7 @@ export class Retarget {
     multiply(s, TURN, rotations, 4 * knee, rotations, 4 * knee);
   }
 
-  /** Bring a goal to where the leg reaches: at its height, if it can, nearer to the hip: MOST or LEAST. @param {number} start @param {number} goal */
+  /** Brings a goal to where the leg reaches: at its height, if it can, nearer to the hip: MOST or LEAST. @param {number} start @param {number} goal */
   #within(start, goal) {
     const { places, scratch: s } = this;
     const { up } = this.basis;
@@ -395,13 +395,13 @@ export class Retarget {
   }
 }
 
-/** Take out of a vector what lies along `up`. @param {Float64Array} s @param {number} at @param {Float64Array} up */
+/** Takes out of a vector what lies along `up`. @param {Float64Array} s @param {number} at @param {Float64Array} up */
 function flatten(s, at, up) {
   const high = s[at] * up[0] + s[at + 1] * up[1] + s[at + 2] * up[2];
   for (let n = 0; n < 3; n += 1) s[at + n] -= high * up[n];
 }
 
-/** Take out of a vector what lies along a unit vector. @param {Float64Array} s @param {number} at @param {Float64Array} t @param {number} j */
+/** Takes out of a vector what lies along a unit vector. @param {Float64Array} s @param {number} at @param {Float64Array} t @param {number} j */
 function without(s, at, t, j) {
   const along = s[at] * t[j] + s[at + 1] * t[j + 1] + s[at + 2] * t[j + 2];
   for (let n = 0; n < 3; n += 1) s[at + n] -= along * t[j + n];

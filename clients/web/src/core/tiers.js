@@ -39,7 +39,7 @@ export class TierUnpacker {
   }
 
   /**
-   * Read `count` frames of a tier that begin at byte `start` into `out`.
+   * Reads `count` frames of a tier that begin at byte `start` into `out`.
    * @param {DataView} view @param {number} start @param {number} count @param {number} number @param {Float32Array} out
    */
   unpack(view, start, count, number, out) {
@@ -108,7 +108,7 @@ function mix(p, i, q, j, share, out) {
   out[3] = w / length;
 }
 
-/** Turn q about `up` in the world. @param {Float64Array} up @param {number} half @param {Float64Array} q */
+/** Turns q about `up` in the world. @param {Float64Array} up @param {number} half @param {Float64Array} q */
 function turn(up, half, q) {
   const sine = Math.sin(half), aw = Math.cos(half);
   const ax = sine * up[0], ay = sine * up[1], az = sine * up[2];

@@ -34,7 +34,7 @@ export class Company {
     this.clear = scene && ((/** @type {number} */ x, /** @type {number} */ y) => scene.distance(x, y));
   }
 
-  /** Move goals to the spots where people will stand; a person that can reach no near spot waits. @param {Row[]} rows @param {Seen[]} people */
+  /** Moves goals to the spots where people will stand; a person that can reach no near spot waits. @param {Row[]} rows @param {Seen[]} people */
   place(rows, people) {
     for (const row of rows) {
       const { gait, goal, walker: { aims } } = row;
@@ -74,7 +74,7 @@ export class Company {
     }
   }
 
-  /** Make people wait before narrow places that others come out of. @param {Row[]} rows @param {Seen[]} people */
+  /** Makes people wait before narrow places that others come out of. @param {Row[]} rows @param {Seen[]} people */
   takeTurns(rows, people) {
     if (!this.clear || people.length < 2) return;
     for (const row of rows) {
@@ -89,7 +89,7 @@ export class Company {
     }
   }
 
-  /** Keep people to the right in narrow ways, and turn their shoulders there. @param {Row[]} rows @param {Seen[]} people */
+  /** Keeps people to the right in narrow ways, and turns their shoulders there. @param {Row[]} rows @param {Seen[]} people */
   keepLanes(rows, people) {
     if (!this.clear) return;
     for (const row of rows) {
@@ -118,7 +118,7 @@ export class Company {
     row.ahead = passing(row.ahead, target, minus(target, row.hips));
   }
 
-  /** Stop a person that is near its goal and gets no nearer. @param {Row} row @param {boolean} barred */
+  /** Stops a person that is near its goal and gets no nearer. @param {Row} row @param {boolean} barred */
   #settle({ hips, goal, walker: { aims, memory } }, barred) {
     const off = Math.hypot(...minus(aims.asked, hips));
     if (!goal.through && off < FARTHEST && (barred || memory.waited > PATIENCE)) aims.spot = hips;
@@ -149,7 +149,7 @@ export class Company {
     return stand.filter(({ position }) => points.some((point) => Math.hypot(...minus(point, position)) < IN_WAY));
   }
 
-  /** Look for a way around others, and take it; whether there is one. @param {Row} row @param {Seen[]} people */
+  /** Looks for a way around others, and takes it; whether there is one. @param {Row} row @param {Seen[]} people */
   #look(row, people) {
     const { hips, goal, walker: { route }, person } = row;
     const [back] = this.#ahead(row, [AROUND]);

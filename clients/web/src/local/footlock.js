@@ -83,7 +83,7 @@ function turnedOff(yaw, x, y) {
 }
 
 /**
- * Turn the markers of feet about their ankles.
+ * Turns the markers of feet about their ankles.
  * @param {number[][][]} shares @param {LegPose} pose @param {import("./person.js").Step} step @param {Float64Array} yaws
  * @param {Float32Array} markers
  */
@@ -100,7 +100,7 @@ function turnFeet(shares, pose, step, yaws, markers) {
 }
 
 /**
- * Move the markers of the last frames with their legs.
+ * Moves the markers of the last frames with their legs.
  * @param {number[][][]} shares @param {LegPose} from @param {LegPose} to @param {Float32Array} markers
  */
 function follow(shares, from, to, markers) {

@@ -9,7 +9,7 @@ const WEIGHTS = "halves.bin";
 /** Opens a graph in another thread. @typedef {(model: ArrayBuffer, weights: Float32Array | null) => Promise<import("./runtime.js").RunGraph>} Elsewhere */
 
 /**
- * Read a folder written by `wayfarer export --for web`, and open its graphs. All files are requested at once.
+ * Reads a folder written by `wayfarer export --for web`, and opens its graphs. All files are requested at once.
  * @param {Read} reader @param {import("./runtime.js").Runtime | Promise<import("./runtime.js").Runtime>} runtime onnxruntime-web
  * @param {Elsewhere | null} [elsewhere] opens all graphs but the first, all at the same time. Without it, or if it
  * fails, they are opened in this thread, one after the other

@@ -80,7 +80,7 @@ export class Guide {
     return walker;
   }
 
-  /** Make a person walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
+  /** Makes a person walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
   #bend(row, people) {
     const { hips, goal, ahead, walker, self, half } = row;
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);

@@ -152,7 +152,7 @@ export class LocalHost {
     this.#wake();
   }
 
-  /** Give an agent that is on the way to its last point another point. @param {number} alias */
+  /** Gives an agent that is on the way to its last point another point. @param {number} alias */
   #walkOn(alias) {
     const person = this.#person(alias), { area, random } = /** @type {{ area: Area, random: () => number }} */ (this.#wanderers.get(alias));
     if (person.waypoint >= person.waypoints - 1) person.append([this.#place(person, area, random)], this.#frame());
@@ -180,7 +180,7 @@ export class LocalHost {
     }
   }
 
-  /** Report what a person met on its way; `what`: see `Tell` of guide.js. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number] | Person[]} what */
+  /** Reports what a person met on its way; `what`: see `Tell` of guide.js. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number] | Person[]} what */
   #met(person, kind, waypoint, what) {
     const aliases = [...this.#people], found = aliases.find(([, other]) => other === person);
     if (!found || this.#wanderers.has(found[0])) return;

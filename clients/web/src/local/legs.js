@@ -99,7 +99,7 @@ function add(a, i, b, out, k) {
 }
 
 /**
- * Put each ankle `shifts` [frame, side, 3] off. Writes hips, knees and ankles of `rotations`.
+ * Puts each ankle `shifts` [frame, side, 3] off. Writes hips, knees and ankles of `rotations`.
  * @param {LegPose} pose @param {Float64Array} shifts @param {Float64Array} rotations
  */
 export function moveAnkles(pose, shifts, rotations) {

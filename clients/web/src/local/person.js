@@ -126,7 +126,7 @@ export class Person {
     this.planned = { ...this.planned, gait: { ...this.planned.gait, mode, arrived: false, waypoint: 0 } };
   }
 
-  /** Add goals to the end of the path. @param {CoreGoal[]} goals @param {number} frame now */
+  /** Adds goals to the end of the path. @param {CoreGoal[]} goals @param {number} frame now */
   append(goals, frame) {
     if (!this.#goals.length) {
       this.give(goals, frame);
@@ -137,7 +137,7 @@ export class Person {
     this.#path = goalRows(this.#goals, this.#from);
   }
 
-  /** Move a goal of the path. @param {number} waypoint @param {[number, number]} place */
+  /** Moves a goal of the path. @param {number} waypoint @param {[number, number]} place */
   moveGoal(waypoint, place) {
     if (!this.#goals[waypoint]) return;
     const goal = { ...this.#goals[waypoint], x: place[0], y: place[1] };
@@ -199,7 +199,7 @@ export class Person {
     this.#replanned = false;
   }
 
-  /** Take out the next chunk. @returns {LocalChunk} */
+  /** Takes out the next chunk. @returns {LocalChunk} */
   send() {
     const chunk = /** @type {LocalChunk} */ (this.#queue.shift());
     chunk.frame = this.#shown(chunk.seq);

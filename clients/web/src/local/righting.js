@@ -22,7 +22,7 @@ export function sharesOf(names) {
 }
 
 /**
- * Take a part of the lean off the step by its end, if the body leans too far; otherwise return the same step. `mode` is
+ * Takes a part of the lean off the step by its end, if the body leans too far; otherwise returns the same step. `mode` is
  * that of the step, `shares` are those of its markers.
  * @param {number} mode @param {import("./person.js").Step} step @param {number[]} shares
  * @returns {import("./person.js").Step}

@@ -35,7 +35,7 @@ export function restOf(route, beyond) {
 /** @param {Route} route */
 export const lengthOf = ({ along }) => Math.fround(along[along.length - 1]);
 
-/** Advance to the point of the way nearest to a place; returns its distance, metres. @param {Route} route @param {Point} place */
+/** Advances to the point of the way nearest to a place; returns its distance, metres. @param {Route} route @param {Point} place */
 export function follow(route, place) {
   const { points, along, progress } = route;
   let best = Infinity, at = progress;

@@ -19,7 +19,7 @@ export class Unreachable extends Error {
 }
 
 export class LocalScene {
-  /** Read a folder written by `wayfarer export --for web --scene`. @param {import("./graphs.js").Read} reader */
+  /** Reads a folder written by `wayfarer export --for web --scene`. @param {import("./graphs.js").Read} reader */
   static async read(reader) {
     const read = async (/** @type {string} */ name) => unpacked(await reader(name));
     const about = JSON.parse(new TextDecoder().decode(await read("scene.json")));

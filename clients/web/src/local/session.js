@@ -38,7 +38,7 @@ export class LocalSession {
   #worker;
 
   /**
-   * Load the model and get ready. Rejects with an Error that names the file that could not be loaded.
+   * Loads the model and gets ready. Rejects with an Error that names the file that could not be loaded.
    * @param {LocalOptions} options @returns {Promise<LocalSession>}
    */
   static async open(options) {
@@ -74,13 +74,13 @@ export class LocalSession {
     return sum;
   }
 
-  /** Create people. @param {LocalAgent[]} specs @returns {Promise<{ agent_id: string, alias: number }[]>} */
+  /** Creates people. @param {LocalAgent[]} specs @returns {Promise<{ agent_id: string, alias: number }[]>} */
   async createAgents(specs) {
     const made = specs.map((spec, k) => checked(spec, `agents[${k}]`)); // all are valid, or none is created
     return Promise.all(made.map((spec, k) => this.#create(spec, specs[k])));
   }
 
-  /** Show all agents as at this moment, and fill their `frame`s. Call it once per picture. */
+  /** Shows all agents as at this moment, and fills their `frame`s. Call it once per picture. */
   update() {
     const moment = this.now() - DELAY;
     for (const played of this.agents.values()) played.shown = played.track.sample(moment, played.frame);
@@ -92,7 +92,7 @@ export class LocalSession {
     return this.#call("figures");
   }
 
-  /** End the session and its agents. */
+  /** Ends the session and its agents. */
   close() {
     this.#worker.terminate();
     for (const alias of [...this.agents.keys()]) this.forget(alias);
@@ -169,23 +169,23 @@ class LocalApi {
     this.call = call;
   }
 
-  /** Send an agent to points of the floor in turn. @param {string} agentId @param {Goal[]} goals */
+  /** Sends an agent to points of the floor in turn. @param {string} agentId @param {Goal[]} goals */
   async setPath(agentId, goals) {
     await this.call("give", this.#alias(agentId), path(goals));
   }
 
-  /** Add points to the end of its path. @param {string} agentId @param {Goal[]} goals */
+  /** Adds points to the end of its path. @param {string} agentId @param {Goal[]} goals */
   async appendGoals(agentId, goals) {
     await this.call("append", this.#alias(agentId), path(goals));
   }
 
-  /** Stop where it is. @param {string} agentId */
+  /** Stops where it is. @param {string} agentId */
   async clearGoal(agentId) {
     await this.call("give", this.#alias(agentId), []);
   }
 
   /**
-   * Make an agent wander within `radius` metres of { x, z }. A server would draw other points.
+   * Makes an agent wander within `radius` metres of { x, z }. A server would draw other points.
    * @param {string} agentId @param {{ x: number, z: number }} middle @param {number} radius @param {{ speed?: number }} [how]
    */
   async wander(agentId, { x, z }, radius, { speed } = {}) {

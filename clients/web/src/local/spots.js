@@ -14,7 +14,7 @@ const SPOTS = [[0, 0], ...RINGS.flatMap(([radius, count]) => Array.from({ length
 }))];
 
 /**
- * Choose where a person stops that walks to a goal if `concerned`. Returns the goal at that spot, and whether the spot
+ * Chooses where a person stops that walks to a goal if `concerned`. Returns the goal at that spot, and whether the spot
  * is too far from the goal to count as arrived. `room`: metres kept from walls.
  * @param {Seen[]} people @param {Seen} self @param {import("./company.js").Aims} aims its own, which change @param {import("./steering.js").GoalRow} goal
  * @param {boolean} concerned @param {((x: number, y: number) => number) | null} clear @param {number} room

@@ -89,7 +89,7 @@ export class Steering {
     this.strafeSlowest = read("strafe_slowest");
   }
 
-  /** Send a person that is done with a goal on to the next. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
+  /** Sends a person that is done with a goal on to the next. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
   advance(gait, goal) {
     const dwelt = gait.slowSeconds >= this.slowSeconds + goal.dwell - 1e-3;
     const done = goal.through || (gait.mode === STANDING && dwelt);

@@ -40,7 +40,7 @@ export function widened(points, scene, radius) {
 }
 
 /**
- * Move corners back whose ways to their neighbours come too near a wall.
+ * Moves corners back whose ways to their neighbours come too near a wall.
  * @param {Point[]} points @param {Point[]} moved @param {LocalScene} scene @param {number} radius
  */
 function valid(points, moved, scene, radius) {

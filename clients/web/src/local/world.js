@@ -102,7 +102,7 @@ export class LocalWorld {
     }
   }
 
-  /** Run from event to event up to a world frame, without waiting. @param {number} until @param {(person: Person, chunk: import("./person.js").LocalChunk) => void} sent */
+  /** Runs from event to event up to a world frame, without waiting. @param {number} until @param {(person: Person, chunk: import("./person.js").LocalChunk) => void} sent */
   async advance(until, sent) {
     for (let next = this.nextEvent; next <= until; next = this.nextEvent) await this.tick(next, sent);
   }

@@ -47,7 +47,7 @@ class Played:
     each: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, case: str, source: str, shots: Sequence[MeasuredTake]) -> None:
-        """Make the row of a case, and the figures of each of its takes."""
+        """Makes the row of a case, and the figures of each of its takes."""
         maneuver = self.maneuver
         each = [
             {name: float(value) for name, value in maneuver.measure(shot).items()} for shot in shots

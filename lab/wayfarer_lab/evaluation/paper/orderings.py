@@ -51,7 +51,7 @@ class Statement:
 
 
 def state(ordering: Ordering, results: ResultsFolder) -> Statement:
-    """Compare the two rows.
+    """Compares the two rows.
 
     Rows of several trainings differ when every training of one is beyond every training of the
     other. With one training each there is no spread, and the sign alone decides, which is said.

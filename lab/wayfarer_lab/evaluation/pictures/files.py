@@ -66,12 +66,12 @@ def film_rate(target: Path, fps: float | None) -> float:
 
 
 def write_still(path: Path, picture: Image.Image) -> None:
-    """Write a PNG."""
+    """Writes a PNG."""
     atomically(path, lambda unfinished: picture.save(unfinished, format="PNG", optimize=True))
 
 
 def write_film(path: Path, film: Film, watch: Callable[[int, int], None]) -> None:
-    """Write a GIF or an MP4 (H.264), by the name. Raises ModuleNotFoundError without ffmpeg."""
+    """Writes a GIF or an MP4 (H.264), by the name. Raises ModuleNotFoundError without ffmpeg."""
     write = {".gif": _write_gif, ".mp4": _write_mp4}[path.suffix.lower()]
 
     def pictures() -> Iterator[Image.Image]:

@@ -125,7 +125,7 @@ class FloorImage:
         return floor + self.haze * (HORIZON - floor)
 
     def _shade(self, floor: Array, place: Array, shadow: Shadow) -> None:
-        """Darken the floor, with the patch's texels blended for pixels between them."""
+        """Darkens the floor, with the patch's texels blended for pixels between them."""
         rows, columns = shadow.sun.shape
         x = (place[..., 0] - np.float32(shadow.corner[0])) / TEXEL - 0.5
         y = (place[..., 1] - np.float32(shadow.corner[1])) / TEXEL - 0.5

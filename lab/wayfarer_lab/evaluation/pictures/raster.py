@@ -74,7 +74,7 @@ class Canvas:
         self._nearness = np.zeros(self.size[0] * self.size[1], np.float32)  # 1/m; 0: empty
 
     def draw(self, seen: Array, faces: Faces, light: Array) -> None:
-        """Draw the faces [F, 3] that turn their front (counter-clockwise) to the camera.
+        """Draws the faces [F, 3] that turn their front (counter-clockwise) to the camera.
 
         `seen` [V, 3] is what `Camera.project` gives; `light` [V, 3] is the light of each vertex.
         """

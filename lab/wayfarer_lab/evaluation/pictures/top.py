@@ -25,7 +25,7 @@ class ScaleDrawing:
     """A drawing to scale, +X right and +Y up. Strokes are soft, letters are set last."""
 
     def __init__(self, low: Array, high: Array, size: Size) -> None:
-        """Show at least low … high [2] (metres), centred in a picture of `size` pixels."""
+        """Shows at least low … high [2] (metres), centred in a picture of `size` pixels."""
         self.size = size
         self.scale = float(min(np.array(size) / (high - low)))  # pixels per metre
         self._middle = (low + high) / 2

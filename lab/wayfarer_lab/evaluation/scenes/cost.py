@@ -37,7 +37,7 @@ class Cost:
         return cast(WarmEngine, _Timed(engine, self))
 
     def watch(self, world: World) -> None:
-        """Count what scene and crowd take of a world's steps from now on."""
+        """Counts what scene and crowd take of a world's steps from now on."""
         guide = world.guide
         for owner, method, part in (
             (guide, "course", GUIDE),

@@ -98,7 +98,7 @@ class SceneMonitor:
         self._until = BLOCK
 
     def meet(self, agent_id: str, spec: AgentSpec) -> None:
-        """Add an agent."""
+        """Adds an agent."""
         self._number[agent_id] = len(self.ids)
         self.ids.append(agent_id)
         self._forms.append(Form.of(self._bodies[spec.gender], spec))
@@ -135,12 +135,12 @@ class SceneMonitor:
         )
 
     def change(self, scene: Scene) -> None:
-        """Use another version of the scene from now on."""
+        """Uses another version of the scene from now on."""
         self.finish()
         self._scene, self._solids, self._until = scene, standing(scene), 0
 
     def finish(self) -> None:
-        """Measure all frames so far."""
+        """Measures all frames so far."""
         self._judge(None)
 
     def figures(self) -> Row:

@@ -78,19 +78,19 @@ class SceneRun:
         self.gone: set[str] = set()
 
     def enter(self, specs: Sequence[AgentSpec]) -> list[str]:
-        """Add people now; return their ids."""
+        """Adds people now; returns their ids."""
         infos = self.world.create_agents(self.session_id, specs, self.now)
         for info, spec in zip(infos, specs, strict=True):
             self.monitor.meet(info.agent_id, spec)
         return [info.agent_id for info in infos]
 
     def leave(self, agent_id: str) -> None:
-        """Remove a person; the frames so far stay measured."""
+        """Removes a person; the frames so far stay measured."""
         self.world.delete_agent(agent_id)
         self.gone.add(agent_id)
 
     def run(self, until: float) -> Iterator[MotionChunk]:
-        """Send all chunks up to a time."""
+        """Sends all chunks up to a time."""
         chunks = self.world.advance(until)
         step = self.cost.timed(lambda: next(chunks, None), WORLD)
         while (chunk := step()) is not None:
@@ -104,12 +104,12 @@ class SceneRun:
         self.now = until
 
     def put(self, name: str, obstacle: Obstacle) -> None:
-        """Put or move an obstacle."""
+        """Puts or moves an obstacle."""
         self._scenes.put(self._scene_id, name, obstacle)
         self._changed()
 
     def remove(self, name: str) -> None:
-        """Remove an obstacle."""
+        """Removes an obstacle."""
         self._scenes.remove(self._scene_id, name)
         self._changed()
 

@@ -125,7 +125,7 @@ def quantiles(
 
 
 def save(ranges: Ranges, meta: dict[str, Any], path: Path = FILE) -> None:
-    """Write ranges, rounded to four digits; the file appears whole or not at all."""
+    """Writes ranges, rounded to four digits; the file appears whole or not at all."""
     rows = {
         name: {
             figure: {

@@ -54,7 +54,7 @@ def _numbers(words: list[str], count: int, what: str, path: str, line: int) -> A
 
 
 def read_asf(text: str, path: str = "") -> AsfSkeleton:
-    """Parse an ASF file. Raises DataError with the line that is wrong."""
+    """Parses an ASF file. Raises DataError with the line that is wrong."""
     section, bones, bone = "", [], _Bone()
     hierarchy: list[tuple[str, list[str], int]] = []
     root_dofs: tuple[str, ...] = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -160,7 +160,7 @@ def _ordered(xyz: Array, order: str) -> Array:
 
 
 def read_amc(text: str, asf: AsfSkeleton, path: str = "") -> SkeletonMotion:
-    """Parse an AMC motion of this skeleton. Raises DataError with the line that is wrong.
+    """Parses an AMC motion of this skeleton. Raises DataError with the line that is wrong.
 
     AMC files do not state their frame rate: `fps` is None.
     """
@@ -224,5 +224,5 @@ def _motion(table: Array, asf: AsfSkeleton, start: dict[str, int]) -> SkeletonMo
 
 
 def load_asf(path: Path) -> AsfSkeleton:
-    """Read an ASF file from disk."""
+    """Reads an ASF file from disk."""
     return read_asf(read_text(path), str(path))

@@ -54,7 +54,7 @@ class _Lines:
 
 
 def read_bvh(text: str, path: str = "") -> SkeletonMotion:
-    """Parse a BVH file. Raises DataError with the line that is wrong."""
+    """Parses a BVH file. Raises DataError with the line that is wrong."""
     lines = _Lines(text, path)
     lines.next("HIERARCHY")
     names: list[str] = []

@@ -17,7 +17,7 @@ from wayfarer_lab.training.mocap.store import Dataset, atomically
 
 
 def draw(folder: Path, dataset: Dataset, fits: list[Fits]) -> None:
-    """Write `report.png`: joint error before and after, the speeds and turns of training."""
+    """Writes `report.png`: joint error before and after, the speeds and turns of training."""
     figure, (errors, covered) = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
     known = ~np.isnan(fits[0].fitted.joint_error[0])
     names = [n for n, k in zip(JOINT_NAMES, known, strict=True) if k]

@@ -116,7 +116,7 @@ class Fitter:
         )
 
     def fit(self, problems: list[FitProblem], refine: bool = True) -> list[FittedClip]:
-        """Fit all clips in one batch. `refine` False returns the copied rotations as they are."""
+        """Fits all clips in one batch. `refine` False returns the copied rotations as they are."""
         batch = self._batch(problems)
         turn, shift = torch.zeros_like(batch.targets), torch.zeros_like(batch.start)
         if refine:

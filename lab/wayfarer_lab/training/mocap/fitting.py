@@ -75,7 +75,7 @@ def batches(problems: list[tuple[str, FitProblem]]) -> Iterator[list[tuple[str, 
 def fit_batch(
     batch: list[tuple[str, FitProblem]], body: BodyModel, options: FitOptions, cache: Path
 ) -> int:
-    """Fit one batch and store each clip. Returns the number of frames."""
+    """Fits one batch and stores each clip. Returns the number of frames."""
     fitter = Fitter(body, options)
     problems = [p for _, p in batch]
     copied = fitter.fit(problems, refine=False)

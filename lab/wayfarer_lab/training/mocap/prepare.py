@@ -95,7 +95,7 @@ def prepare(
     options: PrepareOptions,
     console: Console | None = None,
 ) -> Prepared:
-    """Read, fit and write everything. Malformed files are named, skipped, and listed at the end.
+    """Reads, fits and writes everything. Malformed files are named, skipped, and listed at the end.
 
     Raises DataError when nothing usable is left.
     """

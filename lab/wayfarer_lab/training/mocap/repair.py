@@ -15,7 +15,7 @@ MAX_JOINT_SPEED = 18.0  # m/s, relative to the root
 
 
 def mend_cmu_bvh(skeleton: MocapSkeleton, asf: MocapSkeleton | None = None) -> MocapSkeleton:
-    """Give back the two bones that CMU's BVH conversion lost, if this skeleton lacks them.
+    """Gives back the two bones that CMU's BVH conversion lost, if this skeleton lacks them.
 
     The conversion wrote a zero OFFSET for Neck and the shoulders (the thorax bone, 12 cm) and
     for the finger bases and thumbs (the wrist bone, 10 cm). With the subject's ASF the lengths
@@ -42,7 +42,7 @@ def mend_cmu_bvh(skeleton: MocapSkeleton, asf: MocapSkeleton | None = None) -> M
 
 
 def drop_t_pose(motion: SkeletonMotion) -> SkeletonMotion:
-    """Drop frame 0 when it is an added T-pose: all rotations zero there and not in frame 1."""
+    """Drops frame 0 when it is an added T-pose: all rotations zero there and not in frame 1."""
     if len(motion) < 2:
         return motion
     angles = np.rad2deg(_angle(motion.local[:2]))  # [2, J]

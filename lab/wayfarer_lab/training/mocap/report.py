@@ -35,7 +35,7 @@ class Quality:
 
 
 def quality(clips: list[FittedClip], bodies: dict[str, BodyModel]) -> Quality:
-    """Measure fitted (or copied) clips; see `evaluation.metrics.contact` for the definitions."""
+    """Measures fitted (or copied) clips; see `evaluation.metrics.contact` for the definitions."""
     errors = np.concatenate([c.joint_error for c in clips])
     known = ~np.isnan(errors[0])
     slide, skate, deep, floating, strict = [], [], [], [], []
@@ -89,7 +89,7 @@ def write_report(
     notes: list[str],
     bodies: dict[str, BodyModel],
 ) -> None:
-    """Write report.json, report.md and report.png beside the data."""
+    """Writes report.json, report.md and report.png beside the data."""
     groups: dict[str, dict[str, Quality]] = {}
     for kind in sorted({_kind(f.fitted) for f in fits}):
         alike = [f for f in fits if _kind(f.fitted) == kind]

@@ -139,7 +139,7 @@ def _locate(row: dict[str, str], src: Path, unpacked: Path, split: str) -> Path:
 
 
 def unpack(archive: Path, into: Path) -> Path:
-    """Unpack motion files of an archive once; return its folder.
+    """Unpacks motion files of an archive once; returns its folder.
 
     Raises DataError on a damaged archive or a member that leads outside.
     """

@@ -64,7 +64,7 @@ class Dataset:
         return np.concatenate(starts) if starts else np.zeros(0, np.int64)
 
     def save(self, folder: Path) -> None:
-        """Write `motion.npz`; it appears whole or not at all."""
+        """Writes `motion.npz`; it appears whole or not at all."""
         folder.mkdir(parents=True, exist_ok=True)
         meta = {"format": FORMAT, "fps": FPS, "clips": [asdict(c) for c in self.clips]}
         atomically(
@@ -83,7 +83,7 @@ class Dataset:
 
     @classmethod
     def load(cls, folder: Path) -> "Dataset":
-        """Read a prepared folder. Raises DataError when it is not one."""
+        """Reads a prepared folder. Raises DataError when it is not one."""
         path = folder / FILE
         try:
             with np.load(path) as file:
@@ -101,7 +101,7 @@ class Dataset:
 def mirror(
     translation: NDArray[Any], rotations: NDArray[Any], contacts: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Reflect a motion in the plane x = 0: left and right change places.
+    """Reflects a motion in the plane x = 0: left and right change places.
 
     translation [..., 3], rotations [..., 22, 4] (x, y, z, w), contacts [..., 2]. Reflecting x
     keeps a rotation's x axis part and its angle's cosine, and negates its y and z parts.

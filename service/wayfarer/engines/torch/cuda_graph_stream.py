@@ -36,7 +36,7 @@ class CudaGraphStream:
             self._pool = torch.cuda.graph_pool_handle()
 
     def use(self) -> AbstractContextManager[object]:
-        """Send torch's work to the stream within this context."""
+        """Sends torch's work to the stream within this context."""
         return torch.cuda.stream(self._stream) if self.on_gpu else nullcontext()
 
     def wait(self) -> None:

@@ -96,7 +96,7 @@ class TorchEngine(WarmEngine):
         return TorchEngine(self.networks, self.batch_sizes, background=True)
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """Step all rows; see `Engine`. A size that has not been warmed is recorded first (1 s)."""
+        """Steps all rows; see `Engine`. A size that has not been warmed is recorded first (1 s)."""
         rows, largest = len(inputs.goal), self.batch_sizes[-1]
         with self._turn, torch.no_grad():
             parts = [

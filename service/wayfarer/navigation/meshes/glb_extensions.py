@@ -25,7 +25,7 @@ _LOOKS: Final = re.compile(
 
 
 def check_required(document: Mapping[str, Any]) -> None:
-    """Raise InvalidArgument if triangles need an unknown extension."""
+    """Raises InvalidArgument if triangles need an unknown extension."""
     for name in map(str, document.get("extensionsRequired", [])):
         if name not in READ and not _LOOKS.search(name):
             raise bad(

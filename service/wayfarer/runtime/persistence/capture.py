@@ -71,29 +71,29 @@ class JournalObserver:
         self._world = world
 
     def opened(self, session: Session) -> None:
-        """Keep the session."""
+        """Keeps the session."""
         self._journal.open_session(_session_part(session))
 
     def closed(self, session: Session) -> None:
-        """Forget the session."""
+        """Forgets the session."""
         self._journal.drop_session(session.session_id, ())
 
     def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
-        """Keep the agents, and the session, whose last alias has changed."""
+        """Keeps the agents, and the session, whose last alias has changed."""
         self._journal.put_session(_session_part(session))
         if agents:
             self.stood(agents)
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
-        """Keep the agent's path or behaviour."""
+        """Keeps the agent's path or behaviour."""
         self.stood([agent])
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
-        """Keep the agent's new spec."""
+        """Keeps the agent's new spec."""
         self.stood([agent])
 
     def deleted(self, agent: Agent, seq: int) -> None:
-        """Forget the agent."""
+        """Forgets the agent."""
         self._journal.drop_agents([agent.agent_id])
 
     def planned(
@@ -111,7 +111,7 @@ class JournalObserver:
         """Where agents stand is kept as before."""
 
     def stood(self, agents: Sequence[Agent]) -> None:
-        """Keep where agents stand."""
+        """Keeps where agents stand."""
         self._journal.refresh(capture_agents(self._world, agents))
 
 

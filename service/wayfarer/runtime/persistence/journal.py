@@ -55,7 +55,7 @@ class Journal:
     """Keeps what it is given. `put_…`, `drop_…` and `refresh` take microseconds."""
 
     def __init__(self, folder: Path, body: BodyStamp, meter: MetricsSink | None = None) -> None:
-        """Open the journal of a folder. Raises ArtifactError: see `JournalFile`; or when it was
+        """Opens the journal of a folder. Raises ArtifactError: see `JournalFile`; or when it was
         kept for another body.
         """
         self._meter = meter or MetricsSink()
@@ -101,12 +101,12 @@ class Journal:
         return decode_scenes(self._entries)
 
     def start(self) -> None:
-        """Start the writer, once."""
+        """Starts the writer, once."""
         self._entries = Entries()  # they have been restored
         self._thread.start()
 
     def stop(self) -> None:
-        """Write what waits and close the file."""
+        """Writes what waits and closes the file."""
         with self._changed:
             self._stopping = True
             self._changed.notify()
@@ -115,7 +115,7 @@ class Journal:
         self._file.close()
 
     async def durable(self) -> None:
-        """Return when everything put before is on disk, or cannot be written now."""
+        """Returns when everything put before is on disk, or cannot be written now."""
         loop = asyncio.get_running_loop()
         with self._changed:
             if self.failing or self._stopping or self._written >= self._noted:

@@ -65,7 +65,7 @@ class JournalFile:
     """The open file. Used by one thread at a time."""
 
     def __init__(self, folder: Path) -> None:
-        """Open or begin the journal in `folder`, which is made if it is missing.
+        """Opens or begins the journal in `folder`, which is made if it is missing.
 
         `entries` is what it held. A damaged file is moved aside, and what could be read of it
         written to a new one. Raises ArtifactError when another server has the folder, when the
@@ -113,7 +113,7 @@ class JournalFile:
         return None if row is None else bytes(row[0])
 
     def close(self) -> None:
-        """Give the folder back."""
+        """Gives the folder back."""
         with suppress(sqlite3.Error):  # what could not be written has been logged already
             self._connection.close()
         self._lock.release()
@@ -222,7 +222,7 @@ def _check_maker(path: Path, connection: sqlite3.Connection) -> None:
 
 
 def _scan(path: Path, direction: str, entries: Entries) -> bool:
-    """Read entries in one direction; whether the end was reached."""
+    """Reads entries in one direction; whether the end was reached."""
     try:
         with closing(_connect(path, damaged=bool(entries.damage))) as connection:
             for kind, name, body, crc in _rows(connection, direction):
@@ -251,7 +251,7 @@ def _enter(entries: Entries, kind: object, name: object, body: object, crc: obje
 
 
 def _note(entries: Entries, error: sqlite3.DatabaseError) -> None:
-    """Count an error as damage. Raises it when it is no such thing."""
+    """Counts an error as damage. Raises it when it is no such thing."""
     if getattr(error, "sqlite_errorcode", 0) & 0xFF not in DAMAGE:
         raise error
     _add(entries, str(error))

@@ -33,7 +33,7 @@ class Persistence:
     def __init__(
         self, journal: Journal | None, limits: Limits, meter: MetricsSink | None = None
     ) -> None:
-        """Read it. Raises ArtifactError when it holds more than the limits allow."""
+        """Reads it. Raises ArtifactError when it holds more than the limits allow."""
         self._journal = journal
         self._meter = meter or MetricsSink()
         self._guard = CrashLoopGuard(None if journal is None else journal.folder)
@@ -50,7 +50,7 @@ class Persistence:
         return self._journal is not None and self._journal.failing
 
     def start(self, save: Callable[[], Awaitable[None]]) -> None:
-        """Write from now on; `save()` lets the motion thread hand over where agents stand."""
+        """Writes from now on; `save()` lets the motion thread hand over where agents stand."""
         if self._journal is not None:
             self._journal.start()
             self._saving = asyncio.create_task(self._save(save))
@@ -124,19 +124,19 @@ class Persistence:
         return result
 
     def pause(self) -> None:
-        """Ask for no more saves."""
+        """Asks for no more saves."""
         if self._saving is not None:
             self._saving.cancel()
 
     async def stop(self, in_good_order: bool) -> None:
-        """Write what waits, and give the folder back. Not `in_good_order`: the loop has failed."""
+        """Writes what waits, and gives the folder back. Not `in_good_order`: the loop failed."""
         if self._journal is not None:
             await asyncio.to_thread(self._journal.stop)
         if in_good_order:
             self._guard.end()
 
     async def _save(self, save: Callable[[], Awaitable[None]]) -> None:
-        """Save again and again. When that has worked for a while the start has succeeded."""
+        """Saves again and again. When that has worked for a while the start has succeeded."""
         failing, loop, began = False, asyncio.get_running_loop(), None
         while True:
             await asyncio.sleep(SAVE_SECONDS)

@@ -217,28 +217,28 @@ class Recordings:
     # As a `WorldObserver`
 
     def opened(self, session: Session) -> None:
-        """Begin the log of a session, if it asks for one."""
+        """Begins the log of a session, if it asks for one."""
         if session.spec.record:
             session_id = session.session_id
             self._logs[session_id] = CommandLog(session_id, session.spec, session.created_at)
 
     def closed(self, session: Session) -> None:
-        """Forget the log."""
+        """Forgets the log."""
         self._logs.pop(session.session_id, None)
 
     def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
-        """Begin a track for each agent."""
+        """Begins a track for each agent."""
         log = self._logs.get(session.session_id)
         for agent, start in zip(agents, starts, strict=True):
             if log is not None and not log.overflowed:
                 self._begin(log, agent, start)
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
-        """Note a goal command."""
+        """Notes a goal command."""
         self._enter(agent, LogEntry(seq, command))
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
-        """Note a change."""
+        """Notes a change."""
         self._enter(agent, LogEntry(seq, change))
 
     def deleted(self, agent: Agent, seq: int) -> None:
@@ -248,7 +248,7 @@ class Recordings:
     def planned(
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
     ) -> None:
-        """Note how many candidates were tried."""
+        """Notes how many candidates were tried."""
         for agent_id, seq, model in zip(agent_ids, seqs.tolist(), models, strict=True):
             if found := self._tracks.get(agent_id):
                 log, track = found
@@ -268,7 +268,7 @@ class Recordings:
                 self._tracks.pop(name, None)
 
     def sent(self, due: Due) -> None:
-        """Note when chunks are shown."""
+        """Notes when chunks are shown."""
         if due.session_id not in self._logs:
             return
         chunks = due.chunks

@@ -1,6 +1,6 @@
 """Publishes sessions' motion: positions, a ring for resuming readers, deliveries to subscribers.
 
-Lives on the motion thread. Subscribers are reached through their event loops, each of which is
+Runs on the motion thread. Subscribers are reached through their event loops, each of which is
 called once per `flush`, however many subscribers it has.
 """
 
@@ -238,7 +238,7 @@ class _Log:
         return self._ring[-1]
 
     def _step(self, publication: Publication) -> float:
-        """Seconds of motion since the last publication: a schedule that was moved is no motion."""
+        """Seconds of motion since the last publication; a gap in the schedule does not count."""
         if not publication.chunks:
             return MIN_STEP
         at, last = publication.scheduled_at, self._last_at
@@ -246,7 +246,7 @@ class _Log:
         return MIN_STEP if last is None else min(max(at - last, MIN_STEP), STEP_SECONDS)
 
     def answer(self, chunks: MotionChunks, meter: MetricsSink) -> None:
-        """Measures the goals whose first chunks these are."""
+        """Measures the latency of goals whose first chunks are among these."""
         if not self.awaited:
             return
         for row, agent_id in enumerate(chunks.agent_id):
@@ -277,7 +277,7 @@ class _Log:
     # Starts
 
     def present(self, position: int, gap: Event) -> SubscriptionStart:
-        """Begins with the next chunks due, having lost all since a position."""
+        """A start with the next chunks due; everything since `position` is lost."""
         opening = Publication(position, events=(gap,))
         return SubscriptionStart(self.epoch, self.position, self.motion, opening=opening)
 
@@ -287,7 +287,7 @@ class _Log:
         return first <= position + 1
 
     def after(self, position: int) -> SubscriptionStart:
-        """Begins right after a position."""
+        """A start right after `position`."""
         motion = self.motion
         for entry in self._ring:
             if entry.publication.position > position:
@@ -316,7 +316,7 @@ class _Log:
         return any(reader.options.slow_reader is SlowReader.HOLD for reader in self.open())
 
     def has_stalled(self, reader: Subscription, queue_s: float) -> bool:
-        """Whether it has left more motion than that untaken."""
+        """Whether more than `queue_s` seconds of motion wait for it."""
         return self.motion - reader.taken > queue_s
 
     def spares(self, reader: Subscription, queue_s: float) -> bool:

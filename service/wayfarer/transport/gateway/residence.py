@@ -1,4 +1,4 @@
-"""Which sessions, scenes and agents a server owns, and where the others are called."""
+"""The sessions, scenes and agents that a server owns, and the addresses of the others."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class Residence:
 
     @property
     def own(self) -> schema.Endpoint | None:
-        """Where this server is called; None: at the address that its clients use."""
+        """The address of this server; None: the one that its clients use."""
         own = self._ownership.own
         return None if own is None else schema.Endpoint.of(own)
 
