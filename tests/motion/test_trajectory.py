@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from wayfarer.motion.trajectory import BRAKE, CREEP, HORIZONS, TURN_MOST, asked_of
+from wayfarer.motion.trajectory import BRAKE, CREEP, EASE, HORIZONS, SURGE, TURN_MOST, asked_of
 from wayfarer.spec import FPS, MARKERS
 
 SECONDS = [h / FPS for h in HORIZONS]
@@ -37,6 +37,15 @@ def test_a_body_at_rest_sets_off_by_degrees():
     ways = ask((0.0, 9.0), 1.2).ways[0, :, 1].tolist()
     assert 0.02 < ways[0] < 0.5 * 1.2 * SECONDS[0]
     assert ways[2] - ways[1] == pytest.approx(1.2 * (SECONDS[2] - SECONDS[1]), rel=0.15)
+
+
+def test_a_body_that_has_to_turn_back_is_asked_for_what_people_can_do():
+    """Its velocity should change by 2.4 m/s: people take longer for that than for one of 1.2."""
+    back = ask((0.0, -9.0), 1.2, velocity=(0.0, 1.2)).ways[0, :, 1].tolist()
+    slower = [1.2 * s - b for s, b in zip(SECONDS, back, strict=True)]
+    at_most = [SURGE * EASE * (s - EASE * (1 - math.exp(-s / EASE))) for s in SECONDS]
+    assert slower == pytest.approx(at_most, rel=0.01)
+    assert slower[0] < SURGE * SECONDS[0] ** 2 / 2
 
 
 @pytest.mark.parametrize("distance", [0.05, 0.3, 0.6])

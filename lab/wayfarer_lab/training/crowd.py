@@ -7,7 +7,7 @@ from torch import Tensor
 
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.primitive import StepResult
-from wayfarer.spec import FPS, MANNER, SEED_FRAMES
+from wayfarer.spec import FPS, LATENT, MANNER, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
@@ -27,6 +27,7 @@ class TrainingCrowd:
     rotations: Tensor  # [A, S, 22, 4]
     betas: Tensor  # [A, 10]
     manner: Tensor  # [A, 8]
+    own: Tensor  # [A, 128] noise that an agent keeps for good, as in the service
 
     @property
     def place(self) -> Tensor:
@@ -62,6 +63,7 @@ class TrainingCrowd:
             rotations=result.rotations[:, -seed:],
             betas=self.betas,
             manner=self.manner,
+            own=self.own,
         )
 
     def broken(self) -> Tensor:
@@ -95,4 +97,5 @@ class CrowdSampler:
         lift = recorded - markers[..., 2].amin((-1, -2))
         up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
         manner = torch.randn(count, MANNER)
-        return TrainingCrowd(markers + up[:, None], hips + up, rotations, betas, manner)
+        own = torch.randn(count, LATENT)
+        return TrainingCrowd(markers + up[:, None], hips + up, rotations, betas, manner, own)

@@ -6,6 +6,10 @@ locked as in the service, are differentiated: the way and the facing that are as
 while they bear weight, a trunk that stays upright. The divergence from the cloned policy is the
 price, so that people still move as recorded ones do. Slopes flow through the predictor and the
 markers it hands on, not through bodies.
+
+A second such stage makes it steady (`configs/policy_steady.toml`): users ask for something else
+before a body has come to its aim, and no recorded person shows what to do then. So a part of its
+agents is asked for something else in nearly every step, and departs from the policy more cheaply.
 """
 
 import copy
@@ -49,6 +53,10 @@ stands, and elsewhere. 98 in 100 recorded frames are higher."""
 ONWARD = 0.87
 """Cosine of the angle between hips and the facing that is asked above which nobody turns."""
 
+OWN, OWN_STANDING = 0.7, 0.2
+"""Share of the noise's variance that an agent keeps for good: where it moves, and where it stands,
+as in the service (`wayfarer.world.goals.steering.default_searches`)."""
+
 DEAREST = 20.0
 """Maximum cost of a step: otherwise slopes of freak bodies would drown the rest."""
 
@@ -65,7 +73,8 @@ class FollowingConfig(BaseModel):
     agents: int = 128  # of both genders, which take turns
     horizon: int = 4  # steps through which gradients flow
     rate: float = 3e-4
-    kl_weight: float = 4.0  # of the divergence from the cloned policy, per latent dimension
+    kl_weight: tuple[float, float] = (4.0, 4.0)  # of the divergence from the policy that it starts
+    # from, per latent dimension: of the most and of the least patient agent
     way_weight: float = 2.0  # of a m/s off the way that is asked
     facing_weight: float = 1.0  # of 1 - cos(angle off)
     slide_weight: float = 1.5  # of a m/s of soles on the floor
@@ -74,7 +83,8 @@ class FollowingConfig(BaseModel):
     squat_weight: float = 25.0  # of a part of the waist's height
     seam_weight: float = 0.3  # of a m/s of change between seed and first frame
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
-    change: float = 0.06  # chance at every update that an agent is asked something else
+    change: tuple[float, float] = (0.015, 0.015)  # chance at every step that an agent is asked for
+    # something else: of the same two
     mix: dict[str, float] = {
         "walk": 0.25,
         "run": 0.04,
@@ -129,6 +139,12 @@ def draw_orders(place: Tensor, facing: Tensor) -> Orders:
         speed=speed,
         facing=rotated(facing, off) * (~walks)[:, None],
     )
+
+
+def _spaced(ends: tuple[float, float], count: int) -> Tensor:
+    """`count` values [A] from the first to the second, each by the same factor."""
+    first, last = ends
+    return first * (last / first) ** torch.linspace(0, 1, count)
 
 
 def _between(count: int, low: float, high: float) -> Tensor:
@@ -223,6 +239,8 @@ class FollowingTrainer:
         self.trials = {g: CrowdSampler(validation, body) for g, body in self.bodies.items()}
         self.crowds = {g: s.draw(config.agents) for g, s in self.samplers.items()}
         self.orders = {g: draw_orders(c.place, c.facing) for g, c in self.crowds.items()}
+        self.change = _spaced(config.change, config.agents)
+        self.kl_weight = _spaced(config.kl_weight, config.agents)
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
         self.run: TrainingRun | None = None
 
@@ -245,7 +263,9 @@ class FollowingTrainer:
         with half_precision():
             answer = self.policy.lead(seed.flatten(2), asked, crowd.manner)
             before = self.cloned.lead(seed.flatten(2), asked, crowd.manner)
-        latent = answer.mean + torch.exp(answer.log_std) * torch.randn(count, LATENT)
+        share = torch.where(stands, OWN_STANDING, OWN)[:, None]
+        noise = torch.sqrt(1 - share) * torch.randn(count, LATENT) + torch.sqrt(share) * crowd.own
+        latent = answer.mean + torch.exp(answer.log_std) * noise
         with half_precision():
             future = self.predictor.decode(seed.flatten(2), latent[:, None])[:, 0].float()
         markers = future.unflatten(-1, (MARKERS, 3))
@@ -261,6 +281,7 @@ class FollowingTrainer:
             rotations=made.rotations[:, -SEED_FRAMES:],
             betas=crowd.betas,
             manner=crowd.manner,
+            own=crowd.own,
         )
         costs = costs_of(seed, markers, asked, self.sites, waist_up, stands)
         return after, costs, away(answer, before)
@@ -290,8 +311,9 @@ class FollowingTrainer:
         total, sound = torch.zeros(()), torch.ones(config.agents)
         seen = torch.zeros(len(Costs._fields) + 1)
         for _ in range(config.horizon):
+            self._ask(crowd, orders)
             crowd, costs, far = self.advance(gender, crowd, orders)
-            cost = self.cost(costs, orders) + config.kl_weight * far
+            cost = self.cost(costs, orders) + self.kl_weight * far
             total = total + (sound * cost).mean() / config.horizon
             seen += torch.stack([c.detach().nan_to_num().mean() for c in (*costs, far)])
             sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
@@ -306,16 +328,21 @@ class FollowingTrainer:
             "fallen": float(1 - sound.mean())
         }
 
+    def _ask(self, crowd: TrainingCrowd, orders: Orders) -> None:
+        """Asks some agents for something else; those at their goals soon are."""
+        place = crowd.place.detach()
+        near = ((place - orders.goal).norm(dim=-1) < 0.15) & (orders.speed > 0)
+        chance = torch.where(near, self.change.clamp(min=0.1), self.change)
+        other = torch.rand(self.config.agents) < chance
+        orders.put(other, draw_orders(place, crowd.facing.detach()))
+
     def _go_on(self, gender: str, crowd: TrainingCrowd, orders: Orders) -> None:
-        """Replaces broken agents, and some others, by new ones; gives some a new request."""
+        """Replaces broken agents, and some others, by new ones, which get requests."""
         leave = crowd.broken() | (torch.rand(self.config.agents) < self.config.renewal)
         rows = torch.nonzero(leave).squeeze(-1)
         if len(rows):
             crowd.put(rows, self.samplers[gender].draw(len(rows)))
-        near = ((crowd.place - orders.goal).norm(dim=-1) < 0.15) & (orders.speed > 0)
-        chance = torch.where(near, 0.3, self.config.change)
-        other = leave | (torch.rand(self.config.agents) < chance)
-        orders.put(other, draw_orders(crowd.place, crowd.facing))
+        orders.put(leave, draw_orders(crowd.place, crowd.facing))
         self.crowds[gender] = crowd
 
     @torch.no_grad()

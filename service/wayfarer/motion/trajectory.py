@@ -22,6 +22,10 @@ HORIZONS: Final = (8, 20, 40)
 EASE: Final = 0.3
 """Seconds in which a velocity comes to 1/e of its target, as recorded people set off."""
 
+SURGE: Final = 5.0
+"""Greatest change of a velocity that is asked, m/s² (recorded people, path smoothed over .12 s: 4.4
+at the 99th percentile, 6.1 at the 99.9th)."""
+
 BRAKE: Final = 0.6
 """Seconds: the requested speed is at most the way to the goal divided by this."""
 
@@ -56,6 +60,9 @@ def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked
     distance = _length(way)
     most = torch.maximum(speed[:, None], numbers((CREEP,), speed))
     aim = way / distance * torch.minimum(most, distance / BRAKE)
+    change = aim - velocity
+    size = _length(change)
+    aim = velocity + change * torch.minimum(torch.ones_like(size), SURGE * EASE / size)
     seconds = numbers([h / FPS for h in HORIZONS], seed)[None, :, None]
     eased = EASE * (1 - torch.exp(-seconds / EASE))
     ways = aim[:, None] * seconds + (velocity - aim)[:, None] * eased

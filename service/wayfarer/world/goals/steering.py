@@ -44,23 +44,22 @@ class Search:
 
     weights: Mapping[str, float]
     candidates: int  # K
-    temperature: float = 1.0  # scale of the latent noise
+    temperature: float = 0.95  # scale of the latent noise
     policy: float = 1.0  # share of the learned policy in the latents; 0: the prior alone
-    own: float = 0.5  # share of the noise's variance that is constant for the agent
+    own: float = 0.7  # share of the noise's variance that is constant for the agent
 
 
 def default_searches() -> dict[Mode, Search]:
     """The search of each mode: K = 1, so each primitive is what people did, drawn by the policy.
 
-    Constant noise makes standing agents lean ever more to one side, so they have less of it. With
-    noise of full size one in twelve of them drifts into a pose in which nobody stands.
+    Constant noise tells moving people apart, and makes standing ones lean ever more to one side.
     """
     return {
-        Mode.STANDING: Search(STAND, candidates=1, temperature=0.7, own=0.2),
-        Mode.WALKING: Search(WALK, candidates=1, temperature=0.8),
+        Mode.STANDING: Search(STAND, candidates=1, own=0.2),
+        Mode.WALKING: Search(WALK, candidates=1),
         Mode.STOPPING: Search(STAND, candidates=1, own=0.2),
         Mode.TURNING: Search(TURN, candidates=1),
-        Mode.STRAFING: Search(STRAFE, candidates=1, temperature=0.8),
+        Mode.STRAFING: Search(STRAFE, candidates=1),
     }
 
 
