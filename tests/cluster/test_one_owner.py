@@ -290,7 +290,7 @@ class Sim:
             if self.chance(0.01) and alive and node.tenancy.may_step():
                 node.moves.end(ended := self.random.choice(sorted(alive)))
                 self.living.discard(ended)
-            if self.chance(0.005) and node.tenancy.registered:
+            if self.chance(0.01) and node.tenancy.registered:
                 with contextlib.suppress(WayfarerError):
                     self.directory.drain(name)
             if self.faults and self.chance(0.004):
