@@ -182,7 +182,7 @@ async def test_a_change_is_copied_at_once_and_calls_share_a_message(seldom):
     assert seldom.peers.messages == ["present", "keep"]
     seldom.moves.sessions.clear()
     await seldom.work.copy(SESSION)
-    assert not len(seldom.peers.kept["n2"]), "what has ended does not come back"
+    assert not len(seldom.peers.kept["n2"]), "an ended session does not come back"
 
 
 async def test_a_call_waits_for_a_state_that_is_newer_than_its_change(seldom):

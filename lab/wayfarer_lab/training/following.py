@@ -29,6 +29,8 @@ from wayfarer.motion.policy import Gaussian
 from wayfarer.motion.quality import LEANING, Sites, take
 from wayfarer.motion.trajectory import Asked, asked_of
 from wayfarer.spec import FPS, GENDERS, LATENT, MARKERS, SEED_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.slots import Mode
+from wayfarer.world.goals.steering import default_searches
 from wayfarer_lab.training.cloning import load_trajectory_policy
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
@@ -53,9 +55,9 @@ stands, and elsewhere. 98 in 100 recorded frames are higher."""
 ONWARD = 0.87
 """Cosine of the angle between hips and the facing that is asked above which nobody turns."""
 
-OWN, OWN_STANDING = 0.7, 0.2
-"""Share of the noise's variance that an agent keeps for good: where it moves, and where it stands,
-as in the service (`wayfarer.world.goals.steering.default_searches`)."""
+OWN, OWN_STANDING = (default_searches()[mode].own for mode in (Mode.WALKING, Mode.STANDING))
+"""Share of the noise's variance that an agent keeps for good: where it moves, and where it stands.
+"""
 
 DEAREST = 20.0
 """Maximum cost of a step: otherwise slopes of freak bodies would drown the rest."""

@@ -359,7 +359,8 @@ class NodeAgent:
                 await self._thaw(frozen)
                 return
         # should the other node end before its own neighbour has a copy
-        await self.keep(node.name, frozen | content)
+        if refused := await self.keep(node.name, frozen | content):
+            log.warning("no replica of what was moved", group=group, refused=sorted(refused))
         for name in names:
             await self._moves.release(name, endpoint(node))
             ms = round(1e3 * (boot_clock() - began))
@@ -401,8 +402,9 @@ async def joined(
 async def _together(
     work: Callable[[str], Awaitable[T]], names: Iterable[str], done: dict[str, T]
 ) -> None:
-    """Does it for scenes, which nobody enters from then on, and then for all sessions at once: each
-    stands still until the last is done. `done`: what has succeeded; raises what failed.
+    """Does the work for scenes, which nobody enters from then on, and then for all sessions at
+    once, since each session stands still until the last one is done. Results go into `done`. The
+    first error is raised once all have ended.
     """
     all_names = set(names)
     for name in filter(is_scene, all_names):

@@ -116,8 +116,8 @@ class NodeFinder:
         return found
 
     async def _while_adopted(self, name: str) -> None:
-        """What has this id is between two nodes: its callers wait, since each that had to come
-        again would do so later than needed.
+        """Waits while a node adopts the group of this id: a caller that had to call again would do
+        so later than needed.
         """
         ends_at = time.monotonic() + HOLD_S
         while not self.away and time.monotonic() < ends_at:

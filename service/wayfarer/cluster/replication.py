@@ -93,7 +93,7 @@ class Replication:
             await self._send(due)
 
     def _names(self) -> list[str]:
-        """Of all that can move: scenes first, which sessions need."""
+        """Names of all that can move. Scenes come first, since sessions need them."""
         return [*filter(self._moves.is_movable, (*self._moves.scenes, *self._moves.sessions))]
 
     async def _send(self, names: Collection[str]) -> None:
@@ -138,7 +138,7 @@ class Replication:
         baking.add_done_callback(self._baked.discard)
 
     async def _bake(self, node: NodeInfo, scene_id: str) -> None:
-        """At the neighbour, so that an adoption need not."""
+        """Has the neighbour bake a scene, so that an adoption need not wait for that."""
         try:
             await self._link.call(node, "prepare", scene_id, seconds=KEEP_S)
             log.info("scene baked", scene_id=scene_id, by=node.name)

@@ -23,7 +23,7 @@ class Residence:
 
     @property
     def own(self) -> schema.Endpoint | None:
-        """The address of this server; None: the one that its clients use."""
+        """The address of this server. None means that clients keep the address that they use."""
         own = self._ownership.own
         return None if own is None else schema.Endpoint.of(own)
 
