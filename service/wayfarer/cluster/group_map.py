@@ -52,7 +52,7 @@ class GroupMap:
         """
         owner = self._owners.get(group_of(name))
         if owner is not None and owner not in self.nodes:
-            raise Unavailable(f"the node of {name!r} has ended, and another one adopts it; try again")
+            raise Unavailable(f"the node of {name!r} has ended, another one adopts it; try again")
         return None if owner is None else self.nodes[owner]
 
     def node_for(self, name: str) -> NodeInfo | None:
