@@ -385,7 +385,7 @@ async def joined(
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
     tenancy.node = tenancy.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
     replicas, replication = Replicas(), Replication(tenancy, gateway.moves, nodes)
-    tenancy.copy = replication.copy
+    tenancy.copied = replication.copied
     agent = NodeAgent(tenancy, gateway, directory, nodes, replicas, replication, stop)
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),

@@ -83,8 +83,8 @@ class Scene:
         return float(x0), float(y0), float(x1), float(y1)
 
     def put(self, name: str, obstacle: Obstacle) -> "Scene":
-        """The next version, in which the obstacle stands; one of the same name is moved. An equal one
-        changes nothing, so a call that is sent again is answered as before.
+        """The next version, in which the obstacle stands; one of the same name is moved. An equal
+        one changes nothing, so a call that is sent again is answered as before.
 
         Only what is near is baked again. Raises InvalidArgument, ResourceExhausted, and
         FailedPrecondition when no free ground would be left.
