@@ -12,6 +12,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,7 +21,6 @@ import structlog
 
 from wayfarer.config.limits import Limits
 from wayfarer.errors import ArtifactError
-from wayfarer.runtime.inbox import post
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.persistence.journal_entries import (
     CapturedAgents,
@@ -72,7 +72,7 @@ class Journal:
         self._pending: dict[Key, Value] = {(EntryKind.BODY, ""): body}
         self._aside: list[_Aside] = []  # sessions to be set aside
         self._noted = self._written = 0  # puts, and how many of them have been written
-        self._waiting: list[_Waiter] = []
+        self._waiting: list[tuple[int, Future[None]]] = []  # puts that must be written
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
@@ -116,13 +116,13 @@ class Journal:
 
     async def durable(self) -> None:
         """Returns when everything put before is on disk, or cannot be written now."""
-        loop = asyncio.get_running_loop()
         with self._changed:
             if self.failing or self._stopping or self._written >= self._noted:
                 return
-            waiter = _Waiter(self._noted, loop, loop.create_future())
-            self._waiting.append(waiter)
-        await waiter.future
+            written = Future[None]()
+            written.set_running_or_notify_cancel()  # it cannot be cancelled: the writer ends it
+            self._waiting.append((self._noted, written))
+        await asyncio.wrap_future(written)
 
     # Callable from any thread
 
@@ -272,10 +272,12 @@ class Journal:
         return not isinstance(value, Member) or self._members.get(key) != value
 
     def _release(self) -> None:
-        ready = [w for w in self._waiting if self.failing or w.noted <= self._written]
-        self._waiting = [w for w in self._waiting if w not in ready]
-        for waiter in ready:
-            post(waiter.loop, waiter.settle)
+        waiting, self._waiting = self._waiting, []
+        for noted, written in waiting:
+            if self.failing or noted <= self._written:
+                written.set_result(None)
+            else:
+                self._waiting.append((noted, written))
 
 
 def _gone(agent_ids: Iterable[str]) -> dict[Key, Value]:
@@ -290,16 +292,3 @@ class _Aside:
     session_id: str
     keys: Sequence[Key]
     copied: Sequence[Key]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Waiter:
-    """A caller that waits until `noted` puts have been written."""
-
-    noted: int
-    loop: asyncio.AbstractEventLoop
-    future: asyncio.Future[None]
-
-    def settle(self) -> None:
-        if not self.future.done():  # the caller may have been cancelled meanwhile
-            self.future.set_result(None)
