@@ -1,6 +1,6 @@
 """The journal's entries of a session and its agents: values as bytes, and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -75,6 +75,22 @@ class Row:
 
 Value = BodyStamp | SessionPart | Member | Row | ScenePart | ObstaclesPart | None
 """The new contents of an entry; None: it is gone."""
+
+
+def agents_in(crowd: CapturedAgents) -> dict[Key, Value]:
+    """The entries of agents that are new, got a command, or have moved."""
+    values: dict[Key, Value] = {}
+    for number, member in enumerate(crowd.members):
+        name = member.part.agent_id
+        values[EntryKind.AGENT, name] = member
+        values[EntryKind.MOTION, name] = Row(crowd, number)
+    return values
+
+
+def no_agents(agent_ids: Iterable[str]) -> dict[Key, Value]:
+    """The entries of agents that are gone."""
+    kinds = (EntryKind.AGENT, EntryKind.MOTION)
+    return {(kind, name): None for name in agent_ids for kind in kinds}
 
 
 def encode(values: Mapping[Key, Value]) -> dict[Key, bytes | None]:
