@@ -52,7 +52,6 @@ from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.edge.request_limits import MESHES, RequestLimits, add_problem_handlers
 from wayfarer.transport.gateway.residence import misdirected
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
-from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
 from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
@@ -95,7 +94,7 @@ class Entry:
             host,
             settings.grpc_port,
             tls.grpc() if tls else None,
-            [ErrorInterceptor(), guard],
+            [guard],
             connections=operation.connections,
         )
         operation.metrics.registry.register(ClusterFigures(self.finder))
