@@ -13,8 +13,7 @@ from wayfarer.errors import FailedPrecondition, Unreachable, WayfarerError
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
 from wayfarer.runtime.gates import SessionGates
-from wayfarer.runtime.live import LiveMotion
-from wayfarer.runtime.lockstep import LockSteps
+from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.persistence.persistence import Persistence
 from wayfarer.runtime.persistence.scene_entries import (
     content_bytes,
@@ -52,16 +51,14 @@ class SceneService:
         *,
         book: SceneRegistry,
         persistence: Persistence,
-        live: LiveMotion,
-        lock_steps: LockSteps,
+        homes: Homes,
         clock: Callable[[], float],
         gates: SessionGates,
     ) -> None:
         self._gates = gates
         self._book = book
         self._persistence = persistence
-        self._live = live
-        self._lock_steps = lock_steps
+        self._homes = homes
         self._clock = clock
         # A bake holds one thread while it waits; the other threads are for quick calls.
         threads = MAX_BAKES + 2
@@ -154,15 +151,15 @@ class SceneService:
         With `count` 0 the present people leave. People for whom there is no room wait for it.
         Raises NotFound, FailedPrecondition if the session is in no scene, InvalidArgument.
         """
-        if self._lock_steps.session(session_id):
+        if self._homes.is_stepped(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "
                 "create agents in it instead, and let them wander"
             )
         async with self._gates.through(session_id):
-            await self._live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
+            await self._homes.live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
         for _ in range(POLLS):
-            state = await self._live.ask(lambda world, now: world.crowds.state(session_id))
+            state = await self._homes.live.ask(lambda world, now: world.crowds.state(session_id))
             if state.is_settled:
                 break
             await asyncio.sleep(POLL_S)
@@ -170,7 +167,7 @@ class SceneService:
 
     async def crowd(self, session_id: str) -> CrowdPeople | None:
         """The session's present crowd; None: it has none."""
-        return await self._live.ask(lambda world, _: world.crowds.copy(session_id))
+        return await self._homes.live.ask(lambda world, _: world.crowds.copy(session_id))
 
     # Moves to another server: its content at any time, the rest with its sessions
 
