@@ -14,6 +14,7 @@ from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.people import Aims, Float, Memory, People
 from wayfarer.world.scenes.around import way_around
 from wayfarer.world.scenes.lanes import lanes
+from wayfarer.world.scenes.passages import turns
 from wayfarer_lab.engine_export.scene import read_scene, write_scene
 
 CROWDS, WAYS, SECONDS = 100, 200, 0.2
@@ -29,6 +30,8 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
     retreat = _vectors(rng, count)
     waited, yields = rng.uniform(0, 3, count), rng.uniform(0, 1.6, count)
     walks, moves = rng.random(count) < 0.7, rng.random((count, 1)) < 0.7
+    position, aims = 10 + 2 * _vectors(rng, count), Aims.empty(count)
+    aims.wants[:], aims.spot[:] = walks, position + 5 * _vectors(rng, count)
     memory = Memory(
         preferred=_vectors(rng, count),
         chosen=_vectors(rng, count),
@@ -39,13 +42,13 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
     return People(
         number=np.arange(1, count + 1),
         group=np.zeros(count, int),
-        position=10 + 2 * _vectors(rng, count),
+        position=position,
         height=np.zeros(count, np.float32),
         velocity=np.float32(0.7) * _vectors(rng, count) * moves,
         walks=walks,
         radius=np.full(count, 0.22, np.float32),
         memory=memory,
-        aims=Aims.empty(count),
+        aims=aims,
     )
 
 
@@ -59,7 +62,9 @@ def _sent(people: People, preferred: Float, left: Float, half: Float, ways: Floa
             "preferred": preferred[k].tolist(),
             "left": float(left[k]),
             "half": float(half[k]),
-            "way": ways[k].tolist(),
+            "way": ways[k, :3].tolist(),
+            "ahead": ways[k].tolist(),
+            "aims": {"wants": bool(people.aims.wants[k]), "spot": people.aims.spot[k].tolist()},
             "memory": {name: getattr(people.memory, name)[k].tolist() for name in REMEMBERED},
         }
         for k in range(len(preferred))
@@ -80,17 +85,18 @@ def test_choices_and_ways_are_the_servers(tmp_path):
     def clear(places: Float) -> Float:
         return scene.distance(np.concatenate([places, np.zeros((*places.shape[:2], 1))], -1))
 
-    crowds, courses, kept = [], [], []
+    crowds, courses, kept, waiting = [], [], [], []
     for count in rng.integers(2, 14, CROWDS):
         people = _crowd(rng, count)
         angle, speed = rng.uniform(0, 2 * np.pi, count), rng.uniform(0.3, 1.6, count)
         preferred = np.float32(np.stack([np.cos(angle), np.sin(angle)], -1) * speed[:, None])
         left = rng.uniform(0, 9, count).astype(np.float32)
         half = rng.uniform(0.3, 2.0, count).astype(np.float32)
-        points = people.position[:, None] + preferred[:, None] * np.arange(0.1, 1, 0.3)[:, None]
+        points = people.position[:, None] + preferred[:, None] * np.arange(0.1, 4, 0.3)[:, None]
         crowds.append(_sent(people, preferred, left, half, points))
         courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS, left, half))
-        kept.append(lanes(people, np.arange(count), points, clear))
+        kept.append(lanes(people, np.arange(count), points[:, :3], clear))
+        waiting.append(turns(people, np.arange(count), points, clear))
     ways, paths = [], []
     for x, y, to_x, to_y in rng.uniform(0, 20, (WAYS, 4)).tolist():
         try:
@@ -127,6 +133,13 @@ def test_choices_and_ways_are_the_servers(tmp_path):
         mine = np.concatenate([getattr(lane, name) for lane in kept])
         np.testing.assert_allclose(theirs, mine, atol=1e-5, err_msg=name)
     assert sum(each["keeps"] for each in found_lanes) > 10
+    found_turns = [each for crowd in found["turns"] for each in crowd]
+    waits = np.concatenate([turn.waits for turn in waiting])
+    assert [bool(each) for each in found_turns] == waits.tolist() and waits.sum() > 10
+    for name in ("place", "there"):
+        theirs = np.array([each[name] for each in found_turns if each])
+        mine = np.concatenate([getattr(turn, name)[turn.waits] for turn in waiting])
+        np.testing.assert_allclose(theirs, mine, atol=1e-5, err_msg=name)
     assert same.count(False) <= 1  # costs that differ by EVEN itself may fall either way
     around = [_around(room) for room in rooms]
     assert found["around"] == around and sum(len(corners) > 2 for corners in around) > 10

@@ -5,6 +5,7 @@ import { pathToFileURL } from "node:url";
 import { wayAround } from "../src/local/around.js";
 import { avoid } from "../src/local/avoidance.js";
 import { lane } from "../src/local/lanes.js";
+import { turn } from "../src/local/passages.js";
 import { LocalScene } from "../src/local/scene.js";
 
 const [crowds, scenery] = process.argv.slice(2);
@@ -17,6 +18,7 @@ const clear = (x, y) => scene.distance(x, y);
 console.log(JSON.stringify({
   chosen: people.map((crowd) => crowd.map((self) => avoid(crowd, self, self.preferred, clear, 0.2, self.left, self.half))),
   lanes: people.map((crowd) => crowd.map((self) => lane(crowd, self, self.way, clear))),
+  turns: people.map((crowd) => crowd.map((self) => turn(crowd, self, self.ahead, clear))),
   around: grids.map(({ room, columns }) => wayAround(
     { room: Float64Array.from(room), rows: room.length / columns, columns }, [0, 0], [room.length / columns - 1, columns - 1])),
   ways: ways.map(({ from, to }) => scene.path(from, to)),

@@ -19,7 +19,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from wayfarer.cluster.every_node import Calls, EveryNode
+from wayfarer.cluster.every_node import Calls, calls_to_all
 from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import DirectoryLink, NodeInfo, NodeLink
 from wayfarer.cluster.node_finder import LOOK_S, ClusterFigures, NodeFinder
@@ -82,12 +82,12 @@ class Entry:
         operation = ServerOptions.from_settings(settings)
         host, tls, limits = settings.host, operation.tls, settings.limits
         self.finder = NodeFinder(directory)
-        every = EveryNode(nodes, self.finder.all_nodes, stop)
+        calls = calls_to_all(nodes, self.finder.all_nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log
         )
-        redirecting = _Redirecting(self.finder, every.calls)
+        redirecting = _Redirecting(self.finder, calls)
         self._grpc = GrpcServer(
             lambda server: server.add_generic_rpc_handlers((redirecting,)),
             limits,
@@ -103,7 +103,7 @@ class Entry:
         app.add_middleware(
             RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes
         )
-        app.include_router(call_routes(every.calls, {}))
+        app.include_router(call_routes(calls, {}))
         app.router.routes += [
             WebSocketRoute("/v1/stream", self._socket_redirect),
             WebSocketRoute("/v1/control", self._socket_redirect),

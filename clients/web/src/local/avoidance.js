@@ -30,6 +30,7 @@ const WALL_ROOM = 0.1, WALL_SHARE = 0.42, LANES = 0.9, PASSING = 0.3, PASS_SHARE
 const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, WALL = 15;
 const PATIENCE = 1.25, YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, LEAST_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1;
 const BESIDE_STANDING = 0.1, STANDS_APART = 0.05;
+const ALONG = 0.3, BEHIND = 0.1, FOLLOWS = 2, FIRM = 0.25, TOUCH = 6, TOUCHES = 0.15;
 const OPPOSITE = 0.5, LANE = 0.6, LANE_SIGHT = 12, LANE_WIDE = 1.8, BESIDE = 1.2, LANE_SOON = 0.5, LANE_MOST = 0.8;
 const EVEN = 1e-4, FACING = 0.3, BLOCKING = 1.6;
 
@@ -103,9 +104,9 @@ function candidates(way, last) {
   return tried;
 }
 
-/** Whether two would walk against each other. @param {Other} self @param {Other} other */
-function opposed({ memory: { preferred: [px, py] } }, { memory: { preferred: [x, y] } }) {
-  return x * px + y * py < -OPPOSITE * Math.hypot(x, y) * Math.hypot(px, py);
+/** Cosine between the directions in which two would walk; 0 if one would not. @param {Other} self @param {Other} other */
+function alongOf({ memory: { preferred: [px, py] } }, { memory: { preferred: [x, y] } }) {
+  return (x * px + y * py) / Math.max(Math.hypot(x, y) * Math.hypot(px, py), 1e-6);
 }
 
 /** How soon and how nearly others are met. @param {Other} self @param {Neighbour[]} near @param {Point} tried @param {number} left @param {number} half */
@@ -118,17 +119,21 @@ function meetings(self, near, [vx, vy], left, half) {
   let most = 0, sum = 0;
   for (const { other, dx: x, dy: y, distance } of near) {
     const [ox, oy] = other.velocity, fast = ox * ox + oy * oy;
-    const wide = touch + (other.walks || fast ? asked : Math.min(asked, BESIDE_STANDING));
-    const room = half < LANES && other.walks && opposed(self, other) ? Math.min(wide, PASSING) : wide;
+    const along = alongOf(self, other), leads = other.walks && along > ALONG, moves = other.walks || fast > 0, patient = moves ? 1 : 1 + waited;
+    const wide = touch + Math.min(asked, leads ? BEHIND : Infinity, moves ? Infinity : BESIDE_STANDING / patient);
+    const room = half < LANES && other.walks && along < -OPPOSITE ? Math.min(wide, PASSING) : wide;
+    const nextX = x + REACTION * (ox - ux), nextY = y + REACTION * (oy - uy), next = Math.max(Math.hypot(nextX, nextY), 1e-6);
+    const presses = (TOUCH * bounded(((touch - next) * patient) / TOUCHES + 1, 0, 1)) / next;
     const share = other.walks && fast > 0.09 ? 1 + bounded((distance - touch) / CLOSE - 1, 0, 1) : 1;
     const wx = share * vx - ((share - 1) * ux + ox), wy = share * vy - ((share - 1) * uy + oy);
     const dx = x - REACTION * (ux - vx), dy = y - REACTION * (uy - vy);
     const slowly = 1 / Math.max(wx * wx + wy * wy, 1e-4);
     const at = Math.min(Math.max((wx * dx + wy * dy) * slowly, SOON), last);
     const gap = Math.hypot(dx - wx * at, dy - wy * at);
-    const depth = Math.max(room - gap, 0) / COMFORT;
+    const depth = Math.max(room - gap, 0) / (leads ? FIRM : COMFORT);
     const sooner = at - Math.sqrt(Math.max(room * room - gap * gap, 0) * slowly);
-    const each = COLLISION * depth * (1 / (0.1 + bounded(sooner * soon, 0, 1)) - 1 / 1.1);
+    const near = bounded(sooner * (leads ? Math.max(soon, 1 / FOLLOWS) : soon), 0, 1);
+    const each = COLLISION * depth * (1 / (0.1 + near) - 1 / 1.1) + presses * Math.max(vx * nextX + vy * nextY, 0);
     most = Math.max(most, each);
     sum += each;
   }

@@ -8,9 +8,9 @@ import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
 import { FARTHEST, takeSpot } from "./spots.js";
 import { STEP_SECONDS, STRAFING, angleBetween, minus, plus, times } from "./steering.js";
 
-const REACH = 1, TOLD = 3.9, BESIDE = 0.7, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS = 0.4, GOAL_MOVES = 0.3;
+const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS = 0.4, GOAL_MOVES = 0.3;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
-const IN_WAY = 0.36, PASSES = 0.45, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
+const IN_WAY = 0.36, PASSES = 0.38, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
 const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
@@ -70,6 +70,11 @@ export class Company {
       const waits = near < STOPS + (person.planned.gait.speed < SLOW ? SHUFFLE : 0);
       this.#settle(row, waits);
       if (waits) row.ahead = { ...row.ahead, given: false };
+      const { waited } = row.walker.memory;
+      if (!by.length && waited >= STUCK && waited < STUCK + STEP) {
+        const others = people.filter(({ position, person: other }) => other !== person && Math.hypot(...minus(position, hips)) < NEAR);
+        this.tell(person, "blocked", person.waypoint, others.map((other) => other.person));
+      }
       if (by.length && aims.barred >= TOLD && aims.barred < TOLD + STEP) this.tell(person, "blocked", person.waypoint, by.map((other) => other.person));
     }
   }
@@ -79,13 +84,13 @@ export class Company {
     if (!this.clear || people.length < 2) return;
     for (const row of rows) {
       if (!row.ahead.given) continue;
-      const place = turn(people, row.self, this.#ahead(row, AHEAD), this.clear);
-      if (!place) continue;
-      const way = minus(place, row.hips), { walker } = row;
-      if (Math.hypot(...way) < BESIDE) {
+      const found = turn(people, row.self, this.#ahead(row, AHEAD), this.clear);
+      if (!found) continue;
+      const { walker } = row;
+      if (found.there) {
         row.ahead = { ...row.ahead, given: false };
         walker.memory = { ...walker.memory, waited: Math.fround(walker.memory.waited + STEP) };
-      } else row.ahead = passing(row.ahead, place, way);
+      } else row.ahead = passing(row.ahead, found.place, minus(found.place, row.hips));
     }
   }
 

@@ -9,7 +9,7 @@ import { STEP_SECONDS, WALKING, angleBetween, bounded, minus, plus, times } from
 
 const FPS = 40;
 const REACH = 1, SHARES = [1, 0.75, 0.5, 0.3, 0.15], LINE = 8;
-const ROOM = 0.2, SLACK = 0.01, ELBOW = 0.18, PUSH = [2.5, 0.25];
+const ROOM = 0.2, SLACK = 0.01, ELBOW = 0.18, CLOSE = 0.05, PUSH = [2.5, 0.25], PRESSED = 1.5;
 const STRAYED = 1, DETOUR = 1;
 const CURVE = [0.4, 1.6], BENDS = [(25 * Math.PI) / 180, (80 * Math.PI) / 180], CORNER_SPEED = [1.5, 0.75];
 const NARROW = [0.02, 0.15], NARROW_SPEED = [0.8, 1.5];
@@ -61,7 +61,7 @@ export class Guide {
       return { person, hips: start.hips, facing: start.facing, half: Infinity, gait, goal, ahead: goal, walker: this.#walker(person), self };
     });
     this.company?.place(rows, people);
-    const courses = rows.map((row) => (this.scene ? this.#led(row) : this.#onFloor(row)));
+    const courses = rows.map((row) => (this.scene ? this.#led(row, people) : this.#onFloor(row)));
     const led = rows.filter((_, k) => courses[k].leads);
     this.company?.bar(led, people);
     this.company?.takeTurns(led, people);
@@ -101,8 +101,8 @@ export class Guide {
     return { judged: goal, leads: wanted };
   }
 
-  /** The same in a scene. @param {Row} row */
-  #led(row) {
+  /** The same in a scene. @param {Row} row @param {Seen[]} people */
+  #led(row, people) {
     const { hips, gait, goal, walker: { aims } } = row;
     const away = Math.hypot(...minus(goal.place, hips));
     const back = !goal.through && away > goal.radius + STRAYED;
@@ -113,7 +113,7 @@ export class Guide {
     const left = route?.open ? lengthOf(route) - route.progress : Infinity;
     const judged = wanted && left > goal.radius + DETOUR ? { ...goal, radius: -1 } : goal;
     if (!wanted || !route?.open) return { judged, leads: false };
-    row.ahead = this.#lead(route, hips, row.ahead);
+    row.ahead = this.#lead(route, hips, row.ahead, this.#crowded(row, people));
     return { judged, leads: true };
   }
 
@@ -153,28 +153,34 @@ export class Guide {
     }
   }
 
-  /** The point of the way to head for. @param {Route} route @param {Point} hips @param {GoalRow} goal @returns {GoalRow} */
-  #lead(route, hips, goal) {
+  /** Whether a person walks in a crowd. @param {Row} row @param {Seen[]} people */
+  #crowded({ self }, people) {
+    const { position } = self;
+    return Boolean(this.company) && people.some((other) => other !== self && other.walks && Math.hypot(...minus(other.position, position)) < PRESSED);
+  }
+
+  /** The point of the way to head for. @param {Route} route @param {Point} hips @param {GoalRow} goal @param {boolean} crowded @returns {GoalRow} */
+  #lead(route, hips, goal, crowded) {
     const length = lengthOf(route), { progress } = route;
     const metres = SHARES.map((share) => Math.min(progress + REACH * share, length));
     const points = metres.map((at) => pointAt(route, at));
     const [near, far] = CURVE.map((at) => pointAt(route, Math.min(progress + at, length)));
-    const { best, room } = this.#visible(hips, points);
+    const { best, room } = this.#visible(hips, points, crowded ? CLOSE : ROOM);
     const into = minus(near, hips), out = minus(far, near);
     const bend = Math.hypot(...out) > 0.1 ? angleBetween(into, out) : 0;
     const most = Math.min(interpolated(bend, BENDS, CORNER_SPEED), interpolated(room, NARROW, NARROW_SPEED));
     const speed = Math.fround(Math.min(goal.speed, most));
     if (metres[best] >= length - 1e-6) return { ...goal, speed };
-    const target = plus(points[best], this.#pushed(hips));
+    const target = plus(points[best], this.#pushed(hips, crowded ? CLOSE : ELBOW));
     return passing({ ...goal, speed }, target, minus(target, hips));
   }
 
-  /** The first of the points that a straight line reaches, and the room along the way. @param {Point} hips @param {Point[]} points */
-  #visible(hips, points) {
+  /** The first of the points that a straight line reaches, and the room along the way. @param {Point} hips @param {Point[]} points @param {number} wide kept beyond the radius */
+  #visible(hips, points, wide) {
     const here = this.scene.distance(...hips), ends = points.map(([x, y]) => this.scene.distance(x, y));
     const own = ends.map((_, k) => Math.min(...ends.slice(k)));
     const best = points.findIndex((point, k) => {
-      const floor = Math.min(this.scene.radius + ROOM, own[k], here) - SLACK;
+      const floor = Math.min(this.scene.radius + wide, own[k], here) - SLACK;
       for (let n = 0; n < LINE; n += 1) {
         const [x, y] = plus(hips, times(n / (LINE - 1), minus(point, hips)));
         if (this.scene.distance(x, y) < floor) return false;
@@ -184,9 +190,9 @@ export class Guide {
     return { best: best < 0 ? points.length - 1 : best, room: own[0] - this.scene.radius };
   }
 
-  /** Metres to head aside, away from walls that are too near. @param {Point} hips */
-  #pushed(hips) {
-    const lacks = bounded(this.scene.radius + ELBOW - this.scene.distance(...hips), 0, PUSH[1]);
+  /** Metres to head aside, away from walls that are too near. @param {Point} hips @param {number} wide kept beyond the radius */
+  #pushed(hips, wide) {
+    const lacks = bounded(this.scene.radius + wide - this.scene.distance(...hips), 0, PUSH[1]);
     return times(PUSH[0] * lacks, this.scene.away(...hips));
   }
 

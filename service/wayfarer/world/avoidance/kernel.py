@@ -53,7 +53,13 @@ YIELDING: Final = 1.6  # seconds for which it does
 YIELD_SPEED: Final = 0.6
 PUSH: Final = 4.0  # seconds of waiting until a person is content with half of the room
 LEAST_COMFORT: Final = 0.15  # and the room that it wants however long it waits
-BESIDE_STANDING: Final = 0.1  # preferred room beside a person that stands
+BESIDE_STANDING: Final = 0.1  # preferred room beside a person that stands, before any wait
+ALONG: Final = 0.3  # cosine from which another one goes the same way, and so goes on: …
+BEHIND: Final = 0.1  # … the preferred room behind and beside it …
+FOLLOWS: Final = 2.0  # … and seconds that are looked ahead, …
+FIRM: Final = 0.25  # … with a cost that is the greater, the less this is
+TOUCH: Final = 6.0  # cost of 1 m/s towards somebody whom it touches, …
+TOUCHES: Final = 0.15  # … falling to nothing at these metres beyond their radii
 STANDS_APART: Final = 0.05  # room beside those where it stops
 IN_GROUP: Final = 0.05  # room, and weight, between two of one group
 HURRY: Final = 2.5  # seconds of waiting; after n times that it looks ahead 1/n as far
@@ -240,11 +246,11 @@ def _candidates(wx: float, wy: float, tried: Float) -> None:
 
 
 @inner
-def _opposed(everybody: Everybody, me: int, other: int) -> bool:
-    """Whether two would walk against each other."""
+def _along(everybody: Everybody, me: int, other: int) -> float:
+    """Cosine between the directions in which two would walk; 0 if one would not."""
     x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
     px, py = float(everybody.preferred[me, 0]), float(everybody.preferred[me, 1])
-    return x * px + y * py < -OPPOSITE * _length(x, y) * _length(px, py)
+    return (x * px + y * py) / max(_length(x, y) * _length(px, py), TINY)
 
 
 @inner
@@ -255,7 +261,7 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
     to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
     to_y = float(everybody.position[other, 1] - everybody.position[me, 1])
     waited, walks = float(everybody.waited[me]), everybody.walks[other]
-    touch = float(everybody.radius[me] + everybody.radius[other])
+    touch, distance = float(everybody.radius[me] + everybody.radius[other]), _length(to_x, to_y)
     # the longer a person has waited, the less room it asks for and the less far it looks ahead:
     # people who all stand .8 m apart could else not move, for fear of a touch seconds later;
     # nor does it ask for more room on the way than where it stops
@@ -263,18 +269,25 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
     room = min(room, max(STANDS_APART, 0.25 * left))
     soon = 1 / max(HORIZON / max(waited / HURRY, 1.0), SHORTEST)
     fast = their_x * their_x + their_y * their_y
+    margin = TOUCHES
     if not walks and fast == 0:  # a person that stands will stay there, and can be passed closely
-        room = min(room, BESIDE_STANDING)
+        room, margin = min(room, BESIDE_STANDING / (1 + waited)), TOUCHES / (1 + waited)
+    if walks and _along(everybody, me, other) > ALONG:
+        room, weight, soon = min(room, BEHIND), COLLISION / FIRM, max(soon, 1 / FOLLOWS)
     if everybody.group[me] > 0 and everybody.group[me] == everybody.group[other]:
         room, weight = IN_GROUP, COLLISION / IN_GROUP
     room += touch
-    if half < LANES and walks and _opposed(everybody, me, other):
+    if half < LANES and walks and _along(everybody, me, other) < -OPPOSITE:
         room = min(room, PASSING)
     # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
     # close by it would be too late to rely on that
     share = 1.0
     if walks and fast > 0.09:
-        share += min(max((_length(to_x, to_y) - touch) / CLOSE - 1, 0.0), 1.0)
+        share += min(max((distance - touch) / CLOSE - 1, 0.0), 1.0)
+    # how soon bodies meet that touch is uncertain, since they sway; that nobody goes nearer is not
+    next_x, next_y = to_x + REACTION * (their_x - own_x), to_y + REACTION * (their_y - own_y)
+    near = max(_length(next_x, next_y), TINY)
+    presses = TOUCH * min(max((touch - near) / margin + 1, 0.0), 1.0) / near
     base_x, base_y = (share - 1) * own_x + their_x, (share - 1) * own_y + their_y
     for k in range(WIDE):
         vx, vy = fan.x[k], fan.y[k]
@@ -288,6 +301,7 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
         depth = weight * max(room - sqrt(square), 0.0)
         sooner = at - sqrt(max(room * room - square, 0.0) * slowly)
         each = depth * (1 / (0.1 + min(max(sooner * soon, 0.0), 1.0)) - 1 / 1.1)
+        each += presses * max(vx * next_x + vy * next_y, 0.0)
         fan.most[k] = max(fan.most[k], each)
         fan.total[k] += each
 

@@ -31,11 +31,14 @@ REACH: Final = 1.0
 TOLD: Final = 4.0
 """Seconds for which people must close a way before the event `BLOCKED` reports it."""
 
+STUCK: Final = 10.0
+"""Seconds without progress, for whatever reason, after which it reports those who are near …"""
+
+NEAR: Final = 1.5
+"""… within these metres."""
+
 NAMED: Final = 8
 """Maximum number of people that the event names, the nearest to the agent."""
-
-BESIDE: Final = 0.7
-"""Metres from where an agent waits for its turn within which it stops."""
 
 SHUFFLE: Final = 0.3
 """Metres added to the stopping distance of an agent that stands: it stays where it came to rest."""
@@ -108,6 +111,13 @@ class Company:
             first = crowd.own[0][crowd.places[some[row]]]
             others = crowd.slots[first + np.flatnonzero(barred.by[row])]
             self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
+        waited = self._slots.memory.waited[some]
+        stuck = ~barred.is_barred & (waited >= STUCK) & (waited < STUCK + STEP_SECONDS)
+        for row in np.flatnonzero(stuck).tolist():
+            everybody = crowd.session(int(some[row]))
+            gaps = np.linalg.norm(everybody.people.position - hips[which[row]], axis=-1)
+            others = everybody.slots[(gaps < NEAR) & (everybody.slots != some[row])]
+            self._blocked(int(some[row]), others, "are in the way")
 
     def take_turns(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
@@ -123,11 +133,9 @@ class Company:
         clear = self._avoidance.clearance(some)
         turn = turns(crowd.people, crowd.places[some], points, clear, crowd.own)
         way = turn.place - hips[which]
-        off = np.linalg.norm(way, axis=-1)
-        there = turn.waits & (off < BESIDE)
-        ahead.given[led[which[there]]] = False
-        slots.memory.waited[some[there]] += STEP_SECONDS
-        aside = np.flatnonzero(turn.waits & ~there)
+        ahead.given[led[which[turn.there]]] = False
+        slots.memory.waited[some[turn.there]] += STEP_SECONDS
+        aside = np.flatnonzero(turn.waits & ~turn.there)
         ahead.position[led[which[aside]], :2] = turn.place[aside]
         pass_through(ahead, led[which[aside]], way[aside])
 

@@ -11,7 +11,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.velocity import moving
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.collision_avoidance import (
     CollisionAvoidance,
     angle_between_ways,
@@ -44,6 +44,9 @@ SLACK: Final = 0.01
 
 ELBOW: Final = 0.18
 """Metres beyond the radius that the hips keep from walls where they can: arms swing."""
+
+CLOSE: Final = 0.05
+"""Metres beyond the radius that both are in a crowd: else all would walk in single file."""
 
 PUSH: Final = (2.5, 0.25)
 """Lateral push per metre of missing clearance, and the deficit (m) at which it saturates."""
@@ -189,9 +192,10 @@ class SceneGuide:
         metres = np.minimum(progress + REACH * SHARES, length)
         curve = np.minimum(progress + CURVE, length)
         points = self._routes.at(rows, np.concatenate([metres, curve], 1))
-        best, room = self._visible(rows, hips, points[:, : len(SHARES)])
+        crowded = self._crowded(rows)
+        best, room = self._visible(rows, hips, points[:, : len(SHARES)], crowded)
         pick = np.arange(len(rows)), best
-        target = points[pick][:, :2] + self._pushed(rows, hips)
+        target = points[pick][:, :2] + self._pushed(rows, hips, crowded)
         ends = metres[pick] >= length[:, 0] - 1e-6
         passing, on = led[~ends], target[~ends] - hips[~ends]
         ahead.position[passing, :2] = target[~ends]
@@ -223,7 +227,17 @@ class SceneGuide:
             ahead.tread[led[mine]] = tread
             ahead.speed[led[mine]] = np.minimum(ahead.speed[led[mine]], speed)
 
-    def _visible(self, rows: Index, hips: Array, targets: Array) -> tuple[Index, Array]:
+    def _crowded(self, rows: Index) -> Flags:
+        """Which rows walk in a crowd [A]."""
+        avoids = self._slots.avoids[rows]
+        found = np.zeros(len(rows), np.bool_)
+        if avoids.any():
+            found[avoids] = self.avoidance.crowd.pressed(rows[avoids])
+        return found
+
+    def _visible(
+        self, rows: Index, hips: Array, targets: Array, crowded: Flags
+    ) -> tuple[Index, Array]:
         """The first of the targets [A, S, 3], farthest first, that a straight line leads to [A].
 
         Also the room that the way leaves up to the farthest: metres beyond the radius [A].
@@ -242,13 +256,14 @@ class SceneGuide:
             # What the way itself keeps up to each target.
             own = np.minimum.accumulate(near[:, ::-1, -1], 1)[:, ::-1]
             # An agent that stands too near already may go wherever it is no nearer than that.
-            floor = np.minimum(np.minimum(scene.spec.walkable.radius + ROOM, own), near[:, :1, 0])
+            keeps = scene.spec.walkable.radius + np.where(crowded[mine, None], CLOSE, ROOM)
+            floor = np.minimum(np.minimum(keeps, own), near[:, :1, 0])
             good[mine] = near.min(-1) >= floor - SLACK
             room[mine] = own[:, 0] - scene.spec.walkable.radius
         good[:, -1] |= ~good.any(1)
         return good.argmax(1), room
 
-    def _pushed(self, rows: Index, hips: Array) -> Array:
+    def _pushed(self, rows: Index, hips: Array, crowded: Flags) -> Array:
         """Metres [A, 2] to head aside, away from walls that are too near."""
         slots, found = self._slots, np.zeros(hips.shape)
         numbers, floors = slots.scene[rows], slots.footing.hips[rows]
@@ -256,7 +271,8 @@ class SceneGuide:
             mine = np.flatnonzero(numbers == number)
             scene = self._scenery.scene(number)
             distance, away = scene.clearance(np.column_stack([hips[mine], floors[mine]]))
-            lacks = np.clip(scene.spec.walkable.radius + ELBOW - distance, 0.0, PUSH[1])
+            keeps = scene.spec.walkable.radius + np.where(crowded[mine], CLOSE, ELBOW)
+            lacks = np.clip(keeps - distance, 0.0, PUSH[1])
             found[mine] = PUSH[0] * lacks[:, None] * away
         return found
 

@@ -1,7 +1,8 @@
 """Doors and other narrow places: the order of passing, and where the others wait meanwhile.
 
 One direction at a time: an agent enters while others go its way in the passage or nobody is in it,
-and else waits beside the way out of those who come. Of two who would enter, the nearer one goes.
+and else waits beside the way out of those who come, behind those who wait there already. Of two who
+would enter, the nearer one goes.
 """
 
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.rows import Flags, Index
 
@@ -30,11 +32,31 @@ CONTEST: Final = 2.5
 HESITATES: Final = 6.0
 """Seconds of waiting after which the nearest of a direction enters an empty narrow place anyway."""
 
-MOUTH: Final = 1.3
-"""Metres from a narrow place at which others wait …"""
+MOUTH: Final = 0.9
+ASIDE: Final = 1.2
+"""Metres before a narrow place, and to the right of the way there, from which on others wait: not
+where people come out."""
 
-ASIDE: Final = 0.9
-"""… and metres to the right of the way there."""
+APART: Final = 0.65
+"""Metres between two who wait: nearer, their shoulders touch."""
+
+PLACES: Final = np.array(
+    [(MOUTH + APART * k, ASIDE + APART * n) for k in range(5) for n in range(5)] + [(MOUTH, 0.9)]
+)
+"""Where they may [P, 2], in metres before it and to the right; the last where nothing is free."""
+
+NEARER: Final = 0.5
+"""Cost of a metre from the narrow place, relative to that of a metre to walk."""
+
+LAST: Final = 100.0
+"""Cost of the last of these places."""
+
+BESIDE: Final = 0.3
+STAYS: Final = 0.5
+"""Metres from its place within which a person stops that walks, and stays where it stands."""
+
+COASTS: Final = 0.35
+"""Seconds at its present speed for which a body moves on before it stands."""
 
 AGAINST: Final = 0.3
 """Cosine from which two people walk against each other, or the same way."""
@@ -45,6 +67,7 @@ class Turns(NamedTuple):
 
     waits: Flags
     place: Array  # [A, 2] where a waiting person stands
+    there: Flags  # whether it is there
 
 
 def turns(
@@ -60,11 +83,12 @@ def turns(
     at points [A, P, 2] of these rows, [A, P]. `own` [N]: the range [start, end) of
     each one's session in `people`; None: all are of one.
     """
-    place = people.position[rows]
+    place, count = people.position[rows], len(rows)
     room = distance(np.concatenate([place[:, None], points], 1))
     narrow = room[:, 1:] < NARROW
-    waits = np.zeros(len(rows), np.bool_)
-    spots = np.zeros((len(rows), 2))
+    waits, there = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    mates = np.zeros((count, len(people.number)), np.bool_)
+    mouths, directions, spots = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
     before = np.flatnonzero(narrow.any(1) & (room[:, 0] >= OPEN))
     every_way = people.aims.spot - people.position
     every_way = every_way / np.maximum(np.sqrt((every_way * every_way).sum(-1)), 1e-6)[:, None]
@@ -88,14 +112,48 @@ def turns(
         along = ways @ way
         oncoming, same = others & (along < -AGAINST), others & (along > AGAINST)
         inside = gap < INSIDE
+        beyond = (position - mouth) @ way > 0  # a person that has come out does not enter
         if (oncoming & inside).any():
             waits[row] = True
         elif not (same & inside).any():
             nearer = (gap < gap[me]) | (gap == gap[me]) & (number < number[me])
-            beyond = (position - mouth) @ way > 0  # a person that has come out does not enter
             first_of_mine = not (same & nearer & ~beyond).any()
             if not (first_of_mine and people.memory.waited[rows[row]] > HESITATES):
                 waits[row] = bool((oncoming & beyond & nearer & (gap < CONTEST)).any())
-        right = np.array([way[1], -way[0]])
-        spots[row] = mouth - MOUTH * way + ASIDE * right
-    return Turns(waits, spots)
+        mouths[row], directions[row], mates[row, session] = mouth, way, same & ~beyond
+    if waits.any():
+        places = _places(mouths, directions)
+        free = distance(places) > OPEN
+        stops = people.position + COASTS * people.velocity
+        slow = np.sqrt((people.velocity * people.velocity).sum(-1)) < SLOW
+        for row in np.flatnonzero(waits).tolist():
+            me = int(rows[row])
+            spot = _free_place(places[row], free[row], stops, me, mates[row], mouths[row])
+            off = float(np.linalg.norm(stops[me] - spot))
+            spots[row], there[row] = spot, off < (STAYS if slow[me] else BESIDE)
+    return Turns(waits, spots, there)
+
+
+def _places(mouths: Array, ways: Array) -> Array:
+    """Where people may wait [A, P, 2], before narrow places [A, 2] on ways [A, 2]."""
+    right = np.stack([ways[:, 1], -ways[:, 0]], -1)
+    back, aside = PLACES[:, 0, None], PLACES[:, 1, None]
+    found: Array = mouths[:, None] - back * ways[:, None] + aside * right[:, None]
+    return found
+
+
+def _free_place(
+    places: Array, free: Flags, stops: Array, me: int, mates: Flags, mouth: Array
+) -> Array:
+    """The place [2] where a person waits: none where others of its way stand, or stop sooner.
+
+    `places` [P, 2]; `stops` [N, 2]: where everybody would come to a stand.
+    """
+    off = np.linalg.norm(stops[:, None] - places, axis=-1)
+    taken = mates[:, None] & (off < APART) & (off < off[me])
+    cost = off[me] + NEARER * np.linalg.norm(places - mouth, axis=-1)
+    cost = np.where(free & ~taken.any(0), cost, np.inf)
+    cost[-1] = min(cost[-1], LAST)
+    # of equal costs, the first is taken: rounding must not choose
+    found: Array = places[int((cost <= cost.min() + 1e-4).argmax())]
+    return found

@@ -18,6 +18,9 @@ from wayfarer.world.scenes.world_scenes import NOWHERE
 RADIUS: Final = 0.22
 """Radius of a person among others in metres."""
 
+PRESSED: Final = 1.5
+"""Metres within which another one who walks makes an agent one of a crowd."""
+
 OPEN, WALKING = int(Passage.OPEN), int(Mode.WALKING)
 
 
@@ -47,6 +50,15 @@ class Gathering(NamedTuple):
         first, last = self.own
         rows = self.places[slots]
         found: Flags = last[rows] - first[rows] > 1
+        return found
+
+    def pressed(self, slots: Index) -> Flags:
+        """Which of some slots walk in a crowd."""
+        found = np.zeros(len(slots), np.bool_)
+        people = self.people
+        _find_pressed(
+            self.places[slots], *self.own, people.position, people.height, people.walks, found
+        )
         return found
 
     def session(self, slot: int) -> SessionPeople:
@@ -185,7 +197,22 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
     return found, (first, last), places, stand, place, height, velocity, walks
 
 
+@compiled
+def _find_pressed(
+    me: Index, first: Index, last: Index, place: Float, height: Float, walks: Flags, found: Flags
+) -> None:
+    """See `Gathering.pressed`."""
+    for row in range(len(me)):
+        at = me[row]
+        for other in range(first[at], last[at]):
+            x, y = place[other, 0] - place[at, 0], place[other, 1] - place[at, 1]
+            if other != at and walks[other] and x * x + y * y < PRESSED * PRESSED:
+                found[row] = found[row] or abs(height[other] - height[at]) < 1.0
+
+
 @cache
 def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
-    warm(_gather, _arrays(Slots.empty(1)), np.zeros(1, np.int64))
+    row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
+    warm(_gather, _arrays(Slots.empty(1)), row)
+    warm(_find_pressed, row, row, row, place, place[0, :1], flag, flag)
