@@ -16,8 +16,8 @@ from tests.transport.samples import MODEL
 from wayfarer import errors
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
-from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.messages import LeaseRenewal
+from wayfarer.cluster.node_agent import NodeAgent
 from wayfarer.config.settings import Settings
 from wayfarer.ids import session_id
 from wayfarer.transport import schema
@@ -132,7 +132,8 @@ class AnsweringRig(Rig):
             raise errors.Unavailable(f"node {node.name} does not answer")
         gateway = self.gateways[self.nodes.index(node)]
         # each in a separate context, as in another process
-        return await asyncio.create_task(answer(gateway, *told))
+        agent = NodeAgent(None, gateway, None, None, None, None, None)
+        return await asyncio.create_task(agent.ask(*told))
 
 
 async def test_what_concerns_all_nodes_is_asked_of_all():

@@ -177,11 +177,11 @@ def seldom(monkeypatch, copies):
 async def test_a_change_is_copied_at_once_and_calls_share_a_message(seldom):
     await asyncio.sleep(0.05)  # the first round
     before, seldom.peers.messages[:] = seldom.moves.state, []
-    await asyncio.gather(*(seldom.work.copy(SESSION) for _ in range(20)))
-    assert seldom.peers.state() == seldom.moves.state == before + 1
-    assert seldom.peers.messages == ["present", "keep"]
+    await asyncio.gather(*(seldom.work.copied(SESSION) for _ in range(20)))
+    assert seldom.peers.state() == seldom.moves.state == before + 2
+    assert seldom.peers.messages == ["present", "keep"] * 2  # of the first call, and of all others
     seldom.moves.sessions.clear()
-    await seldom.work.copy(SESSION)
+    await seldom.work.copied(SESSION)
     assert not len(seldom.peers.kept["n2"]), "an ended session does not come back"
 
 
@@ -189,27 +189,39 @@ async def test_a_call_waits_for_a_state_that_is_newer_than_its_change(seldom):
     """One that is on its way when the call comes is not enough, and does not replace the newer."""
     await asyncio.sleep(0.05)
     seldom.moves.going_on.clear()
-    first = asyncio.create_task(seldom.work.copy(SESSION))
+    first = asyncio.create_task(seldom.work.copied(SESSION))
     await asyncio.sleep(0.01)
     on_its_way = seldom.moves.state
-    second = asyncio.create_task(seldom.work.copy(SESSION))
+    second = asyncio.create_task(seldom.work.copied(SESSION))
     await asyncio.sleep(0.01)
     seldom.moves.going_on.set()
     await asyncio.gather(first, second)
     assert seldom.peers.state() == seldom.moves.state == on_its_way + 1
 
 
+async def test_a_call_that_is_given_up_takes_no_copy_from_others(seldom):
+    await asyncio.sleep(0.05)
+    seldom.moves.going_on.clear()
+    calls = [asyncio.create_task(seldom.work.copied(SESSION)) for _ in range(3)]
+    await asyncio.sleep(0.01)
+    before = seldom.peers.state()
+    calls[0].cancel()  # whose message was for all of them
+    seldom.moves.going_on.set()
+    await asyncio.gather(*calls[1:])
+    assert seldom.peers.state() == seldom.moves.state > before
+
+
 async def test_a_call_waits_for_the_next_neighbour_and_for_nobody_without_one(seldom):
     await asyncio.sleep(0.05)
     seldom.peers.away = True
-    copying = asyncio.create_task(seldom.work.copy(SESSION))
+    copying = asyncio.create_task(seldom.work.copied(SESSION))
     await asyncio.sleep(0.05)
     assert not copying.done()
     seldom.work.neighbour, seldom.peers.away = "n3", False
     await copying
     assert seldom.peers.state("n3") == seldom.moves.state
     seldom.work.neighbour, seldom.peers.away = "", True
-    await seldom.work.copy(SESSION)
+    await seldom.work.copied(SESSION)
 
 
 async def test_a_session_that_has_no_time_delays_no_call_on_another(seldom, monkeypatch):
@@ -223,12 +235,12 @@ async def test_a_session_that_has_no_time_delays_no_call_on_another(seldom, monk
     seldom.moves.replica = busy
     seldom.moves.sessions = [OTHERS[0], SESSION]
     async with asyncio.timeout(1):
-        await asyncio.gather(seldom.work.copy(OTHERS[0]), seldom.work.copy(SESSION))
+        await asyncio.gather(seldom.work.copied(OTHERS[0]), seldom.work.copied(SESSION))
     assert seldom.peers.kept["n2"]._kept.keys() == {SESSION}
 
 
 async def test_a_change_in_a_scene_is_copied_with_its_content(seldom):
     seldom.moves.scenes.extend(SCENES)
-    await seldom.work.copy(SCENES[0])
+    await seldom.work.copied(SCENES[0])
     kept = seldom.peers.kept["n2"]._kept
     assert {SCENES[0], SCENES[0] + CONTENT} <= kept.keys()

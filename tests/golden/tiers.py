@@ -9,7 +9,7 @@ import numpy as np
 from tests.golden.vectors import congruential, draw
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.runtime.streams.root_tracks import RootTracks
-from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, TierEncoder
+from wayfarer.transport.codec import PoseEncoder, PoseEncoding, PoseFormat, PoseProfile
 from wayfarer.transport.codec.root import ROOT_FRAME
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import common_pb2, motion_pb2
@@ -90,7 +90,7 @@ def case(basis: Basis) -> dict[str, Any]:
         **tiers()[0].header(),
     )
     _, layouts = layouts_of(header)
-    tracks, encoder = RootTracks(), TierEncoder()
+    tracks, encoder = RootTracks(), PoseEncoder()
     roots = np.concatenate([tracks.follow(made) for made in chunks()])
     found = []
     for tier, (pose_format, layout) in enumerate(zip(tiers(), layouts, strict=True)):
@@ -98,7 +98,7 @@ def case(basis: Basis) -> dict[str, Any]:
             continue
         rows = np.array([0])
         packed = b"".join(
-            encoder.encode(made, rows, basis, pose_format, roots[k : k + 1]).poses
+            encoder.encode(made, basis, pose_format, rows, roots[k : k + 1]).poses
             for k, made in enumerate(chunks())
         )
         if pose_format.encoding is PoseEncoding.ROOT:

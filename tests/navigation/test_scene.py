@@ -239,3 +239,10 @@ def test_a_wider_agent_has_less_room() -> None:
     spec = cubes_field(2)
     areas = [bake(replace(spec, walkable=Walkable(radius=r))).area for r in (0.2, 0.3, 0.5)]
     assert areas[0] > areas[1] > areas[2]
+
+
+def test_an_equal_obstacle_changes_nothing() -> None:
+    once = FIELD.put("crate", Cylinder((5.0, 5.0), 0.4, 1.0))
+    assert once.put("crate", Cylinder((5.0, 5.0), 0.4, 1.0)) is once
+    assert once.put("crate", Cylinder((5.0, 5.0), 0.5, 1.0)).version == 2
+    assert once.put("other", Cylinder((5.0, 5.0), 0.4, 1.0)).version == 2

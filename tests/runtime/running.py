@@ -6,17 +6,47 @@ import time
 
 from tests.world.fakes import FakeEngine, make_world
 from wayfarer.config.limits import Limits
-from wayfarer.runtime.live import LiveMotion
+from wayfarer.runtime.inbox import Inbox
+from wayfarer.runtime.live import LiveMotion, steady_clock
+from wayfarer.runtime.metrics_sink import MetricsSink
+from wayfarer.runtime.motion_service import INBOX
+from wayfarer.runtime.pipeline import EnginePipeline
 from wayfarer.runtime.streams.publications import StreamOptions
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.thread import MotionThread
 
 ALL = StreamOptions()
+
+
+class Loop(LiveMotion):
+    """A world in real time, as `MotionService` has it."""
+
+    def __init__(self, world, *, clock=None, meter=None, **options):
+        clock, meter, inbox = clock or steady_clock(), meter or MetricsSink(), Inbox(INBOX)
+        thread = MotionThread(
+            world=world,
+            publisher=Publisher(world.settings.limits, meter, world.get_agent, world.faults),
+            inbox=inbox,
+            pipeline=EnginePipeline(clock, inbox.wake),
+            clock=clock,
+            meter=meter,
+            **{"warm_up": lambda: None} | options,
+        )
+        super().__init__(world, thread, meter)
+
+    ready = property(lambda self: self._thread.ready)
+    alive = property(lambda self: self._thread.alive)
+    failed = property(lambda self: self._thread.failed)
+
+    async def stats(self):
+        return await self.ask(lambda *_: self._thread.stats())
 
 
 class Running:
     """`async with Running() as loop`: started, ready, and stopped at the end."""
 
     def __init__(self, engine=None, meter=None, **limits):
-        self.loop = LiveMotion(make_world(engine, limits=Limits(**limits)), meter=meter)
+        self.loop = Loop(make_world(engine, limits=Limits(**limits)), meter=meter)
 
     async def __aenter__(self):
         self.loop.start()

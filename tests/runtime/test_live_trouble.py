@@ -7,12 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from tests.runtime.running import ALL, HeldEngine, Running, first, give, until, world_of
+from tests.runtime import running
+from tests.runtime.running import ALL, HeldEngine, Loop, Running, first, give, until, world_of
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.errors import ResourceExhausted, Unavailable
-from wayfarer.runtime import live
 from wayfarer.runtime.inbox import Inbox
-from wayfarer.runtime.live import LiveMotion
 from wayfarer.runtime.thread import FAILURES
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
@@ -62,7 +61,7 @@ async def test_a_loop_that_keeps_failing_ends_and_says_so():
 
 async def test_a_loop_that_may_not_step_is_alive():
     engine, now, may_step = HeldEngine(), 1000.0, True
-    loop = LiveMotion(make_world(engine), clock=lambda: now, may_step=lambda: may_step)
+    loop = Loop(make_world(engine), clock=lambda: now, may_step=lambda: may_step)
     loop.start()
     await until(lambda: loop.ready)
     await loop.create_session(SessionSpec("s"))
@@ -80,7 +79,7 @@ async def test_a_loop_that_may_not_step_is_alive():
 
 async def test_before_it_is_warm_the_loop_is_alive_and_not_ready():
     warm = threading.Event()
-    loop = LiveMotion(make_world(), warm_up=lambda: warm.wait(5))
+    loop = Loop(make_world(), warm_up=lambda: warm.wait(5))
     assert not loop.alive
     with pytest.raises(Unavailable, match="has not been started"):
         await loop.create_session(SessionSpec("s"))
@@ -96,7 +95,7 @@ async def test_a_failed_warm_up_is_no_ready_loop():
     def fail():
         raise RuntimeError("no memory")
 
-    loop = LiveMotion(make_world(), warm_up=fail)
+    loop = Loop(make_world(), warm_up=fail)
     loop.start()
     await until(lambda: not loop.alive)
     assert not loop.ready
@@ -163,7 +162,7 @@ async def test_commands_are_answered_while_the_engine_is_at_work():
 
 
 async def test_a_full_inbox_refuses(monkeypatch):
-    monkeypatch.setattr(live, "INBOX", 2)
+    monkeypatch.setattr(running, "INBOX", 2)
     async with Running() as loop:
         await loop.create_session(SessionSpec("s"))
         held, let_go = await occupied(loop)

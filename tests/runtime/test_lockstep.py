@@ -2,7 +2,7 @@
 
 import asyncio
 import sys
-import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -164,37 +164,47 @@ async def test_limits_hold(runtime):
 
 
 async def test_limits_hold_while_a_session_is_put_in():
-    entering, may_enter = threading.Event(), threading.Event()
-
-    def entered():
-        entering.set()
-        assert may_enter.wait(5)
-
     worlds = fake_worlds(limits=Limits(sessions=2, agents=5))
     sessions = LockSteps(worlds, Offline(1), lambda: 0.0)
-    sessions.create(LOCKED)
-    putting = asyncio.create_task(asyncio.to_thread(sessions.put, record_of(3), None, entered))
-    assert await asyncio.to_thread(entering.wait, 5)
-    with pytest.raises(ResourceExhausted, match="2 sessions in lock-step"):
-        sessions.create(SessionSpec("third", lock_step=True))
-    with pytest.raises(ResourceExhausted, match="3 of 5 agents in lock-step"):
-        await sessions.create_agents("tool", people(3))
-    may_enter.set()
-    await putting
+    with sessions.opening() as home:
+        await home.create_session(LOCKED)
+    with sessions.opening("guest", 3) as home:
+        with (
+            pytest.raises(ResourceExhausted, match="2 sessions in lock-step"),
+            sessions.opening("third"),
+        ):
+            pass
+        with pytest.raises(ResourceExhausted, match="3 of 5 agents in lock-step"):
+            await sessions.create_agents("tool", people(3))
+        await home.put_session(record_of(3))
     await sessions.create_agents("tool", people(2))
     with pytest.raises(ResourceExhausted, match="5 of 5 agents in lock-step"):
         await sessions.create_agents("tool", people(1))
-    sessions.stop("the test is over")
+    await sessions.stop()
 
 
 async def test_one_that_is_here_is_not_replaced():
     sessions = LockSteps(fake_worlds(), Offline(1), lambda: 0.0)
-    sessions.put(record_of(1))
-    home = sessions.session("guest")
-    with pytest.raises(AlreadyExists, match="'guest' exists already"):
-        sessions.put(record_of(1))
+    with sessions.opening("guest", 1) as home:
+        await home.put_session(record_of(1))
+    with pytest.raises(AlreadyExists, match="'guest' exists already"), sessions.opening("guest"):
+        pass
     assert sessions.session("guest") is home
-    sessions.stop("the test is over")
+    await sessions.stop()
+
+
+async def test_one_that_cannot_be_put_in_leaves_no_room_taken_and_no_thread():
+    sessions = LockSteps(fake_worlds(limits=Limits(sessions=1)), Offline(1), lambda: 0.0)
+    for _ in range(2):
+        with (
+            pytest.raises(InvalidArgument),
+            sessions.opening("guest", 3) as home,
+        ):
+            await home.create_session(SessionSpec("a b"))
+    assert not sessions._new_sessions and not sessions._new_agents
+    home._thread._thread.join(5)
+    assert not home._thread._thread.is_alive()
+    await sessions.stop()
 
 
 def record_of(count):
@@ -207,27 +217,35 @@ def record_of(count):
 
 async def test_sessions_come_from_other_threads_while_others_are_deleted(monkeypatch):
     class Home:
+        def __init__(self, world, *_, **__):
+            self.world = world
+
+        def start(self):
+            pass
+
+        async def delete_session(self, *_):
+            pass
+
+    class Thread:
         ended = 0
 
         def __init__(self, *_):
             pass
 
-        def start(self):
-            pass
-
         def end(self, *_):
-            Home.ended += 1
+            Thread.ended += 1
 
-        async def delete_session(self, session_id):
-            pass
-
-    monkeypatch.setattr(lockstep, "LockStep", Home)
+    monkeypatch.setattr(lockstep, "LiveMotion", Home)
+    monkeypatch.setattr(lockstep, "LockStepThread", Thread)
     interval = sys.getswitchinterval()
-    sessions = LockSteps(fake_worlds(limits=BIG), Offline(1), lambda: 0.0)
+    worlds = SimpleNamespace(settings=SimpleNamespace(limits=BIG), lock_step=SimpleNamespace)
+    sessions = LockSteps(worlds, Offline(1), lambda: 0.0)
 
     def put(number):
         names = tuple(f"agent-{number}-{i}" for i in range(250))
-        sessions._open(lambda _: SessionInfo(f"s{number}", names, 0.0, None), 250)
+        with sessions.opening(agents=250) as home:
+            info = SessionInfo(f"s{number}", names, 0.0, None)
+            home.world.list_sessions = lambda: [info]
 
     for number in range(40):
         put(number)
@@ -240,7 +258,7 @@ async def test_sessions_come_from_other_threads_while_others_are_deleted(monkeyp
         await putting
     finally:
         sys.setswitchinterval(interval)
-    assert Home.ended == 40
+    assert Thread.ended == 40
     assert sessions._sessions.keys() == {f"s{number}" for number in range(40, 200)}
     assert len(sessions._agents) == 160 * 250
 

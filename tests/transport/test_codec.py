@@ -217,30 +217,33 @@ def test_wrong_choices_are_explained(choice, field, message):
 
 @pytest.fixture
 def encoded(monkeypatch):
-    """The packed chunks: (basis, format, seqs)."""
+    """The packed chunks: (basis, frames per second, aliases)."""
     packed, plain = [], codec.encode
 
     def counting(chunks, basis, pose_format):
-        packed.append((basis, pose_format, [c.seq for c in chunks]))
+        packed.append((basis, pose_format.fps, chunks.alias.tolist()))
         return plain(chunks, basis, pose_format)
 
     monkeypatch.setattr("wayfarer.transport.codec.encoder.encode", counting)
     return packed
 
 
-def test_chunks_are_packed_once_per_basis_and_format(encoded):
-    encoder, plain, half = codec.PoseEncoder(), PoseFormat(), PoseFormat(fps=20)
-    both = MotionChunks.of([chunk(seq=0), chunk(seq=1)])
-    first = encoder.encode(both, Basis.GLTF)
-    marked = replace(both, flags=np.array([0, ChunkFlag.GAP], np.uint8))
-    assert encoder.encode(marked, Basis.GLTF) is first
-    assert encoder.encode(both, Basis.GLTF, PoseFormat()) is first
-    assert encoder.encode(both, Basis.ROS) == codec.encode(both, Basis.ROS)
-    assert encoder.encode(both, Basis.GLTF, half) == codec.encode(both, Basis.GLTF, half)
+def test_chunks_are_packed_once_per_basis_and_format_whoever_has_them(encoded):
+    encoder, half = codec.PoseEncoder(), PoseFormat(fps=20)
+    chunks = MotionChunks.of([chunk(alias=alias) for alias in range(3)])
+    encoder.encode(chunks, Basis.GLTF, rows=np.array([0, 2]))
+    found = encoder.encode(chunks, Basis.GLTF, rows=np.array([2, 1]))
+    assert found == codec.encode(chunks.take(np.array([2, 1])), Basis.GLTF)
+    marked = replace(chunks, flags=np.array([0, ChunkFlag.GAP, 0], np.uint8))
+    for again in (chunks, marked, chunks):
+        assert encoder.encode(again, Basis.GLTF) == codec.encode(chunks, Basis.GLTF)
+    assert encoder.encode(chunks, Basis.ROS) == codec.encode(chunks, Basis.ROS)
+    assert encoder.encode(chunks, Basis.GLTF, half) == codec.encode(chunks, Basis.GLTF, half)
     assert encoded == [
-        (Basis.GLTF, plain, [0, 1]),
-        (Basis.ROS, plain, [0, 1]),
-        (Basis.GLTF, half, [0, 1]),
+        (Basis.GLTF, 40, [0, 2]),
+        (Basis.GLTF, 40, [1]),
+        (Basis.ROS, 40, [0, 1, 2]),
+        (Basis.GLTF, 20, [0, 1, 2]),
     ]
 
 
@@ -260,4 +263,4 @@ def test_memory_is_bounded():
         assert len(encoder._packed) == min(seq + 1, 2) and encoder._bytes <= 2 * each
     large = MotionChunks.of([chunk(seq=seq) for seq in range(3)])
     assert encoder.encode(large, Basis.GLTF).poses.nbytes == 3 * each
-    assert encoder._bytes == 0
+    assert len(encoder._packed) == 1

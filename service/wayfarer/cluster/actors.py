@@ -13,6 +13,7 @@ import signal
 import threading
 import time
 import warnings
+import weakref
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -123,33 +124,25 @@ class RayNodes:
         return await actor.ask(f"node {node.name}", seconds, "call", node.name, verb, *told)
 
 
-class Process:
-    """A process of this machine. Its end is seen at once: nobody waits for the end of a lease, or
-    until a busy machine has started the next process.
-    """
-
-    def __init__(self, pid: int) -> None:
-        """Raises ProcessLookupError."""
-        self._poll, self._end = select.poll(), os.pidfd_open(pid)
-        self._poll.register(self._end, select.POLLIN)
-
-    def has_ended(self) -> bool:
-        """Whether it has, for any reason."""
-        return bool(self._poll.poll(0))
-
-    def __del__(self) -> None:
-        if hasattr(self, "_end"):
-            os.close(self._end)
-
-
 def watch(node: NodeInfo) -> Callable[[], bool]:
-    """Whether its process has ended, if that can be seen from here."""
+    """Returns a function that says whether its process has ended, if that can be seen from here.
+
+    So nobody waits for the end of a lease, or until a busy machine has started the next process.
+    """
     if not node.machine or node.machine != machine():
         return lambda: False
     try:
-        return Process(node.pid).has_ended
+        process = os.pidfd_open(node.pid)
     except ProcessLookupError:
         return lambda: True
+    poll = select.poll()
+    poll.register(process, select.POLLIN)
+
+    def has_ended() -> bool:
+        return bool(poll.poll(0))
+
+    weakref.finalize(has_ended, os.close, process)
+    return has_ended
 
 
 class DirectoryActor(Directory):

@@ -19,7 +19,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from wayfarer.cluster.every_node import Calls, EveryNode
+from wayfarer.cluster.every_node import Calls, calls_to_all
 from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import DirectoryLink, NodeInfo, NodeLink
 from wayfarer.cluster.node_finder import LOOK_S, ClusterFigures, NodeFinder
@@ -52,7 +52,6 @@ from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.edge.request_limits import MESHES, RequestLimits, add_problem_handlers
 from wayfarer.transport.gateway.residence import misdirected
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
-from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
 from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
@@ -83,19 +82,19 @@ class Entry:
         operation = ServerOptions.from_settings(settings)
         host, tls, limits = settings.host, operation.tls, settings.limits
         self.finder = NodeFinder(directory)
-        every = EveryNode(nodes, self.finder.all_nodes, stop)
+        calls = calls_to_all(nodes, self.finder.all_nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log
         )
-        redirecting = _Redirecting(self.finder, every.calls)
+        redirecting = _Redirecting(self.finder, calls)
         self._grpc = GrpcServer(
             lambda server: server.add_generic_rpc_handlers((redirecting,)),
             limits,
             host,
             settings.grpc_port,
             tls.grpc() if tls else None,
-            [ErrorInterceptor(), guard],
+            [guard],
             connections=operation.connections,
         )
         operation.metrics.registry.register(ClusterFigures(self.finder))
@@ -104,7 +103,7 @@ class Entry:
         app.add_middleware(
             RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes
         )
-        app.include_router(call_routes(every.calls, {}))
+        app.include_router(call_routes(calls, {}))
         app.router.routes += [
             WebSocketRoute("/v1/stream", self._socket_redirect),
             WebSocketRoute("/v1/control", self._socket_redirect),

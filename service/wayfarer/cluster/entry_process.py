@@ -5,7 +5,7 @@ also starts the nodes.
 import asyncio
 import contextlib
 import signal
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractAsyncContextManager
 from typing import Final
 
@@ -15,7 +15,6 @@ from wayfarer.cluster.actors import RayNodes, on_daemon
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import DirectoryLink, NodePlan
-from wayfarer.cluster.plans import node_plans
 from wayfarer.cluster.ray_cluster import RayCluster
 from wayfarer.config.settings import Settings
 
@@ -31,40 +30,43 @@ READY_S: Final = 0.1
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
-class OneMachine:
-    """`wayfarer serve --workers N`: a separate Ray with N nodes. A context manager."""
-
-    def __init__(self, settings: Settings, serve: str) -> None:
-        """`serve`: see `NodeActor`."""
-        self._settings, self._serve = settings, serve
-        self._plans = node_plans(settings)
-
-    def __enter__(self) -> "OneMachine":
-        self._ray = RayCluster()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        leave(self._ray)
-
-    async def run(self, announce: Callable[[str, str], None]) -> None:
-        """Until SIGINT, SIGTERM or AdminService.Drain.
-
-        `announce` gets the HTTP URL and the gRPC address once all nodes are ready.
-        Raises Unavailable when a port is taken, or a node cannot start.
-        """
-        keep = self._settings.state_dir is not None
-        link = self._ray.directory(LeaseRules(LEASE_S, nodes=len(self._plans), keep=keep))
-        nodes = _started(self._ray, self._plans, self._serve)
-        await enter(self._settings, link, self._ray, nodes, announce)
+@contextlib.contextmanager
+def on_ray(address: str = "") -> Iterator[RayCluster]:
+    """Ray, until the end of a command, whose process ignores signals from then on. `address`: see
+    `RayCluster`.
+    """
+    ray = RayCluster(address)
+    try:
+        yield ray
+    finally:
+        for sign in SIGNALS:  # a second one would leave nodes behind
+            signal.signal(sign, signal.SIG_IGN)
+        ray.close()
 
 
-@contextlib.asynccontextmanager
-async def _started(ray: RayCluster, plans: list[NodePlan], serve: str) -> AsyncIterator[None]:
-    """Have the nodes of a machine run, and all be ready."""
-    for plan in plans:
-        ray.keep(plan, serve)
-    await ray.until_ready()
-    yield
+async def run_workers(
+    ray: RayCluster,
+    settings: Settings,
+    plans: list[NodePlan],
+    serve: str,
+    announce: Callable[[str, str], None],
+) -> None:
+    """`wayfarer serve --workers N`: runs the nodes and an entry until SIGINT, SIGTERM or
+    AdminService.Drain. `serve`: see `NodeActor`.
+
+    `announce` gets the HTTP URL and the gRPC address once all nodes are ready. Raises Unavailable
+    when a port is taken, or a node cannot start.
+    """
+
+    @contextlib.asynccontextmanager
+    async def nodes() -> AsyncIterator[None]:
+        for plan in plans:
+            ray.keep(plan, serve)
+        await ray.until_ready()
+        yield
+
+    rules = LeaseRules(LEASE_S, nodes=len(plans), keep=settings.state_dir is not None)
+    await enter(settings, ray.directory(rules), ray, nodes(), announce)
 
 
 async def enter(
@@ -108,13 +110,6 @@ async def enter(
             task.cancel()
         await asyncio.wait((stopping, watching, working))
         await entry.stop()
-
-
-def leave(ray: RayCluster) -> None:
-    """At the end of a command, whose process ignores signals from then on."""
-    for sign in SIGNALS:  # a second one would leave nodes behind
-        signal.signal(sign, signal.SIG_IGN)
-    ray.close()
 
 
 async def _watch_head(ray: RayCluster, entry: Entry) -> None:

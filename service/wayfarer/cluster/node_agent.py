@@ -10,7 +10,6 @@ from typing import Any, Final, TypeVar
 
 import structlog
 
-from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.group_map import endpoint
 from wayfarer.cluster.messages import (
     CALL_S,
@@ -34,7 +33,7 @@ from wayfarer.errors import (
     WayfarerError,
 )
 from wayfarer.ids import group_of
-from wayfarer.transport.edge.caller import Caller
+from wayfarer.transport.edge.caller import Caller, enter
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
 
@@ -122,9 +121,10 @@ class NodeAgent:
         """
         return set(filter(is_scene, self._replicas.renew(owner, set(names))))
 
-    async def ask(self, method: str, caller: Caller, told: dict[str, Any]) -> Any:
-        """See every_node.py."""
-        return await answer(self._gateway, method, caller, told)
+    async def ask(self, rpc: str, caller: Caller, told: dict[str, Any]) -> Any:
+        """Answers a call that concerns all nodes; the gateway checks whether the caller may."""
+        enter(caller)
+        return await self._gateway.calls[rpc](**told)
 
     async def take(self, owner: str, group: str, epoch: int, live: dict[str, bytes]) -> None:
         """Takes a group from another node, with all that lives there, if the directory agrees.
@@ -385,7 +385,7 @@ async def joined(
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
     tenancy.node = tenancy.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
     replicas, replication = Replicas(), Replication(tenancy, gateway.moves, nodes)
-    tenancy.copy = replication.copy
+    tenancy.copied = replication.copied
     agent = NodeAgent(tenancy, gateway, directory, nodes, replicas, replication, stop)
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),

@@ -6,6 +6,7 @@ each neighbour. Logs of recorded sessions are not copied.
 """
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Collection, Sequence
 from itertools import islice
@@ -35,6 +36,9 @@ STATE_S: Final = 2.0
 """How long a state is waited for: a session in lock-step that makes many steps has none meanwhile,
 and others must not wait for it."""
 
+COPY_S: Final = 8.0
+"""Seconds that a call waits for its copy: until a neighbour that is silent has been replaced."""
+
 AGAIN_S: Final = 0.25
 """Until a copy that a call waits for is tried again, possibly with another neighbour."""
 
@@ -53,7 +57,6 @@ class Replication:
         self._link = link
         self._sending = asyncio.Lock()  # else an older state could arrive after a newer one
         self._due = set[str]()  # for which calls wait
-        self._soon: asyncio.Task[None] | None = None  # sends these
         self._baked = set[asyncio.Task[None]]()  # scenes, at the neighbour
 
     async def running(self) -> None:
@@ -73,24 +76,33 @@ class Replication:
             async with self._sending:
                 await self._send(names[first : first + AT_ONCE])
 
-    async def copy(self, name: str) -> None:
-        """Return once the neighbour has the present state of a session or scene, or knows that it
-        has ended; at once without a neighbour. Calls that wait share a message.
+    async def copied(self, name: str) -> None:
+        """Returns once the neighbour has the present state of a session or scene, or knows that it
+        has ended; at once without a neighbour, and after `COPY_S` in any case.
         """
-        while True:
-            self._due.add(name)
-            if self._soon is None:
-                self._soon = asyncio.create_task(self._send_due(), name="copy")
-            try:
-                return await asyncio.shield(self._soon)
-            except WayfarerError as error:
-                log.warning("copy not kept", neighbour=self.neighbour, reason=str(error))
-            await asyncio.sleep(AGAIN_S)
+        self._due.add(name)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(COPY_S):
+                while not await self._sent(name):
+                    await asyncio.sleep(AGAIN_S)
 
-    async def _send_due(self) -> None:
+    async def _sent(self, name: str) -> bool:
+        """Whether a copy that a call waits for has been sent, in one message with the others that
+        are due.
+        """
         async with self._sending:
-            due, self._due, self._soon = self._due, set(), None
-            await self._send(due)
+            if name not in self._due:  # sent for another call, after this one had come
+                return True
+            due, self._due = self._due, set()
+            try:
+                await self._send(due)
+            except BaseException as error:
+                self._due |= due
+                if not isinstance(error, WayfarerError):
+                    raise
+                log.warning("copy not kept", neighbour=self.neighbour, reason=str(error))
+                return False
+            return True
 
     def _names(self) -> list[str]:
         """Names of all that can move. Scenes come first, since sessions need them."""

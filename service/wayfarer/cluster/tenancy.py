@@ -9,9 +9,9 @@ import asyncio
 import contextlib
 import os
 import time
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Callable, Collection, Coroutine
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from wayfarer.cluster.directory import share_of
 from wayfarer.cluster.group_map import GroupMap, endpoint
@@ -23,9 +23,6 @@ from wayfarer.ids import group_of, new_group
 CLAIM_S: Final = 1.0
 """Seconds to wait for the directory's answer to a new group. A later answer does no harm: each
 renewal names the group again."""
-
-COPY_S: Final = 8.0
-"""Seconds that a change waits for its copy: until a neighbour that is silent has been replaced."""
 
 
 def boot_clock() -> float:
@@ -50,8 +47,8 @@ class Tenancy:
         self.registered = False
         self.unclaimed = asyncio.Event()
         """Something was made here that the directory shall hear of now."""
-        self.copy: Callable[[str], Awaitable[None]] = _alone
-        """See `Replication.copy`."""
+        self.copied: Callable[[str], Coroutine[Any, Any, None]] = _alone
+        """See `Ownership`; `Replication` does it."""
         self._answered = asyncio.Event()  # the next time
         self._clock = clock
         self._until = float("-inf")  # of the lease
@@ -109,12 +106,6 @@ class Tenancy:
                     self.unclaimed.set()
                     await self._answered.wait()
         await self.copied(name)
-
-    async def copied(self, name: str) -> None:
-        """See `Ownership`; `COPY_S` at most."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(COPY_S):
-                await self.copy(name)
 
     def may_step(self) -> bool:
         """Whether the lease holds and no group of this node has another owner."""

@@ -88,26 +88,21 @@ def _enter(
     """Runs an entry; with a `lease`, also the cluster's directory and nodes if it has none yet."""
     warn_if_open(settings)
     from wayfarer.cluster.actors import RayLink
-    from wayfarer.cluster.entry_process import enter, leave
-    from wayfarer.cluster.ray_cluster import RayCluster
+    from wayfarer.cluster.entry_process import enter, on_ray
 
-    ray = RayCluster(address)
-    background: contextlib.AbstractAsyncContextManager[None]
-    try:
+    def announce(http_url: str, grpc_address: str) -> None:
+        log.info("ready", http=http_url, grpc=grpc_address)
+
+    background: contextlib.AbstractAsyncContextManager[None] = contextlib.nullcontext()
+    with on_ray(address) as ray:
         if lease is None:
             for host in ray.machines().values():
                 _check_links(settings, host)
-            link, background = RayLink.find(), contextlib.nullcontext()
+            link = RayLink.find()
         else:
             link = ray.directory(LeaseRules(lease))
             background = _covered(ray, settings, node_port)
-
-        def announce(http_url: str, grpc_address: str) -> None:
-            log.info("ready", http=http_url, grpc=grpc_address)
-
         run(enter(settings, link, ray, background, announce))
-    finally:
-        leave(ray)
     log.info("stopped; the nodes go on")
 
 

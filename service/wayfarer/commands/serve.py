@@ -24,7 +24,7 @@ from rich.console import Console
 from wayfarer import __version__
 from wayfarer.assembly import fingerprint, model_folder, runtime, with_engine
 from wayfarer.cluster.node_agent import tenancy_of
-from wayfarer.cluster.plans import check_state
+from wayfarer.cluster.plans import check_state, node_plans
 from wayfarer.cluster.ray_environment import encrypt_ray, guard_own_ray
 from wayfarer.config import sources
 from wayfarer.config.page import as_toml
@@ -263,17 +263,18 @@ def serve_command(
     model_folder(settings)
     warn_if_open(settings)
     settings = with_engine(settings)
+    plans = node_plans(settings)
     guard_own_ray()
     encrypt_ray(settings.peer_tls)
-    from wayfarer.cluster.entry_process import OneMachine
+    from wayfarer.cluster.entry_process import on_ray, run_workers
 
     def ready(http_url: str, grpc_address: str) -> None:
         announce(settings, http_url, grpc_address)
         if shows_page:
             open_page(http_url)
 
-    with OneMachine(settings, NODE) as nodes:
-        run(nodes.run(ready))
+    with on_ray() as ray:
+        run(run_workers(ray, settings, plans, NODE, ready))
     log.info("stopped")
 
 

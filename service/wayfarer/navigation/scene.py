@@ -47,7 +47,7 @@ class Scene:
     content_hash: str
     """Hash of the spec: equal specs make equal scenes (at version 0)."""
     version: int
-    """0 as baked; one more with every `put` and `remove`."""
+    """0 as baked; one more with every change of an obstacle."""
     ground: Ground
     mesh: NavMesh
     fields: tuple[ClearanceField, ...]
@@ -83,12 +83,15 @@ class Scene:
         return float(x0), float(y0), float(x1), float(y1)
 
     def put(self, name: str, obstacle: Obstacle) -> "Scene":
-        """The next version, in which the obstacle stands; one of the same name is moved.
+        """The next version, in which the obstacle stands; one of the same name is moved. An equal
+        one changes nothing, so a call that is sent again is answered as before.
 
         Only what is near is baked again. Raises InvalidArgument, ResourceExhausted, and
         FailedPrecondition when no free ground would be left.
         """
         check_obstacle(obstacle, "obstacle")
+        if self.obstacles.get(name) == obstacle:
+            return self
         if name not in self.obstacles and len(self.obstacles) >= MAX_OBSTACLES:
             raise ResourceExhausted(f"a scene holds at most {MAX_OBSTACLES} obstacles")
         return self._next(self.obstacles.get(name), obstacle, {**self.obstacles, name: obstacle})

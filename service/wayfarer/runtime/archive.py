@@ -1,10 +1,11 @@
 """Snapshots and logs that leave a server or come to it, packed off the motion thread."""
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Final, Protocol, TypeVar
+from typing import Final
 
+from wayfarer.runtime.live import LiveMotion
 from wayfarer.runtime.persistence.capture import capture_session
 from wayfarer.runtime.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.runtime.persistence.record import CommandLog
@@ -16,20 +17,10 @@ from wayfarer.runtime.worlds import Worlds
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.world import World
 
-T = TypeVar("T")
-
 SETTLE_TRIES: Final = 15
 SETTLE_SECONDS: Final = 0.02
 """Tries, and pause between them, of an export that waits for chunks planned before the last
 command."""
-
-
-class Home(Protocol):
-    """The place of a session: `LiveMotion`, or `LockStep`."""
-
-    async def ask(self, call: Callable[[World, float], T]) -> T:
-        """Calls with its world and time, on its thread."""
-        ...
 
 
 class Archive:
@@ -39,7 +30,7 @@ class Archive:
         self._worlds = worlds
         self._limits = worlds.settings.limits
 
-    async def export_session(self, home: Home, session_id: str) -> bytes:
+    async def export_session(self, home: LiveMotion, session_id: str) -> bytes:
         """Implements `MotionService`, as do the methods below."""
         for _ in range(SETTLE_TRIES):
             if await home.ask(lambda world, _: world.members.is_settled(session_id)):
@@ -49,7 +40,7 @@ class Archive:
             await home.ask(lambda world, _: capture_session(world, session_id))
         )
 
-    async def replica(self, home: Home, session_id: str) -> bytes:
+    async def replica(self, home: LiveMotion, session_id: str) -> bytes:
         """The data from which it resumes after this server has died. Raises NotFound."""
         return await self._packed(
             await home.ask(
@@ -68,7 +59,7 @@ class Archive:
         own = {**record.spec.attributes, **attributes}
         return replace(record, spec=replace(record.spec, attributes=own))
 
-    async def export_log(self, home: Home, session_id: str) -> bytes:
+    async def export_log(self, home: LiveMotion, session_id: str) -> bytes:
         """Implements `MotionService`."""
         log = await home.ask(lambda world, _: self._log(world, session_id))
         return await asyncio.to_thread(encode_log, log, self.origin)

@@ -1,6 +1,7 @@
-"""The live service: calls of transports become commands to the motion thread. The only clock.
+"""Calls of transports become commands to the thread that owns a world.
 
-`MotionThread` steps the `World` and hands its chunks to the `Publisher`.
+In real time `MotionThread` steps the `World` and hands its chunks to the `Publisher`; in lock-step
+`LockStepThread` does, on request.
 """
 
 import asyncio
@@ -11,7 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import groupby
 from operator import attrgetter
-from typing import Final, TypeVar
+from typing import Protocol, TypeVar
 
 import structlog
 
@@ -20,12 +21,9 @@ from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.persistence.capture import capture_planned
 from wayfarer.runtime.persistence.session_record import CapturedSession, SessionCopy
-from wayfarer.runtime.pipeline import EnginePipeline
-from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.publications import StreamOptions, model_changed
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import Subscription
-from wayfarer.runtime.thread import MotionThread
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
@@ -38,53 +36,56 @@ T = TypeVar("T")
 U = TypeVar("U")
 
 
-INBOX: Final = 4096
-"""Maximum number of commands that wait for the motion thread."""
-
-
 def steady_clock() -> Callable[[], float]:
     """Unix seconds that never jump: the wall clock at the start, then the monotonic clock."""
     start = time.time() - time.monotonic()
     return lambda: start + time.monotonic()
 
 
+class WorldThread(Protocol):
+    """The thread that owns a world: it serves the inbox, and lets time pass."""
+
+    inbox: Inbox
+
+    @property
+    def publisher(self) -> Publisher:
+        """Gets what the world sends."""
+        ...
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """Unix seconds, as the world sees them."""
+        ...
+
+    def start(self) -> None:
+        """Starts the thread, once."""
+        ...
+
+    async def stop(self) -> None:
+        """Ends the thread, every stream and every waiting command; returns when that is done."""
+        ...
+
+
 class LiveMotion:
-    """Runs a world in a separate thread: the real-time part of `MotionService`."""
+    """Sessions that live in a world, in real time or in lock-step."""
 
     def __init__(
         self,
         world: World,
-        warm_up: Callable[[], None] = lambda: None,
-        clock: Callable[[], float] | None = None,
+        thread: WorldThread,
         meter: MetricsSink | None = None,
-        may_step: Callable[[], bool] = lambda: True,
         keep_aside: Callable[[str], None] = lambda session_id: None,
-        ended: Callable[[], None] = lambda: None,
+        workshop: ThreadPoolExecutor | None = None,
     ) -> None:
-        """`warm_up` is called on the motion thread before its first turn. `may_step` and `ended`:
-        see `MotionThread`. `keep_aside(session)` keeps a removed session's files on disk.
+        """`keep_aside(session)` keeps a removed session's files on disk. `workshop`: one thread for
+        costly calls, which several worlds may share.
         """
         self._keep_aside = keep_aside
         self._world = world
-        self._clock = clock or steady_clock()
+        self._thread = thread
+        self._clock, self._inbox, self._publisher = thread.clock, thread.inbox, thread.publisher
         self._meter = meter or MetricsSink()
-        self._inbox = Inbox(INBOX)
-        self._workshop = ThreadPoolExecutor(1, "newcomers")
-        self._publisher = Publisher(
-            world.settings.limits, self._meter, world.get_agent, world.faults
-        )
-        self._thread = MotionThread(
-            world=world,
-            publisher=self._publisher,
-            inbox=self._inbox,
-            pipeline=EnginePipeline(self._clock, self._inbox.wake),
-            warm_up=warm_up,
-            clock=self._clock,
-            meter=self._meter,
-            may_step=may_step,
-            set_aside=lambda session_id: self.set_aside(session_id, "turn"),
-            ended=ended,
-        )
+        self._workshop = workshop or ThreadPoolExecutor(1, "newcomers")
 
     # Life
 
@@ -97,36 +98,17 @@ class LiveMotion:
         await self._thread.stop()
         self._workshop.shutdown(wait=False, cancel_futures=True)
 
-    @property
-    def ready(self) -> bool:
-        """Implements `MotionService`."""
-        return self._thread.ready
-
-    @property
-    def failed(self) -> bool:
-        """Whether the thread has ended without having been stopped."""
-        return self._thread.failed
-
-    @property
-    def alive(self) -> bool:
-        """Implements `MotionService`."""
-        return self._thread.alive
-
     async def ask(self, call: Callable[[World, float], T]) -> T:
-        """Calls on the motion thread, with the world and its time. Must be quick.
+        """Calls on the thread, with the world and its time. Must be quick.
 
         Raises Unavailable, or what `call` raises.
         """
         return await self._inbox.ask(lambda: call(self._world, self._clock()))
 
-    async def stats(self) -> LoopStats:
-        """Implements `MotionService`, as do the methods below."""
-        return await self._inbox.ask(self._thread.stats)
-
     # Sessions
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        """Implements `MotionService`."""
+        """Implements `MotionService`, as do the methods below."""
         with self._counted("create_session"):
             return await self.ask(lambda world, now: world.create_session(spec, now))
 
@@ -134,11 +116,11 @@ class LiveMotion:
         """Resumes a session from another server; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, record)
-            return await self.ask(lambda _, now: self.adopt(record, now, examined=True))
+            return await self.ask(lambda *_: self.adopt(record, examined=True))
 
-    async def delete_session(self, session_id: str) -> None:
-        """Implements `MotionService`."""
-        await self.ask(lambda *_: self._delete_session(session_id))
+    async def delete_session(self, session_id: str, error: WayfarerError | None = None) -> None:
+        """Ends a session; its streams end after their last chunks, with `error` if it is given."""
+        await self.ask(lambda *_: self._delete_session(session_id, error))
 
     # Agents
 
@@ -171,10 +153,6 @@ class LiveMotion:
         """Sends everything planned for a session's agents, before its time. Raises NotFound."""
         await self.ask(lambda world, _: self._send_rest(world, session_id))
 
-    async def leave(self, session_id: str, error: WayfarerError) -> None:
-        """Ends a session on this server; its streams end with `error` after their last chunks."""
-        await self.ask(lambda *_: self._delete_session(session_id, error))
-
     async def taken(self, session_id: str) -> CapturedSession:
         """The state of a frozen session for another server. Raises NotFound."""
         return await self.ask(
@@ -199,7 +177,7 @@ class LiveMotion:
         await self.ask(lambda _, now: self._subscribe(subscription, now))
         return subscription
 
-    # Private; methods that are not `async` run on the motion thread
+    # Private; methods that are not `async` run on the thread
 
     @contextmanager
     def _counted(self, command: str) -> Iterator[None]:
@@ -234,10 +212,10 @@ class LiveMotion:
         self._publisher.await_goal(session_id, agent_id, revision, since)
 
     def adopt(
-        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+        self, record: SessionRecord, admit: bool = True, examined: bool = False
     ) -> SessionInfo:
-        """`put_session` for callers on the motion thread, such as `warm_up`."""
-        session = self._world.members.put_session(record, now, admit, examined)
+        """`put_session` for callers that alone use the world, such as `warm_up`."""
+        session = self._world.members.put_session(record, self._clock(), admit, examined)
         self._publisher.adopt(record)
         return session.info()
 

@@ -7,7 +7,7 @@ none blocks it.
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Final
 
@@ -17,16 +17,20 @@ from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.gates import SessionGates
+from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.live import LiveMotion, steady_clock
-from wayfarer.runtime.lockstep import LockStep, LockSteps
+from wayfarer.runtime.lockstep import LockSteps
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.moving import LiveMoves
 from wayfarer.runtime.offline import Offline
 from wayfarer.runtime.persistence.persistence import SAVE_PARTS, Persistence
+from wayfarer.runtime.pipeline import EnginePipeline
 from wayfarer.runtime.scenes import SceneService
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.publications import Publication, StreamOptions
+from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import Subscription
+from wayfarer.runtime.thread import MotionThread
 from wayfarer.runtime.walk import walk
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
@@ -35,6 +39,9 @@ from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.goals.commands import Append, GoalCommand
 from wayfarer.world.scenes.prepare import prepare
 from wayfarer.world.world import World
+
+INBOX: Final = 4096
+"""Maximum number of commands that wait for the motion thread."""
 
 TRIAL_SECONDS: Final = 1.0
 """Seconds for which a session is stepped when it is tried."""
@@ -72,16 +79,21 @@ class MotionService:
             asyncio.Lock()
         )  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
-        self._live = LiveMotion(
-            self._world,
-            lambda: self._wake(warm_up),
-            self._clock,
-            meter,
-            may_step,
-            self._keep_aside,
-            ended,
+        meter, inbox, world = meter or MetricsSink(), Inbox(INBOX), self._world
+        self._thread = MotionThread(
+            world=world,
+            publisher=Publisher(world.settings.limits, meter, world.get_agent, world.faults),
+            inbox=inbox,
+            pipeline=EnginePipeline(self._clock, inbox.wake),
+            warm_up=lambda: self._wake(warm_up),
+            clock=self._clock,
+            meter=meter,
+            may_step=may_step,
+            set_aside=lambda session_id: self._live.set_aside(session_id, "turn"),
+            ended=ended,
         )
-        self._lock_steps = LockSteps(worlds, self._offline, self._clock)
+        self._live = LiveMotion(world, self._thread, meter, self._keep_aside)
+        self._lock_steps = LockSteps(worlds, self._offline, self._clock, meter)
         self.scenes = SceneService(
             book=worlds.scenes,
             persistence=self._persistence,
@@ -110,23 +122,24 @@ class MotionService:
         await asyncio.to_thread(self._worlds.stop)
         await self._live.stop()
         self.scenes.stop()
-        await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
+        await self._lock_steps.stop()
         self._world.checkpoint()
-        await self._persistence.stop(in_good_order=not self._live.failed)
+        await self._persistence.stop(in_good_order=not self._thread.failed)
 
     @property
     def ready(self) -> bool:
         """Whether models are loaded and warm and the loop is running."""
-        return self._live.ready
+        return self._thread.ready
 
     @property
     def alive(self) -> bool:
         """Whether the loop has made a turn within the last second."""
-        return self._live.alive
+        return self._thread.alive
 
     async def stats(self) -> LoopStats:
         """Figures for dashboards and the viewer."""
-        return replace(await self._live.stats(), journal_failing=self._persistence.failing)
+        stats = await self._live.ask(lambda *_: self._thread.stats())
+        return replace(stats, journal_failing=self._persistence.failing)
 
     # Sessions
 
@@ -228,14 +241,13 @@ class MotionService:
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
         """Advances a lock-step session by primitives. Raises NotFound, FailedPrecondition."""
-        home = self._lock_steps.session(session_id)
-        if home is None:
+        if self._lock_steps.session(session_id) is None:
             await self._live.ask(lambda world, _: world.get_session(session_id))
             raise FailedPrecondition(
                 f"session {session_id!r} runs in real time; create it with `lock_step` to step it"
             )
         async with self._gates.through(session_id):
-            return await home.step(steps)
+            return await self._lock_steps.step(session_id, steps)
 
     def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
@@ -299,10 +311,8 @@ class MotionService:
         scene = record.spec.scene
         async with self._gates.through(scene) if scene else nullcontext(), self._creation_lock:
             await self._refuse_taken(record.session_id)
-            if record.spec.lock_step:
-                made = await asyncio.to_thread(self._lock_steps.put, record)
-            else:
-                made = await self._live.put_session(record)
+            with self._place(record) as home:
+                made = await home.put_session(record)
             return await self._persistence.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
@@ -311,16 +321,21 @@ class MotionService:
 
     # Private
 
-    def _home(self, session_id: str) -> LiveMotion | LockStep:
+    def _home(self, session_id: str) -> LiveMotion:
         return self._lock_steps.session(session_id) or self._live
 
-    def _home_of(self, agent_id: str) -> LiveMotion | LockStep:
+    def _home_of(self, agent_id: str) -> LiveMotion:
         return self._lock_steps.agent(agent_id) or self._live
 
     async def _create_session(self, spec: SessionSpec) -> SessionInfo:
-        if spec.lock_step:
-            return self._lock_steps.create(spec)
-        return await self._live.create_session(spec)
+        place = self._lock_steps.opening() if spec.lock_step else nullcontext(self._live)
+        with place as home:
+            return await home.create_session(spec)
+
+    def _place(self, record: SessionRecord) -> AbstractContextManager[LiveMotion]:
+        if not record.spec.lock_step:
+            return nullcontext(self._live)
+        return self._lock_steps.opening(record.session_id, len(record.agents))
 
     async def _refuse_taken(self, session_id: str) -> None:
         is_live = await self._live.ask(lambda world, _: session_id in world.registry.sessions)
@@ -351,6 +366,5 @@ class MotionService:
         self._persistence.set_aside(session_id, tuple(session.agents), session.spec.scene)
 
     def _adopt(self, record: SessionRecord) -> SessionInfo:
-        if record.spec.lock_step:
-            return self._lock_steps.put(record)
-        return self._live.adopt(record, self._clock(), admit=False)
+        with self._place(record) as home:
+            return home.adopt(record, admit=False)

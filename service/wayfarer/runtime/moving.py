@@ -6,11 +6,9 @@ the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes
 """
 
 import asyncio
-import contextlib
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from typing import Final
-
-import structlog
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.archive import Archive
@@ -28,8 +26,6 @@ from wayfarer.runtime.persistence.session_record import (
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.world.agents.agent import SessionInfo
 from wayfarer.world.world import World
-
-log = structlog.get_logger(__name__)
 
 CALL_S: Final = 0.1
 """Seconds that a move waits for engine calls in progress; their result is then lost, and made again
@@ -64,43 +60,39 @@ class LiveMoves:
         Raises NotFound, and Unavailable if calls on it do not end.
         """
         await self._gates.close(session_id)
-        if self._lock_steps.session(session_id) is not None:
-            return
+        home = self._home(session_id)
         try:
             ends = asyncio.get_running_loop().time() + CALL_S
-            while not await self._live.ask(lambda world, _: _freeze(world, session_id)):
+            while not await home.ask(lambda world, _: _freeze(world, session_id)):
                 if asyncio.get_running_loop().time() > ends:
                     break
                 await asyncio.sleep(POLL_S)
-            await self._live.send_rest(session_id)
+            await home.send_rest(session_id)
         except BaseException:
             await self._thaw(session_id)
             raise
 
     async def export(self, session_id: str) -> bytes:
         """Packs a frozen session. Raises NotFound."""
-        home = self._lock_steps.session(session_id) or self._live
+        home = self._home(session_id)
         taken = await home.taken(session_id)
         recording = b""
         if taken.part.spec.record:
-            with contextlib.suppress(FailedPrecondition):  # the log has been dropped
+            with suppress(FailedPrecondition):  # the log has been dropped
                 recording = await self._archive.export_log(home, session_id)
         return await asyncio.to_thread(encode_record, taken, self._worlds.body, recording)
 
     async def unfreeze(self, session_id: str) -> None:
         """Resumes it on this server. Raises NotFound."""
-        if self._lock_steps.session(session_id) is None:
-            await self._live.ask(lambda world, _: _thaw(world, session_id))
+        await self._home(session_id).ask(lambda world, _: _thaw(world, session_id))
         self._gates.open(session_id)
 
     async def release(self, session_id: str, error: WayfarerError) -> None:
         """Ends it on this server, since it lives on another one. Its streams end with `error` once
         they have sent everything, and so do waiting calls.
         """
-        if self._lock_steps.session(session_id) is not None:
-            await self._lock_steps.delete_session(session_id)
-        else:
-            await self._live.leave(session_id, error)
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
+        await home.delete_session(session_id, error)
         self._gates.open(session_id, error)
         await self._persistence.durable(None)
 
@@ -121,23 +113,16 @@ class LiveMoves:
         spec, session_id = session.record.spec, session.record.session_id
         if session.log is None and not orphan:
             raise InvalidArgument(f"session {session_id!r} is not on its way", "log")
-        if orphan and not spec.lock_step:  # the times of a move that came to nothing are over
-            session = replace(session, rows=None, log=None)
+        if orphan:  # in real time, the times of a move that came to nothing are over
+            session = replace(session, rows=None, log=session.log if spec.lock_step else None)
         kept = await self._log(session.recording) if session.recording else None
-
-        def entered() -> None:
-            if spec.record and not orphan:
-                # a lock-step session resumes in its last state; LiveRows are for real time
-                self._worlds.recordings.go_on(kept, session_id, restarted=spec.lock_step)
 
         await self._gates.close(session_id)
         try:
-            if spec.lock_step:
-                told = session.record, session.log, entered, not orphan
-                made = await asyncio.to_thread(self._lock_steps.put, *told)
-            else:
-                made = await self._live.put_live(session, admit=not orphan)
-                await self._live.ask(lambda *_: entered())
+            with self._place(session, admit=not orphan) as home:
+                made = await home.put_live(session, admit=not orphan)
+                if spec.record and not orphan:
+                    await home.ask(lambda *_: self._worlds.recordings.go_on(kept, session_id))
         except BaseException:
             self._gates.open(session_id)
             raise
@@ -152,6 +137,15 @@ class LiveMoves:
             return await self._archive.replica(self._live, session_id)
         taken = await home.taken(session_id)
         return await asyncio.to_thread(encode_record, taken, self._worlds.body)
+
+    def _home(self, session_id: str) -> LiveMotion:
+        return self._lock_steps.session(session_id) or self._live
+
+    def _place(self, session: SessionCopy, admit: bool) -> AbstractContextManager[LiveMotion]:
+        record = session.record
+        if not record.spec.lock_step:
+            return nullcontext(self._live)
+        return self._lock_steps.opening(record.session_id, len(record.agents), session.log, admit)
 
     async def _log(self, recording: bytes) -> CommandLog:
         limits = self._worlds.settings.limits

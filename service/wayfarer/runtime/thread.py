@@ -93,10 +93,10 @@ class MotionThread:
         without having been stopped.
         """
         self._world = world
-        self._publisher = publisher
-        self._inbox = inbox
+        self.publisher = publisher
+        self.inbox = inbox
         self._warm_up = warm_up
-        self._clock = clock
+        self.clock = clock
         self._may_step = may_step
         self._set_aside = set_aside
         self._on_end = ended
@@ -118,7 +118,7 @@ class MotionThread:
     async def stop(self) -> None:
         """Ends the thread, every stream and every waiting command; returns when that is done."""
         self._stopping = True
-        self._inbox.wake()
+        self.inbox.wake()
         if self._thread.is_alive():
             await asyncio.to_thread(self._thread.join)
 
@@ -137,14 +137,14 @@ class MotionThread:
         """Whether it warms up, or a turn and every engine call ended within the last second."""
         if self._phase is Phase.WARMING:
             return self._thread.is_alive()
-        now = self._clock()
+        now = self.clock()
         is_stalled = now - self._beat >= ALIVE_SECONDS or self._pipeline.age(now) >= ALIVE_SECONDS
         return self._phase is Phase.RUNNING and not is_stalled
 
     def stats(self) -> LoopStats:
         """Must be called on the thread."""
-        now, world = self._clock(), self._world
-        open_ = list(self._publisher.open())
+        now, world = self.clock(), self._world
+        open_ = list(self.publisher.open())
         return LoopStats(
             agents=len(world.registry.agents),
             sessions=len(world.registry.sessions),
@@ -188,11 +188,11 @@ class MotionThread:
         for agent in left:
             event = Event(EventKind.AGENT_LEFT, now, agent.agent_id, agent.alias)
             with self._contained(agent.session_id, Stage.EVENT):
-                self._publisher.forget_agent(agent.session_id, agent.agent_id)
-                self._publisher.tell(agent.session_id, [event])
+                self.publisher.forget_agent(agent.session_id, agent.agent_id)
+                self.publisher.tell(agent.session_id, [event])
 
     def _apply(self, step: PendingStep, seconds: float) -> None:
-        agents, now = self._world.apply(step), self._clock()
+        agents, now = self._world.apply(step), self.clock()
         self._world.load.spent(now, step, seconds)
         self._figures.stepped(now, seconds, agents)
 
@@ -206,12 +206,12 @@ class MotionThread:
     def _publish(self) -> None:
         if not self._may_step():  # the lease has ended during this turn: the machine was suspended
             return
-        began = self._clock()
+        began = self.clock()
         if began < self._publish_at:
             return
         self._leave_out(began)  # the turn may have taken long
         due = self._world.take_due(began + EARLY_SECONDS)
-        now = self._clock()
+        now = self.clock()
         if due:
             self._publish_at = began + BETWEEN_SECONDS
         sights = sights_of(due, self._world.slots)  # decided their order
@@ -220,18 +220,18 @@ class MotionThread:
         self._figures.published(now, due, sights)
         for session_id, event in self._world.take_events():
             with self._contained(session_id, Stage.EVENT):
-                self._publisher.tell(session_id, [event])
-        self._publisher.flush()
+                self.publisher.tell(session_id, [event])
+        self.publisher.flush()
 
     def _publish_one(self, due: Due) -> None:
         session_id, chunks, slots = due
         try:
-            self._publisher.publish(session_id, chunks)
+            self.publisher.publish(session_id, chunks)
             self._world.faults.succeeded(session_id, Stage.PUBLICATION)
         except Exception as error:
             self._fault(session_id, Stage.PUBLICATION, error)
         try:
-            self._world.see(session_id, slots, self._publisher.sights(session_id, chunks))
+            self._world.see(session_id, slots, self.publisher.sights(session_id, chunks))
         except Exception as error:
             self._fault(session_id, Stage.SIGHT, error)
 
@@ -259,8 +259,8 @@ class MotionThread:
         reason = "the motion loop has been stopped"
         try:
             self._warm_up()
-            self._beat = self._clock()
-            self._inbox.open()  # before RUNNING: a caller may call as soon as `ready` is true
+            self._beat = self.clock()
+            self.inbox.open()  # before RUNNING: a caller may call as soon as `ready` is true
             self._phase = Phase.RUNNING
             while not self._stopping:
                 try:
@@ -276,19 +276,19 @@ class MotionThread:
             self._failed = True
         self._pipeline.close()
         self._phase = Phase.ENDED
-        self._inbox.close(reason)
-        self._publisher.end_all(None if self._stopping else Unavailable(reason))
+        self.inbox.close(reason)
+        self.publisher.end_all(None if self._stopping else Unavailable(reason))
         if self._failed:
             self._on_end()
 
     def _measured_turn(self) -> None:
-        self._beat = self._clock()
-        self._inbox.serve(self._time_to_wait())
-        now = self._clock()
+        self._beat = self.clock()
+        self.inbox.serve(self._time_to_wait())
+        now = self.clock()
         if not self._may_step():
             return
         applied = self._turn(now)
-        self._figures.worked += self._clock() - now
+        self._figures.worked += self.clock() - now
         if applied:
             self._world.load.worked(now, *self._figures.take_worked())
         if applied or self._pipeline.is_idle:
@@ -303,11 +303,11 @@ class MotionThread:
         event = self._world.next_event(self._pipeline.has_room, EARLY_SECONDS)
         if event is None:
             return HEARTBEAT
-        return min(max(max(event, self._publish_at) - self._clock(), 0.0), HEARTBEAT)
+        return min(max(max(event, self._publish_at) - self.clock(), 0.0), HEARTBEAT)
 
     def _keep_schedule(self, now: float) -> None:
         """Postpones agents that are too late or wait for a slow reader."""
-        waiting = self._publisher.waiting_sessions(now)
+        waiting = self.publisher.waiting_sessions(now)
         self._figures.held = len(waiting)
         for session_id in waiting:
             with self._contained(session_id, Stage.SCHEDULE):

@@ -19,12 +19,7 @@ from wayfarer.transport.edge.grpc_guard import GuardInterceptor
 from wayfarer.transport.edge.guard import Guard
 from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.grpc_server import (
-    GrpcServer,
-    add_services,
-    bracketed,
-    gateway_interceptors,
-)
+from wayfarer.transport.grpc_server import GrpcServer, add_services, bracketed
 from wayfarer.transport.http_server import http_app
 from wayfarer.transport.server_options import ServerOptions
 
@@ -92,7 +87,7 @@ class Server:
             host,
             grpc_port,
             tls.grpc() if tls else None,
-            gateway_interceptors(guard),
+            [guard],
             operation.connections,
         )
         app = front(

@@ -11,7 +11,7 @@ from wayfarer.transport.edge.metrics import Metrics
 from wayfarer.transport.edge.origins import Origins, own_names
 from wayfarer.transport.edge.prefix import Network
 from wayfarer.transport.edge.tls import Tls
-from wayfarer.transport.edge.tracing import NoTracing, Tracing, tracing
+from wayfarer.transport.edge.tracing import Tracing, tracing
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class ServerOptions:
     origins: Origins = field(default_factory=Origins)
     metrics: Metrics = field(default_factory=Metrics)
     metrics_access: str = "guarded"  # like the setting `metrics`
-    tracing: Tracing = field(default_factory=NoTracing)
+    tracing: Tracing = field(default_factory=Tracing)
     tls: Tls | None = None
     connections: int = 1024
     drain_s: float = 2.0

@@ -19,6 +19,7 @@ from tests.world.fakes import people, taken
 from wayfarer.config.limits import Limits
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.persistence.capture import capture_session
+from wayfarer.runtime.persistence.journal_entries import agents_in
 from wayfarer.runtime.persistence.journal_file import NAME, VERSION, EntryKind, JournalFile
 from wayfarer.runtime.persistence.snapshot import BodyStamp
 from wayfarer.world.agents.agent import AgentChange, SessionSpec
@@ -123,7 +124,7 @@ def test_what_is_gone_stays_gone(kept):
 def test_a_deleted_agent_is_not_brought_back_by_where_it_stood(kept):
     a, *_ = populate(kept.world)
     crowd = capture_session(kept.world, "s").agents
-    kept.journal.refresh(crowd)
+    kept.journal.put(agents_in(crowd))
     kept.world.delete_agent(a)
     kept.close()
     assert len(kept.restored()["s"].agents) == 2

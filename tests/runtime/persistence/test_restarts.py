@@ -1,4 +1,6 @@
-"""The log of a session that resumed on another server in its last state."""
+"""The log of a session that resumed on another server in its last state, as servers before
+2026-11-28 wrote it for sessions in lock-step.
+"""
 
 import pytest
 
@@ -44,6 +46,27 @@ def moved(worlds, world, now):
     return there, resumed, log, {agent.agent_id: agent.seq for agent in record.agents}
 
 
+def restarted(recordings, log):
+    """Continues a log with agents that have begun here as they stood."""
+    for name, after in recordings._logs["s"].tracks.items():
+        if name in log.tracks:
+            restart(log.tracks[name], after)
+    recordings.go_on(log, "s")
+
+
+def restart(track, after):
+    """Orders for chunks that were still to come at that time are in the record, or void."""
+    seq = after.first
+    track.entries = [entry for entry in track.entries if entry.seq < seq] + after.entries
+    track.runs = [run for run in track.runs if run.first < seq] + after.runs
+    track.schedules = [s for s in track.schedules if s.first < seq] + after.schedules
+    track.planned, track.end = after.planned, after.end
+    if seq > track.first:
+        track.restarts.append(after.start)
+    else:
+        track.start = after.start
+
+
 def test_who_lives_on_elsewhere_is_replayed_bit_for_bit_on_both_sides_of_the_jump():
     worlds, world, ids = begun()
     plan = busy_plan(world, ids)
@@ -54,7 +77,7 @@ def test_who_lives_on_elsewhere_is_replayed_bit_for_bit_on_both_sides_of_the_jum
         there, resumed, log, reached = moved(worlds, world, now + 2.0)
         seen = [c for c in seen if c.seq < reached.get(c.agent_id, c.seq + 1)]
         seen += run(resumed, 0.3, [], busy_levels, start=now + 2.0)  # before the log is there
-        there.recordings.go_on(log, "s", restarted=True)
+        restarted(there.recordings, log)
         worlds, world, start = there, resumed, now + 2.3
         world.give(ids[1], Path((Goal((2.0, 2.0, 0.0)), Goal((0.0, 2.0, 0.0)))), start)
         world.give(ids[1], Append((Goal((3.0, 3.0, 0.0)),)), start)
@@ -71,7 +94,7 @@ def test_who_lives_on_elsewhere_is_replayed_bit_for_bit_on_both_sides_of_the_jum
 def test_who_had_not_begun_begins_where_it_lives_on():
     worlds, world, _ = begun(1)
     there, resumed, log, _ = moved(worlds, world, 5.0)
-    there.recordings.go_on(log, "s", restarted=True)
+    restarted(there.recordings, log)
     sent = run(resumed, 2.0, [], start=5.0)
     [track] = there.recordings.copy("s").tracks.values()
     assert track.restarts == []
@@ -83,10 +106,10 @@ def test_a_restart_counts_for_the_limit_and_beyond_it_the_log_is_given_up():
     run(world, 1.0, [])
     there, _, log, _ = moved(worlds, world, 5.0)
     before = log.size
-    there.recordings.go_on(log, "s", restarted=True)
+    restarted(there.recordings, log)
     assert there.recordings.copy("s").size == before + 3 * RESTART_COST
     small, _, log, _ = moved(worlds, world, 5.0)
     small.recordings._limit = before + 1
-    small.recordings.go_on(log, "s", restarted=True)
+    restarted(small.recordings, log)
     with pytest.raises(FailedPrecondition, match="outgrown"):
         small.recordings.copy("s")

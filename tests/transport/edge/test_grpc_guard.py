@@ -15,15 +15,15 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.edge.grpc_guard import (
     OPEN_STREAMS,
+    ErrorInterceptor,
     GuardInterceptor,
     OpenStreamsInterceptor,
     address,
 )
 from wayfarer.transport.edge.guard import Guard
 from wayfarer.transport.edge.metrics import Metrics
-from wayfarer.transport.edge.tracing import NoTracing
+from wayfarer.transport.edge.tracing import Tracing
 from wayfarer.transport.grpc_server import GrpcServer
-from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
 
 KEY = (("x-api-key", STUDIO),)
 
@@ -63,7 +63,7 @@ class Rig:
         interceptors = [
             OpenStreamsInterceptor(),
             ErrorInterceptor(),
-            GuardInterceptor(guard, self.metrics, NoTracing(), access_log=True),
+            GuardInterceptor(guard, self.metrics, Tracing(), access_log=True),
         ]
         self.server = grpc.aio.server(interceptors=interceptors)
         self.server.add_generic_rpc_handlers(

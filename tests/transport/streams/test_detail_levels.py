@@ -23,7 +23,7 @@ from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.motion_service import MotionService
 from wayfarer.runtime.streams.root_tracks import RootTracks
 from wayfarer.transport import schema
-from wayfarer.transport.codec import PoseEncoding, PoseFormat, TierEncoder, encode
+from wayfarer.transport.codec import PoseEncoder, PoseEncoding, PoseFormat
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.edge.metrics import SIGHTS
 from wayfarer.transport.streams.control import control
@@ -133,36 +133,11 @@ async def read_on(messages) -> None:
 # packing
 
 
-def test_a_chunk_is_packed_once_whoever_has_it(monkeypatch):
-    packed, plain = [], encode
-
-    def counting(chunks, basis, pose_format):
-        packed.append((pose_format.fps, chunks.alias.tolist()))
-        return plain(chunks, basis, pose_format)
-
-    monkeypatch.setattr("wayfarer.transport.codec.tier_encoder.encode", counting)
-    encoder, chunks, half = TierEncoder(), at(1.0, 2.0, 3.0), PoseFormat(fps=20)
-    encoder.encode(chunks, np.array([0, 2]), Basis.GLTF, PoseFormat())
-    found = encoder.encode(chunks, np.array([1, 2]), Basis.GLTF, PoseFormat())
-    encoder.encode(chunks, np.array([1, 2]), Basis.GLTF, PoseFormat())
-    encoder.encode(chunks, np.array([1]), Basis.GLTF, half)
-    assert packed == [(40, [1, 3]), (40, [2]), (20, [2])]
-    assert found == plain(chunks.take(np.array([1, 2])), Basis.GLTF)
-
-
-def test_the_memory_of_the_encoder_is_bounded():
-    each = 8 * PoseFormat().frame_bytes
-    encoder = TierEncoder(capacity=2 * each)
-    for seq in range(5):
-        encoder.encode(at(1.0, seq=seq), np.array([0]), Basis.GLTF, PoseFormat())
-        assert len(encoder._packed) == min(seq + 1, 2) and encoder._bytes <= 2 * each
-
-
 @pytest.mark.parametrize("basis", Basis)
 def test_a_root_has_a_place_and_a_heading_in_the_basis(basis):
     chunks = at(1.0)
     roots = RootTracks().follow(chunks)
-    packed = TierEncoder().encode(chunks, np.array([0]), basis, RINGS[1].pose_format, roots)
+    packed = PoseEncoder().encode(chunks, basis, RINGS[1].pose_format, np.array([0]), roots)
     frames = np.frombuffer(packed.poses, np.dtype("<f4,<f4,<f4,<i2,u1,u1"))
     assert len(packed.poses) == 32 and len(packed.contacts) == 2
     first = [frames[0][k] for k in range(3)]

@@ -1,4 +1,4 @@
-"""Steady walks straight ahead at 0.6 to 2.5 m/s: rhythm, posture, and swing of body parts."""
+"""Steady walks straight ahead at 0.4 to 2.5 m/s: pace, rhythm, posture, and swing of body parts."""
 
 from collections.abc import Sequence
 from math import nan
@@ -30,6 +30,7 @@ from wayfarer_lab.evaluation.takes import HEAD, LIMBS, SHOULDERS, WRISTS, Take
 from wayfarer_lab.evaluation.tasks import Plan
 
 SPEEDS: Final[dict[str, tuple[float, float]]] = {
+    "0.4 m/s": (0.3, 0.5),
     "0.6 m/s": (0.5, 0.7),
     "0.8 m/s": (0.7, 0.9),
     "1.0 m/s": (0.9, 1.1),
@@ -83,6 +84,21 @@ def steady(shot: MeasuredTake) -> Take | None:
     return take if len(take) >= MIN_FRAMES else None
 
 
+def pace(shot: MeasuredTake) -> float:
+    """Way made toward the goal while a walk is steady ÷ what is asked; NaN without a goal,
+    or where there is no steady walk.
+
+    Unlike other figures it also counts people that stand when they should walk.
+    """
+    if shot.goal is None:
+        return nan
+    off = distances(shot.take.hips, shot.goal)
+    end = first(off <= BRAKING) or len(off) - 1
+    if end <= SPEEDING:
+        return nan
+    return float(off[SPEEDING] - off[end]) / (shot.goal.speed * (end - SPEEDING) / FPS)
+
+
 def start_seconds(take: Take) -> float:
     """Seconds until a standing agent has started; NaN if it never does."""
     moving = first(smooth_speed(take.hips, 0.2) > MOVING)
@@ -94,6 +110,7 @@ def measure_walk(shot: MeasuredTake) -> Figures:
     began = feet.first_foot(shot.take.height) if shot.goal is not None else None
     row: Figures = {
         "wished_mps": nan if shot.goal is None else shot.goal.speed,
+        "pace": pace(shot),
         "first_right": nan if began is None else float(began),
         "start_s": nan if shot.goal is None else start_seconds(shot.take),
     }
@@ -159,6 +176,8 @@ def walk_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
         each,
         **{name: f"mean of {name}" for name in (*GAIT, "start_s", "first_right")},
         measured="mean of bob_cm",
+        pace="mean of pace",
+        pace_p10="p10 of pace",
     )
     known = [figures for figures in each if not np.isnan(figures["cadence"])]
     row["measured"] = float(len(known))
@@ -221,7 +240,7 @@ WALK: Final = Maneuver(
     cases=tuple(_case(name) for name in SPEEDS),
     measure=measure_walk,
     row=walk_row,
-    bars=(Bar("right_first", 0.4, 0.6, ALL),),
+    bars=(Bar("pace_p10", low=0.7), Bar("right_first", 0.4, 0.6, ALL)),
     across=across,
     worst="trunk_deg",
     strip=lambda shot: part(shot.take, 2.0, 4.5),

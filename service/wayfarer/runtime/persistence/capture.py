@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from wayfarer.runtime.persistence.journal import Journal
-from wayfarer.runtime.persistence.journal_entries import CapturedAgents, Member
+from wayfarer.runtime.persistence.journal_entries import (
+    CapturedAgents,
+    Member,
+    agents_in,
+    no_agents,
+)
+from wayfarer.runtime.persistence.journal_file import EntryKind
 from wayfarer.runtime.persistence.session_record import CapturedSession
 from wayfarer.runtime.persistence.snapshot import AgentPart, AgentRows, RetiredColumns, SessionPart
 from wayfarer.world.agents.agent import AgentChange
@@ -76,11 +82,11 @@ class JournalObserver:
 
     def closed(self, session: Session) -> None:
         """Forgets the session."""
-        self._journal.drop_session(session.session_id, ())
+        self._journal.put({(EntryKind.SESSION, session.session_id): None})
 
     def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
         """Keeps the agents, and the session, whose last alias has changed."""
-        self._journal.put_session(_session_part(session))
+        self._journal.put({(EntryKind.SESSION, session.session_id): _session_part(session)})
         if agents:
             self.stood(agents)
 
@@ -94,7 +100,7 @@ class JournalObserver:
 
     def deleted(self, agent: Agent, seq: int) -> None:
         """Forgets the agent."""
-        self._journal.drop_agents([agent.agent_id])
+        self._journal.put(no_agents([agent.agent_id]))
 
     def planned(
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
@@ -112,7 +118,7 @@ class JournalObserver:
 
     def stood(self, agents: Sequence[Agent]) -> None:
         """Keeps where agents stand."""
-        self._journal.refresh(capture_agents(self._world, agents))
+        self._journal.put(agents_in(capture_agents(self._world, agents)))
 
 
 def _session_part(session: Session) -> SessionPart:

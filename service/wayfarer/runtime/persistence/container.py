@@ -13,13 +13,13 @@ that holds more.
 import struct
 import zlib
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 
 VERSION: Final = 1
 
-BETWEEN_SERVERS: Final = 6
+BETWEEN_SERVERS: Final = 7
 """To be raised when what only servers send each other changes: live sessions, replicas, and the
 calls that bring them (cluster/node_agent.py). Nodes of other numbers are of another kind.
 """
@@ -40,13 +40,6 @@ class ContainerKind(Enum):
         return self.name.lower()
 
 
-class Content(NamedTuple):
-    """The contents."""
-
-    header: bytes
-    arrays: bytes
-
-
 def seal(kind: ContainerKind, header: bytes, arrays: bytes, level: int = LEVEL) -> bytes:
     """The container."""
     body = zlib.compress(header + arrays, level)
@@ -65,8 +58,8 @@ def beginning(kind: ContainerKind, data: bytes, most: int) -> bytes:
         raise InvalidArgument(f"{kind.field} is damaged: {error}", kind.field) from None
 
 
-def unseal(kind: ContainerKind, data: bytes, most: int) -> Content:
-    """Opens a container of at most `most` bytes.
+def unseal(kind: ContainerKind, data: bytes, most: int) -> tuple[bytes, bytes]:
+    """The header and the arrays of a container of at most `most` bytes.
 
     Raises InvalidArgument; FailedPrecondition when it is of another version.
     """
@@ -74,7 +67,7 @@ def unseal(kind: ContainerKind, data: bytes, most: int) -> Content:
     body = _inflate(kind, memoryview(data)[_HEAD.size :], most)
     if header > len(body):
         raise InvalidArgument(f"{kind.field} is cut short within its header", kind.field)
-    return Content(body[:header], body[header:])
+    return body[:header], body[header:]
 
 
 def _header_bytes(kind: ContainerKind, data: bytes) -> int:

@@ -12,6 +12,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,16 +21,14 @@ import structlog
 
 from wayfarer.config.limits import Limits
 from wayfarer.errors import ArtifactError
-from wayfarer.runtime.inbox import post
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.persistence.journal_entries import (
-    CapturedAgents,
     Member,
-    Row,
     Value,
     check_origin,
     decode,
     encode,
+    no_agents,
 )
 from wayfarer.runtime.persistence.journal_file import Entries, EntryKind, JournalFile, Key
 from wayfarer.runtime.persistence.scene_entries import (
@@ -52,7 +51,7 @@ RETRY_SECONDS: Final = 1.0
 
 
 class Journal:
-    """Keeps what it is given. `put_…`, `drop_…` and `refresh` take microseconds."""
+    """Keeps what it is given. `put` takes microseconds."""
 
     def __init__(self, folder: Path, body: BodyStamp, meter: MetricsSink | None = None) -> None:
         """Opens the journal of a folder. Raises ArtifactError: see `JournalFile`; or when it was
@@ -72,7 +71,7 @@ class Journal:
         self._pending: dict[Key, Value] = {(EntryKind.BODY, ""): body}
         self._aside: list[_Aside] = []  # sessions to be set aside
         self._noted = self._written = 0  # puts, and how many of them have been written
-        self._waiting: list[_Waiter] = []
+        self._waiting: list[tuple[int, Future[None]]] = []  # puts that must be written
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
@@ -116,27 +115,27 @@ class Journal:
 
     async def durable(self) -> None:
         """Returns when everything put before is on disk, or cannot be written now."""
-        loop = asyncio.get_running_loop()
         with self._changed:
             if self.failing or self._stopping or self._written >= self._noted:
                 return
-            waiter = _Waiter(self._noted, loop, loop.create_future())
-            self._waiting.append(waiter)
-        await waiter.future
+            written = Future[None]()
+            written.set_running_or_notify_cancel()  # it cannot be cancelled: the writer ends it
+            self._waiting.append((self._noted, written))
+        await asyncio.wrap_future(written)
 
     # Callable from any thread
 
     def put_scene(self, kept: SceneEntry) -> None:
         """A scene is new."""
-        self._put({(EntryKind.SCENE, kept.scene_id): scene_part(kept)})
+        self.put({(EntryKind.SCENE, kept.scene_id): scene_part(kept)})
 
     def put_obstacles(self, kept: SceneEntry) -> None:
         """Something has come, gone or been moved in a scene."""
-        self._put({(EntryKind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
+        self.put({(EntryKind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
 
     def drop_scene(self, scene_id: str) -> None:
         """A scene is gone."""
-        self._put({(kind, scene_id): None for kind in (EntryKind.SCENE, EntryKind.OBSTACLES)})
+        self.put({(kind, scene_id): None for kind in (EntryKind.SCENE, EntryKind.OBSTACLES)})
 
     # Called on the motion thread
 
@@ -146,44 +145,23 @@ class Journal:
 
     def open_session(self, session: SessionPart) -> None:
         """A session is new; agents that another one of its id has left in the file go."""
-        gone = _gone(self._left.pop(session.session_id, ()))
-        self._put({**gone, (EntryKind.SESSION, session.session_id): session})
-
-    def put_session(self, session: SessionPart) -> None:
-        """A session has changed; its agents are put on their own."""
-        self._put({(EntryKind.SESSION, session.session_id): session})
-
-    def refresh(self, crowd: CapturedAgents) -> None:
-        """Agents are new, got a command, or have moved."""
-        values: dict[Key, Value] = {}
-        for number, member in enumerate(crowd.members):
-            name = member.part.agent_id
-            values[EntryKind.AGENT, name] = member
-            values[EntryKind.MOTION, name] = Row(crowd, number)
-        self._put(values)
-
-    def drop_agents(self, agent_ids: Iterable[str]) -> None:
-        """Agents are gone."""
-        self._put(_gone(agent_ids))
+        gone = no_agents(self._left.pop(session.session_id, ()))
+        self.put({**gone, (EntryKind.SESSION, session.session_id): session})
 
     def set_aside(self, session_id: str, agent_ids: Iterable[str], scene_id: str = "") -> None:
         """Moves the entries of a session into a separate journal, in a folder of `ASIDE` with which
         a server can be started; its scene is copied.
         """
-        kinds = (EntryKind.AGENT, EntryKind.MOTION)
-        keys = [(kind, name) for name in agent_ids for kind in kinds]
+        keys = (EntryKind.SESSION, session_id), *no_agents(agent_ids)
         copied = [(EntryKind.BODY, "")]
         if scene_id:
             copied += [(EntryKind.SCENE, scene_id), (EntryKind.OBSTACLES, scene_id)]
         with self._changed:
-            self._aside.append(_Aside(session_id, ((EntryKind.SESSION, session_id), *keys), copied))
+            self._aside.append(_Aside(session_id, keys, copied))
             self._changed.notify()
 
-    def drop_session(self, session_id: str, agent_ids: Iterable[str]) -> None:
-        """A session and its agents are gone."""
-        self._put({**_gone(agent_ids), (EntryKind.SESSION, session_id): None})
-
-    def _put(self, values: Mapping[Key, Value]) -> None:
+    def put(self, values: Mapping[Key, Value]) -> None:
+        """Entries have changed."""
         with self._changed:
             self._pending.update(values)
             self._noted += 1
@@ -272,15 +250,12 @@ class Journal:
         return not isinstance(value, Member) or self._members.get(key) != value
 
     def _release(self) -> None:
-        ready = [w for w in self._waiting if self.failing or w.noted <= self._written]
-        self._waiting = [w for w in self._waiting if w not in ready]
-        for waiter in ready:
-            post(waiter.loop, waiter.settle)
-
-
-def _gone(agent_ids: Iterable[str]) -> dict[Key, Value]:
-    kinds = (EntryKind.AGENT, EntryKind.MOTION)
-    return {(kind, name): None for name in agent_ids for kind in kinds}
+        waiting, self._waiting = self._waiting, []
+        for noted, written in waiting:
+            if self.failing or noted <= self._written:
+                written.set_result(None)
+            else:
+                self._waiting.append((noted, written))
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,16 +265,3 @@ class _Aside:
     session_id: str
     keys: Sequence[Key]
     copied: Sequence[Key]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Waiter:
-    """A caller that waits until `noted` puts have been written."""
-
-    noted: int
-    loop: asyncio.AbstractEventLoop
-    future: asyncio.Future[None]
-
-    def settle(self) -> None:
-        if not self.future.done():  # the caller may have been cancelled meanwhile
-            self.future.set_result(None)

@@ -1,10 +1,10 @@
 """The journal's entries of a session and its agents: values as bytes, and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import structlog
@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from wayfarer.config.limits import Limits
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.runtime.persistence.journal_file import Entries, EntryKind, Key
-from wayfarer.runtime.persistence.packing import pack
+from wayfarer.runtime.persistence.packing import pack, unpack
 from wayfarer.runtime.persistence.scene_entries import OBSTACLES, SCENE, ObstaclesPart, ScenePart
 from wayfarer.runtime.persistence.snapshot import (
     AgentPart,
@@ -24,7 +24,6 @@ from wayfarer.runtime.persistence.snapshot import (
     check_body,
     join_agent,
     join_session,
-    unpack_agents,
 )
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.record_checks import check_agent_record
@@ -44,6 +43,13 @@ class Member:
 
 
 _MEMBER: Final = TypeAdapter(Member)
+_JSON: Final[dict[type, TypeAdapter[Any]]] = {
+    BodyStamp: _BODY,
+    SessionPart: _SESSION,
+    Member: _MEMBER,
+    ScenePart: SCENE,
+    ObstaclesPart: OBSTACLES,
+}
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,22 @@ Value = BodyStamp | SessionPart | Member | Row | ScenePart | ObstaclesPart | Non
 """The new contents of an entry; None: it is gone."""
 
 
+def agents_in(crowd: CapturedAgents) -> dict[Key, Value]:
+    """The entries of agents that are new, got a command, or have moved."""
+    values: dict[Key, Value] = {}
+    for number, member in enumerate(crowd.members):
+        name = member.part.agent_id
+        values[EntryKind.AGENT, name] = member
+        values[EntryKind.MOTION, name] = Row(crowd, number)
+    return values
+
+
+def no_agents(agent_ids: Iterable[str]) -> dict[Key, Value]:
+    """The entries of agents that are gone."""
+    kinds = (EntryKind.AGENT, EntryKind.MOTION)
+    return {(kind, name): None for name in agent_ids for kind in kinds}
+
+
 def encode(values: Mapping[Key, Value]) -> dict[Key, bytes | None]:
     """The entries as bytes. An entry that cannot be encoded is logged and left out."""
     found: dict[Key, bytes | None] = {}
@@ -88,16 +110,8 @@ def _bytes(value: Value) -> bytes | None:
             return None
         case Row(crowd, number):
             return crowd.packed[number].tobytes()
-        case SessionPart():
-            return _SESSION.dump_json(value)
-        case Member():
-            return _MEMBER.dump_json(value)
-        case BodyStamp():
-            return _BODY.dump_json(value)
-        case ScenePart():
-            return SCENE.dump_json(value)
-        case ObstaclesPart():
-            return OBSTACLES.dump_json(value)
+        case _:
+            return _JSON[type(value)].dump_json(value)
 
 
 # Entries of a file
@@ -141,7 +155,7 @@ def _agents(entries: Entries, limits: Limits) -> dict[str, list[AgentRecord]]:
     for name, text in entries.of(EntryKind.AGENT).items():
         try:
             member = _MEMBER.validate_json(text)
-            row = unpack_agents(motion.get(name, b""), 1, "motion")
+            row = unpack(AgentRows, motion.get(name, b""), "motion")
             if len(row.seq) != 1:
                 raise InvalidArgument("its motion could not be read", "motion")
             record = join_agent(member.part, row)

@@ -36,7 +36,7 @@ from wayfarer.runtime.persistence.snapshot import (
     check_body,
     check_origin,
     join_agent,
-    pack_agents,
+    pack_agent,
     parse,
 )
 from wayfarer.spec import FPS
@@ -123,7 +123,7 @@ def encode_log(log: CommandLog, origin: LogOrigin) -> bytes:
         tracks=tuple(map(_track_part, tracks)),
     )
     text = header.model_dump_json(exclude_none=True)
-    return seal(ContainerKind.LOG, text.encode(), pack_agents(_poses(tracks)))
+    return seal(ContainerKind.LOG, text.encode(), b"".join(map(pack_agent, _poses(tracks))))
 
 
 def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int) -> CommandLog:
@@ -133,12 +133,12 @@ def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int
     made with another model, body or format.
     """
     most = SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
-    content = unseal(ContainerKind.LOG, data, most)
-    header = parse(LogHeader, content.header, ContainerKind.LOG, values=32 * most_entries)
+    text, arrays = unseal(ContainerKind.LOG, data, most)
+    header = parse(LogHeader, text, ContainerKind.LOG, values=32 * most_entries)
     _check_origin(header, origin)
     check_session_id(header.session_id)
     log = CommandLog(header.session_id, header.spec, header.created_at)
-    rows = iter(_rows(content.arrays))
+    rows = _rows(arrays)
     for number, part in enumerate(header.tracks):
         track = _track(part, rows, limits, f"tracks[{number}]")
         if track.agent_id in log.tracks:

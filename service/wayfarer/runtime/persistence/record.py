@@ -79,7 +79,7 @@ class AgentTrack:
     planned: int = 0  # = seq of the next chunk to plan
     end: int = 0  # = seq of the next chunk to send
     restarts: list[AgentRecord] = field(default_factory=list)
-    """Records from which it resumed at that chunk, on this or another server."""
+    """Records from which it resumed at that chunk. Only servers before 2026-11-28 wrote such."""
 
     @property
     def first(self) -> int:
@@ -112,21 +112,6 @@ class AgentTrack:
             for place in range(later, len(self.entries)):
                 self.entries[place] = replace(self.entries[place], seq=entry.seq)
         insort_right(self.entries, entry, key=_SEQ)
-
-    def restart(self, after: "AgentTrack") -> None:
-        """Continues with `after`, which began elsewhere from a record: orders for chunks that were
-        still to come at that time are in the record, or void.
-        """
-        assert isinstance(after.start, AgentRecord)  # a track never resumes from a spec
-        seq = after.first
-        self.entries = [entry for entry in self.entries if entry.seq < seq] + after.entries
-        self.runs = [run for run in self.runs if run.first < seq] + after.runs
-        self.schedules = [s for s in self.schedules if s.first < seq] + after.schedules
-        self.planned, self.end = after.planned, after.end
-        if seq > self.first:
-            self.restarts.append(after.start)
-        else:
-            self.start = after.start
 
     def plan(self, run: ChunkRun) -> int:
         """A chunk was planned; returns by how many runs the track has grown."""
@@ -195,19 +180,14 @@ class Recordings:
             )
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
 
-    def go_on(self, log: CommandLog | None, session_id: str, restarted: bool) -> None:
-        """Continues the log of a session from another server; None: it was dropped.
-
-        `restarted`: its agents have begun here as they stood, and not as if nothing had happened.
-        """
+    def go_on(self, log: CommandLog | None, session_id: str) -> None:
+        """Continues the log of a session from another server; None: it was dropped."""
         begun = self._logs[session_id]
         if log is None:
             self._drop(begun)
             return
         for name, track in begun.tracks.items():
             kept = log.tracks.setdefault(name, track)
-            if restarted and kept is not track:
-                kept.restart(track)
             if name in self._tracks:
                 self._tracks[name] = log, kept
         self._logs[session_id] = log

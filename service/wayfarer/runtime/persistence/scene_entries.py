@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import structlog
 from pydantic import Base64Bytes, ConfigDict, TypeAdapter
@@ -46,15 +46,8 @@ class SolidPart:
     @classmethod
     def of(cls, solid: Solid) -> "SolidPart":
         """The part of a solid."""
-        match solid:
-            case Box():
-                return cls(box=solid)
-            case Cylinder():
-                return cls(cylinder=solid)
-            case Prism():
-                return cls(prism=solid)
-            case Ramp():
-                return cls(ramp=solid)
+        kind: dict[str, Any] = {type(solid).__name__.lower(): solid}
+        return cls(**kind)
 
     @property
     def solid(self) -> Solid:

@@ -78,7 +78,7 @@ class RetiredColumns(Rows):
 
 @dataclass(slots=True)
 class AgentRows(Rows):
-    """Agents at rest: the arrays of `AgentRecord`. New columns come last (`unpack_agents`)."""
+    """Agents at rest: the arrays of `AgentRecord`."""
 
     seq: Int
     motion: Motion
@@ -149,10 +149,10 @@ def open_snapshot(
     """Header and arrays of up to `most` bytes, the header of up to `values` values. Raises as
     `decode_session`.
     """
-    content = unseal(ContainerKind.SNAPSHOT, data, most)
-    header = parse(kind, content.header, ContainerKind.SNAPSHOT, values)
+    text, arrays = unseal(ContainerKind.SNAPSHOT, data, most)
+    header = parse(kind, text, ContainerKind.SNAPSHOT, values)
     check_origin(header.fps, header.body, body, ContainerKind.SNAPSHOT)
-    return header, content.arrays
+    return header, arrays
 
 
 def named_session(data: bytes) -> str:
@@ -175,9 +175,9 @@ def agent_part(record: AgentRecord) -> AgentPart:
     return AgentPart(**{part.name: getattr(record, part.name) for part in fields(AgentPart)})
 
 
-def standing(record: AgentRecord) -> AgentRows:
+def pack_agent(record: AgentRecord) -> bytes:
     """The arrays of an agent: one row."""
-    return AgentRows(
+    rows = AgentRows(
         seq=np.array([record.seq]),
         motion=record.motion,
         retired=RetiredColumns.empty(1),
@@ -185,11 +185,7 @@ def standing(record: AgentRecord) -> AgentRows:
         memory=record.memory,
         aims=record.aims,
     )
-
-
-def pack_agents(agents: Sequence[AgentRecord]) -> bytes:
-    """The arrays of all agents."""
-    return b"".join(pack(standing(agent)).tobytes() for agent in agents)
+    return pack(rows).tobytes()
 
 
 def join_session(
@@ -226,7 +222,7 @@ def join_agents(
         raise InvalidArgument(
             f"there are {len(parts)} agents; allowed: {limits.agents_per_session}", "agents"
         )
-    rows = unpack_agents(arrays, len(parts), "agents")
+    rows = unpack(AgentRows, arrays, "agents")
     if len(rows.seq) != len(parts):
         raise InvalidArgument(
             f"there are {len(parts)} agents and the motion of {len(rows.seq)}", "agents"
@@ -234,11 +230,6 @@ def join_agents(
     return tuple(
         join_agent(part, rows.take(np.array([number]))) for number, part in enumerate(parts)
     )
-
-
-def unpack_agents(arrays: bytes, count: int, where: str) -> AgentRows:
-    """The arrays of `count` agents, or of as many as there are. Raises InvalidArgument."""
-    return unpack(AgentRows, arrays, where)
 
 
 # Checks

@@ -3,7 +3,6 @@
 from wayfarer.transport.codec.encoder import PoseEncoder
 from wayfarer.transport.codec.packing import DecodedPoses, PackedPoses, decode, encode
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat, PoseProfile
-from wayfarer.transport.codec.tier_encoder import TierEncoder
 
 __all__ = [
     "DecodedPoses",
@@ -12,7 +11,6 @@ __all__ = [
     "PoseEncoding",
     "PoseFormat",
     "PoseProfile",
-    "TierEncoder",
     "decode",
     "encode",
 ]

@@ -11,6 +11,7 @@ from contextlib import aclosing
 from typing import Any, Final, TypeVar
 
 import grpc
+from google.protobuf.message import DecodeError
 from google.protobuf.message import Message as ProtoMessage
 from google.protobuf.message_factory import GetMessageClass
 from pydantic import BaseModel, ValidationError
@@ -60,15 +61,20 @@ def handler(method: Any, call: Callable[[Any], Any]) -> grpc.RpcMethodHandler:
     """
     kind, response = GetMessageClass(method.input_type), GetMessageClass(method.output_type)
 
-    async def unary(request: Any, _: Any) -> Any:
-        given = call(request)
+    def read(sent: Any) -> Any:
+        if method.client_streaming:
+            return (_decoded(kind, data) async for data in sent)
+        return _decoded(kind, sent)
+
+    async def unary(sent: Any, _: Any) -> Any:
+        given = call(read(sent))
         found = await given if isinstance(given, Awaitable) else given
         if isinstance(found, schema.SceneOutlines):  # large ones take long
             return await asyncio.to_thread(answer, response, found)
         return answer(response, found)
 
-    async def stream(request: Any, _: Any) -> AsyncGenerator[Any]:
-        async with aclosing(call(request)) as messages:
+    async def stream(sent: Any, _: Any) -> AsyncGenerator[Any]:
+        async with aclosing(call(read(sent))) as messages:
             async for message in messages:
                 yield message
 
@@ -79,7 +85,15 @@ def handler(method: Any, call: Callable[[Any], Any]) -> grpc.RpcMethodHandler:
         (True, True): (grpc.stream_stream_rpc_method_handler, stream),
     }
     make, behaviour = kinds[method.client_streaming, method.server_streaming]
-    return make(behaviour, kind.FromString, _encoded)
+    return make(behaviour, None, _encoded)
+
+
+def _decoded(kind: type[Proto], data: bytes) -> Proto:
+    """Parses a request here, since gRPC itself would report a malformed one as INTERNAL."""
+    try:
+        return kind.FromString(data)
+    except DecodeError:
+        raise InvalidArgument("not a protobuf message of this call; see proto/") from None
 
 
 def _encoded(message: ProtoMessage | bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""gRPC interceptor: the guard, figures, spans, log lines."""
+"""gRPC interceptors: errors as statuses, the guard, figures, spans, log lines."""
 
 import asyncio
 import inspect
@@ -14,6 +14,7 @@ from collections.abc import (
     Mapping,
 )
 from contextlib import aclosing, asynccontextmanager
+from functools import partial
 from typing import Any, Final
 from urllib.parse import unquote
 
@@ -35,8 +36,6 @@ OPEN_STREAMS: Final = 8
 """Maximum streams of health and reflection, which need no credentials, from one address."""
 
 Headers = dict[str, str]
-
-
 Enter = Callable[[Any], Any]
 """Makes an asynchronous context manager from a call's context."""
 
@@ -84,6 +83,27 @@ class OpenStreamsInterceptor(AroundInterceptor):
                 del self._open[name]
 
 
+class ErrorInterceptor(AroundInterceptor):
+    """Ends a call that raised with the status of errors.py; logs unexpected errors.
+
+    CancelledError and AbortError pass through.
+    """
+
+    def _enter(self, method: str, handler: Any) -> Enter | None:
+        return partial(_translated, method) if method.startswith(OURS) else None
+
+
+@asynccontextmanager
+async def _translated(method: str, context: Any) -> AsyncIterator[None]:
+    try:
+        yield
+    except grpc.aio.AbortError:
+        raise
+    except Exception as error:
+        errors.log_unexpected(log, error, method)
+        await context.abort_with_status(errors.to_grpc(error))
+
+
 class GuardInterceptor(AroundInterceptor):
     """The guard. It runs inside the interceptor that turns errors into statuses."""
 
@@ -94,9 +114,7 @@ class GuardInterceptor(AroundInterceptor):
         self._access_log = access_log
 
     def _enter(self, method: str, handler: Any) -> Enter | None:
-        if not method.startswith(OURS):
-            return None
-        return lambda context: self._call(method, handler, context)
+        return partial(self._call, method, handler) if method.startswith(OURS) else None
 
     @asynccontextmanager
     async def _call(self, method: str, handler: Any, context: Any) -> AsyncIterator[None]:

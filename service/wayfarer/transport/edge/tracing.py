@@ -6,53 +6,35 @@ headers and the like are set by OpenTelemetry's own variables (OTEL_TRACES_SAMPL
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
-from typing import Any, Protocol
+from contextlib import contextmanager
+from typing import Any
 
 from wayfarer import __version__
-
-
-class Tracing(Protocol):
-    """Receives spans."""
-
-    def call(
-        self, name: str, headers: Mapping[str, str]
-    ) -> AbstractContextManager[Callable[[str], None]]:
-        """A context manager around a call; `headers` may carry the client's `traceparent`.
-
-        It yields a function that renames the span.
-        """
-        ...
-
-    def step(self, agents: int, seconds: float) -> None:
-        """Records an engine call that has just ended."""
-        ...
-
-    def close(self) -> None:
-        """Sends the remaining spans."""
-        ...
 
 
 def _unnamed(name: str) -> None:
     """Does nothing, since there is no span."""
 
 
-class NoTracing:
-    """Traces nothing."""
+class Tracing:
+    """Receives spans; this one drops them."""
 
     @contextmanager
     def call(self, name: str, headers: Mapping[str, str]) -> Iterator[Callable[[str], None]]:
-        """Implements `Tracing`, as do the methods below."""
+        """A context manager around a call; `headers` may carry the client's `traceparent`.
+
+        It yields a function that renames the span.
+        """
         yield _unnamed
 
     def step(self, agents: int, seconds: float) -> None:
-        """Implements `Tracing`."""
+        """Records an engine call that has just ended."""
 
     def close(self) -> None:
-        """Implements `Tracing`."""
+        """Sends the remaining spans."""
 
 
-class OtlpTracing:
+class OtlpTracing(Tracing):
     """Spans over OTLP. A thread of the library sends them in batches."""
 
     def __init__(self, endpoint: str, exporter: Any = None) -> None:
@@ -76,7 +58,7 @@ class OtlpTracing:
 
     @contextmanager
     def call(self, name: str, headers: Mapping[str, str]) -> Iterator[Callable[[str], None]]:
-        """Implements `Tracing`, as do the methods below."""
+        """Implements `Tracing`."""
         with self._tracer.start_as_current_span(
             name,
             context=self._extract(headers),
@@ -105,4 +87,4 @@ class OtlpTracing:
 
 def tracing(endpoint: str) -> Tracing:
     """A tracer that exports to an OTLP endpoint, or traces nothing if that is empty."""
-    return OtlpTracing(endpoint) if endpoint else NoTracing()
+    return OtlpTracing(endpoint) if endpoint else Tracing()

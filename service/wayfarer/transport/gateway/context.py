@@ -10,7 +10,7 @@ from wayfarer.config.limits import Limits
 from wayfarer.errors import NotFound, Unavailable
 from wayfarer.runtime.motion_service import MotionService
 from wayfarer.transport import schema
-from wayfarer.transport.codec import PoseEncoder, PoseFormat, TierEncoder
+from wayfarer.transport.codec import PoseEncoder, PoseFormat
 from wayfarer.transport.contract import CALLS
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Basis
@@ -64,7 +64,6 @@ class GatewayContext:
     scenes: SceneAccess = field(init=False)
     replies: IdempotencyCache = field(init=False)
     encoder: PoseEncoder = field(default_factory=PoseEncoder)
-    tier_encoder: TierEncoder = field(default_factory=TierEncoder)
     skeleton: schema.Skeleton = field(default_factory=convert.skeleton)
     draining: asyncio.Event = field(default_factory=asyncio.Event)
     taken_over: bool = (
@@ -109,5 +108,4 @@ class GatewayContext:
 
     def writer(self, basis: Basis, pose_format: PoseFormat) -> BatchWriter:
         """Writes motion for one reader; all writers share the packed poses."""
-        shared = (self.encoder, self.bodies, self.skeleton, self.tier_encoder)
-        return BatchWriter(basis, pose_format, *shared)
+        return BatchWriter(basis, pose_format, self.encoder, self.bodies, self.skeleton)

@@ -10,8 +10,7 @@ from grpc_reflection.v1alpha import reflection
 from wayfarer.config.limits import Limits
 from wayfarer.errors import Unavailable
 from wayfarer.transport.contract import FILES
-from wayfarer.transport.edge.grpc_guard import OpenStreamsInterceptor
-from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
+from wayfarer.transport.edge.grpc_guard import ErrorInterceptor, OpenStreamsInterceptor
 
 SERVICES: Final = tuple(
     service.full_name for file in FILES for service in file.DESCRIPTOR.services_by_name.values()
@@ -41,7 +40,7 @@ class GrpcServer:
         """
         size = limits.message_bytes
         self._server = server = grpc.aio.server(
-            interceptors=[OpenStreamsInterceptor(), *interceptors],
+            interceptors=[OpenStreamsInterceptor(), ErrorInterceptor(), *interceptors],
             maximum_concurrent_rpcs=CALLS + limits.streams,
             options=[
                 ("grpc.max_allowed_incoming_connections", connections),
@@ -93,13 +92,6 @@ class GrpcServer:
     async def stop(self, grace: float) -> None:
         """Waits up to `grace` seconds for calls to end, then stops."""
         await self._server.stop(grace)
-
-
-def gateway_interceptors(
-    guard: grpc.aio.ServerInterceptor,
-) -> list[grpc.aio.ServerInterceptor]:
-    """The interceptors, outermost first; `guard` admits calls."""
-    return [ErrorInterceptor(), guard, DecodeInterceptor()]
 
 
 def bracketed(host: str) -> str:

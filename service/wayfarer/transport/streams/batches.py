@@ -2,7 +2,7 @@
 
 from collections.abc import AsyncGenerator, Iterable
 from contextlib import aclosing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from wayfarer.runtime.streams.publications import Publication
 from wayfarer.runtime.streams.root_tracks import Roots
 from wayfarer.spec import FPS
 from wayfarer.transport import schema
-from wayfarer.transport.codec import PackedPoses, PoseEncoder, PoseFormat, TierEncoder
+from wayfarer.transport.codec import PackedPoses, PoseEncoder, PoseFormat
 from wayfarer.transport.conversion import convert, wire
 from wayfarer.transport.conversion.basis import Axes, Basis
 from wayfarer.transport.conversion.bodies import BodyLibrary
@@ -43,7 +43,6 @@ class BatchWriter:
     encoder: PoseEncoder
     bodies: BodyLibrary
     skeleton: schema.Skeleton
-    tier_encoder: TierEncoder = field(default_factory=TierEncoder)
 
     def header(
         self, session_id: str = "", resume_s: float = 0.0, resumed: bool = False
@@ -87,7 +86,7 @@ class BatchWriter:
         """Encodes a MotionBatch with the chunks `rows` of a publication, and their `roots`."""
         if not len(rows):
             return _with_chunks(batch, chunks, None)
-        packed = self.tier_encoder.encode(chunks, rows, self.basis, self.pose_format, roots)
+        packed = self.encoder.encode(chunks, self.basis, self.pose_format, rows, roots)
         return _with_chunks(batch, chunks, packed, rows)
 
     def row_bytes(self, chunks: MotionChunks) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.maneuvers.bodies import HEIGHT, shot, take, time, walker
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.maneuvers import (
     crowd,
     path,
@@ -17,6 +18,7 @@ from wayfarer_lab.evaluation.maneuvers import (
     turn,
     walk,
 )
+from wayfarer_lab.evaluation.maneuvers.maneuver import MeasuredTake
 from wayfarer_lab.evaluation.metrics import feet, stride
 
 # Strafing
@@ -265,6 +267,13 @@ def test_trunk_and_head_have_their_own_angles() -> None:
 
 def test_who_stands_does_not_walk() -> None:
     assert np.isnan(walk.measure_walk(shot(take(6.0)))["cadence"])
+
+
+@pytest.mark.parametrize(("speed", "pace"), [(0.0, 0.0), (0.2, 0.5), (0.4, 1.0)])
+def test_the_pace_of_a_slow_walk_counts_who_stands(speed: float, pace: float) -> None:
+    """The goal is 12 m ahead, at 0.4 m/s."""
+    walked = MeasuredTake(take(6.0, y=speed * time(6.0)), Goal((0.0, 12.0, 0.0), speed=0.4))
+    assert walk.measure_walk(walked)["pace"] == pytest.approx(pace, abs=0.02)
 
 
 def test_power_is_compared_at_the_same_speed() -> None:
