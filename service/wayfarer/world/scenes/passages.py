@@ -1,8 +1,8 @@
 """Doors and other narrow places: the order of passing, and where the others wait meanwhile.
 
-One direction at a time: an agent enters while others go its way in the passage or nobody is in it,
-and else waits beside the way out of those who come, behind those who wait there already. If nobody
-is in it, the direction of the person goes that would be there first.
+One direction at a time: an agent enters while others go its way in the passage. If nobody is in it,
+the direction goes whose first person would be there first. The others wait, each at a place of its
+own, beside the way of those who come out.
 """
 
 from collections.abc import Callable
@@ -99,9 +99,11 @@ def turns(
     width = _widths(np.concatenate([place[:, None], points], 1), distance)
     narrow = width[:, 1:] < NARROW
     waits, there = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-    mates = np.zeros((count, len(people.number)), np.bool_)
     mouths, directions, spots = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
     before = np.flatnonzero(narrow.any(1) & (width[:, 0] >= NARROW))
+    if not len(before):
+        return Turns(waits, spots, there)
+    mates = np.zeros((count, len(people.number)), np.bool_)
     every_way = people.aims.spot - people.position
     every_way = every_way / np.maximum(np.sqrt((every_way * every_way).sum(-1)), 1e-6)[:, None]
     every_goes = people.walks & people.aims.wants
