@@ -1,6 +1,6 @@
 """Sessions and agents enter a world and leave it: new ones, or records from any world."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from wayfarer.world.agents.registry import Registry, Session
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goal_commands import GoalCommands
-from wayfarer.world.observer import Start, WorldObserver
+from wayfarer.world.observer import Observers, Start
 from wayfarer.world.record_checks import check_agent_record, check_session_record
 from wayfarer.world.rows import Double, Index
 from wayfarer.world.scenes.world_scenes import WorldScenes
@@ -36,7 +36,7 @@ class Membership:
         scenery: WorldScenes,
         load: Load,
         limits: Limits,
-        observers: Iterable[WorldObserver],
+        observers: Observers,
         faults: Faults,
     ) -> None:
         self._registry = registry
@@ -56,8 +56,7 @@ class Membership:
         server.
         """
         session = self._add(spec, created_at)
-        for observer in self._observers:
-            observer.opened(session)
+        self._observers.tell(lambda observer: observer.opened(session), session.session_id)
         return session
 
     def close(self, session: Session) -> None:
@@ -66,8 +65,7 @@ class Membership:
             self.remove(agent)
         self._remove(session)
         self._faults.forget_session(session.session_id)
-        for observer in self._observers:
-            observer.closed(session)
+        self._observers.tell(lambda observer: observer.closed(session), session.session_id)
 
     def settle(
         self,
@@ -83,13 +81,12 @@ class Membership:
             for agent in agents:
                 self._population.remove(agent)
             raise
-        for observer in self._observers:
-            observer.created(session, agents, starts)
+        self._observers.tell(lambda o: o.created(session, agents, starts), session.session_id)
 
     def remove(self, agent: Agent) -> None:
         """Removes an agent; its planned frames are discarded."""
-        for observer in self._observers:
-            observer.deleted(agent, int(self._slots.sent_chunks[agent.slot]))
+        seq = int(self._slots.sent_chunks[agent.slot])
+        self._observers.tell(lambda observer: observer.deleted(agent, seq), agent.session_id)
         self._population.remove(agent)
         self._faults.forget(agent.slot)
 
@@ -137,9 +134,9 @@ class Membership:
                 self._population.remove(entered)
             self._remove(session)
             raise
-        for observer in self._observers:
-            observer.opened(session)
-            observer.created(session, agents, record.agents)
+        name, observers = session.session_id, self._observers
+        observers.tell(lambda observer: observer.opened(session), name)
+        observers.tell(lambda observer: observer.created(session, agents, record.agents), name)
         return session
 
     # Moves to another server

@@ -3,7 +3,7 @@
 A change that fails for an agent is skipped: its chunk leaves as it was planned.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.agents.timeline import Timeline
-from wayfarer.world.observer import WorldObserver
+from wayfarer.world.observer import Observers
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.world_scenes import WorldScenes
@@ -30,7 +30,7 @@ class Sending:
         registry: Registry,
         timeline: Timeline,
         scenery: WorldScenes,
-        observers: Iterable[WorldObserver],
+        observers: Observers,
         faults: Faults,
         rules: ActingRules,
     ) -> None:
@@ -52,10 +52,12 @@ class Sending:
                 self._set_on_ground(sent)
                 rules.tell("ground", sent.slots, chunks.translation, chunks.rotations)
             found += self._by_session(sent)
-        for observer in self._observers:
-            for due in found:
-                observer.sent(due)
+        for due in found:
+            self._report(due)
         return found
+
+    def _report(self, due: Due) -> None:
+        self._observers.tell(lambda observer: observer.sent(due), due.session_id)
 
     def _set_on_ground(self, sent: Sent) -> None:
         if self._slots.scene[sent.slots].any():
