@@ -95,7 +95,7 @@ class MotionService:
         self._live = LiveMotion(world, self._thread, meter, self._keep_aside)
         self._homes = Homes(self._live, worlds, self._offline, self._clock, meter)
         self.scenes = SceneService(
-            book=worlds.scenes,
+            registry=worlds.scenes,
             persistence=self._persistence,
             homes=self._homes,
             clock=self._clock,

@@ -49,14 +49,14 @@ class SceneService:
     def __init__(
         self,
         *,
-        book: SceneRegistry,
+        registry: SceneRegistry,
         persistence: Persistence,
         homes: Homes,
         clock: Callable[[], float],
         gates: SessionGates,
     ) -> None:
         self._gates = gates
-        self._book = book
+        self._registry = registry
         self._persistence = persistence
         self._homes = homes
         self._clock = clock
@@ -74,21 +74,21 @@ class SceneService:
         Raises InvalidArgument that names the field, ResourceExhausted if too many scenes are kept
         or being baked, or this one is too costly.
         """
-        made = await self._work(lambda: self._book.create(source, self._clock()))
+        made = await self._work(lambda: self._registry.create(source, self._clock()))
         return await self._persistence.durable(made)
 
     async def get_scene(self, scene_id: str) -> SceneInfo:
         """Raises NotFound."""
-        return self._book.info(scene_id)
+        return self._registry.info(scene_id)
 
     async def list_scenes(self) -> list[SceneInfo]:
         """All scenes, oldest first."""
-        return self._book.infos()
+        return self._registry.infos()
 
     async def delete_scene(self, scene_id: str) -> None:
         """Raises NotFound; FailedPrecondition while sessions are in it."""
         async with self._gates.through(scene_id):
-            self._book.delete(scene_id)
+            self._registry.delete(scene_id)
         await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
@@ -98,18 +98,18 @@ class SceneService:
         ground would be left.
         """
         async with self._gates.through(scene_id):
-            made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
+            made = await self._work(lambda: self._registry.put(scene_id, name, obstacle))
         return await self._persistence.durable(made)
 
     async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
         """Raises NotFound."""
         async with self._gates.through(scene_id):
-            made = await self._work(lambda: self._book.remove(scene_id, name))
+            made = await self._work(lambda: self._registry.remove(scene_id, name))
         return await self._persistence.durable(made)
 
     async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
         """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         try:
             path = await self._work(lambda: scene.path(start, goal))
         except Unreachable as error:
@@ -128,12 +128,12 @@ class SceneService:
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
         """Outlines for drawing it. Raises NotFound."""
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         return await self._work(lambda: outlines(scene))
 
     async def scene_triangles(self, scene_id: str) -> NDArray[np.float64]:
         """All its triangles, with the present obstacles [T, 3, 3], metres. Raises NotFound."""
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         spec = replace(scene.spec, solids=(*scene.spec.solids, *scene.obstacles.values()))
         return await self._work(lambda: triangles(spec))
 
@@ -142,7 +142,7 @@ class SceneService:
         # the image library is loaded with the first picture
         from wayfarer.navigation.picture import top_view
 
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         return await self._work(lambda: top_view(scene))
 
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
@@ -173,17 +173,17 @@ class SceneService:
 
     async def content(self, scene_id: str) -> bytes:
         """The parts of it that never change, for `prepare`. Raises NotFound."""
-        kept = self._book.kept(scene_id)
+        kept = self._registry.kept(scene_id)
         return await self._work(lambda: content_bytes(kept))
 
     def obstacles(self, scene_id: str) -> bytes:
         """The parts of it that change, for `adopt`. Raises NotFound."""
-        return obstacles_bytes(self._book.kept(scene_id))
+        return obstacles_bytes(self._registry.kept(scene_id))
 
     async def prepare(self, scene_id: str, content: bytes) -> None:
         """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
         record = await self._work(lambda: decode_scene(scene_id, content))
-        await self._work(lambda: self._book.prepare(record.source.spec))
+        await self._work(lambda: self._registry.prepare(record.source.spec))
 
     async def adopt(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
         """Adopts a scene from another server.
@@ -193,9 +193,11 @@ class SceneService:
         record = await self._work(lambda: decode_scene(scene_id, content, obstacles))
         source, at, version = record.source, record.created_at, record.version
         await self._work(
-            lambda: self._book.restore(scene_id, source, at, version, record.obstacles, told=False)
+            lambda: self._registry.restore(
+                scene_id, source, at, version, record.obstacles, told=False
+            )
         )
-        return await self._persistence.durable(self._book.info(scene_id))
+        return await self._persistence.durable(self._registry.info(scene_id))
 
     async def freeze(self, scene_id: str) -> None:
         """Makes calls wait that change it or make sessions in it, until `unfreeze` or `release`.
@@ -215,7 +217,7 @@ class SceneService:
         Raises NotFound, FailedPrecondition if sessions are in it.
         """
         try:
-            self._book.delete(scene_id)
+            self._registry.delete(scene_id)
         finally:
             self._gates.open(scene_id, error)
         await self._persistence.durable(None)
