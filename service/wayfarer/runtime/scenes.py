@@ -176,12 +176,12 @@ class SceneService:
 
     async def content(self, scene_id: str) -> bytes:
         """The parts of it that never change, for `prepare`. Raises NotFound."""
-        kept = self._book.kept(scene_id)
-        return await self._work(lambda: content_bytes(kept))
+        entry = self._book.entry(scene_id)
+        return await self._work(lambda: content_bytes(entry))
 
     def obstacles(self, scene_id: str) -> bytes:
         """The parts of it that change, for `adopt`. Raises NotFound."""
-        return obstacles_bytes(self._book.kept(scene_id))
+        return obstacles_bytes(self._book.entry(scene_id))
 
     async def prepare(self, scene_id: str, content: bytes) -> None:
         """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
@@ -195,8 +195,9 @@ class SceneService:
         """
         record = await self._work(lambda: decode_scene(scene_id, content, obstacles))
         source, at, version = record.source, record.created_at, record.version
+        restore = self._book.restore
         await self._work(
-            lambda: self._book.restore(scene_id, source, at, version, record.obstacles, told=False)
+            lambda: restore(scene_id, source, at, version, record.obstacles, reported=False)
         )
         return await self._persistence.durable(self._book.info(scene_id))
 
