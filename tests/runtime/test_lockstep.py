@@ -121,6 +121,14 @@ async def test_agents_come_and_go_between_primitives(runtime):
     assert await runtime.list_sessions() == []
 
 
+async def test_sessions_of_both_kinds_are_as_old_as_they_are(runtime):
+    made = [await runtime.create_session(SessionSpec(lock_step=i == 1)) for i in range(3)]
+    ages = [session.created_at for session in made]
+    assert ages == sorted(ages)
+    listed = [session.session_id for session in await runtime.list_sessions()]
+    assert listed == [session.session_id for session in made]
+
+
 async def test_each_kind_of_session_is_for_its_own_calls(runtime):
     await runtime.create_session(LOCKED)
     await runtime.create_session(SessionSpec("live"))

@@ -255,6 +255,21 @@ async def test_a_session_in_lock_step_moves_between_two_steps_and_goes_on_bit_fo
     assert [s.session_id for s in await here.list_sessions()] == [stays]
 
 
+async def test_a_session_in_lock_step_that_is_not_moved_after_all_goes_on_bit_for_bit(servers):
+    here = await servers.start()
+    one, other = await stepping(here), await stepping(here)
+    await here.step_session(one, 4)
+    await here.step_session(other, 4)
+    await here.moves.freeze(other)
+    await here.moves.export(other)
+    await here.moves.unfreeze(other)
+    for a, b in zip(
+        await here.step_session(one, 8), await here.step_session(other, 8), strict=True
+    ):
+        for name in ("seq", "scheduled_at", "translation", "flags"):
+            assert getattr(a.chunks, name).tobytes() == getattr(b.chunks, name).tobytes()
+
+
 async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
     here, there = await servers.start(), await servers.start()
     made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))

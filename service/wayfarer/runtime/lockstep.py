@@ -225,11 +225,13 @@ class LockSteps:
                     self._sessions[session.session_id] = home, thread
                     self._agents |= dict.fromkeys(session.agent_ids, home)
 
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+    async def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
+    ) -> list[AgentInfo]:
         """Implements `MotionService`, as do the methods below."""
         home, _ = self._sessions[session_id]
         with self._room(0, len(specs)):
-            agents = await home.create_agents(session_id, specs)
+            agents = await home.create_agents(session_id, specs, names)
             with self._lock:
                 self._agents.update((agent.agent_id, home) for agent in agents)
         return agents

@@ -173,11 +173,16 @@ class MotionService:
 
     # Agents
 
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """Creates all or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
+    async def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
+    ) -> list[AgentInfo]:
+        """Creates all or none, with these ids if they are given.
+
+        Raises NotFound, InvalidArgument, ResourceExhausted.
+        """
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         async with self._gates.through(session_id):
-            made = await home.create_agents(session_id, specs)
+            made = await home.create_agents(session_id, specs, names)
         return await self._persistence.durable(made)
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
@@ -330,7 +335,7 @@ class MotionService:
     async def _create_session(self, spec: SessionSpec) -> SessionInfo:
         place = self._lock_steps.opening() if spec.lock_step else nullcontext(self._live)
         with place as home:
-            return await home.create_session(spec)
+            return await home.create_session(spec, self._clock())
 
     def _place(self, record: SessionRecord) -> AbstractContextManager[LiveMotion]:
         if not record.spec.lock_step:

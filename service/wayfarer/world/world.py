@@ -243,9 +243,10 @@ class World:
         now: float,
         seeds: Sequence[Motion] | None = None,
         reservation: Reservation | None = None,
+        names: Sequence[str] = (),
     ) -> list[AgentInfo]:
-        """Creates all or none. `seeds` are the result of `prepare(specs)`, if it has been called;
-        then `specs` are the result of `placed`.
+        """Creates all or none, with the ids `names` if they are given. `seeds` are the result of
+        `prepare(specs)`, if it has been called; then `specs` are the result of `placed`.
 
         With a valid `reservation`, room is not checked again. Raises NotFound, InvalidArgument,
         ResourceExhausted.
@@ -258,7 +259,7 @@ class World:
         if reservation not in held:  # it has been released if its caller has given up
             wanted = Reservation.of(session_id, [spec.gender for spec in specs])
             self.load.check_room(wanted, now, held)
-        agents = self._population.add(session, specs, seeds, now)
+        agents = self._population.add(session, specs, seeds, now, names)
         if reservation is not None:
             self.load.reservations.release(reservation)
         self.members.settle(session, agents, specs)

@@ -121,7 +121,7 @@ def before_a_door(*people):
     points = np.stack([np.zeros(20), people[0][0][1] + np.arange(0.2, 4.01, 0.2)], -1)[None]
 
     def distance(points):
-        return np.where(np.abs(points[..., 1]) < 0.4, 0.45, 2.0)
+        return np.where(np.abs(points[..., 1]) < 0.4, 0.45 - np.abs(points[..., 0]), 2.0)
 
     return bool(turns(crowd, np.array([0]), points, distance).waits[0])
 

@@ -4,7 +4,7 @@
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
 
-const NEAR = 5, APART = 0.65, STRANGERS = 0.4, SHARED = 0.3, SLACK = 0.1, RADIUS = 0.2, KEEPS = 0.1, WAY = 0.35, TOO_FAR = 10, LINE = 8;
+const NEAR = 5, APART = 0.65, STRANGERS = 0.48, SHARED = 0.3, SLACK = 0.1, RADIUS = 0.2, KEEPS = 0.1, WAY = 0.35, TOO_FAR = 10, LINE = 8;
 export const FARTHEST = 2;
 const RINGS = [[0.4, 8], [0.7, 12], [1.4, 18], [2.1, 24], [2.8, 30], [3.5, 36]];
 /** @type {Point[]} */

@@ -1,8 +1,8 @@
 """Doors and other narrow places: the order of passing, and where the others wait meanwhile.
 
-One direction at a time: an agent enters while others go its way in the passage or nobody is in it,
-and else waits beside the way out of those who come, behind those who wait there already. Of two who
-would enter, the nearer one goes.
+One direction at a time: an agent enters while others go its way in the passage. If nobody is in it,
+the direction goes whose first person would be there first. The others wait, each at a place of its
+own, beside the way of those who come out.
 """
 
 from collections.abc import Callable
@@ -13,21 +13,33 @@ from numpy.typing import NDArray
 
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Flags, Index, Int
 
 Array = NDArray[np.floating[Any]]
 
-NARROW: Final = 0.55
-"""Metres from the way to the wall below which two people do not pass each other."""
+BESIDE_WAY: Final = 0.5
+"""Metres to either side of a way at which its width is measured."""
+
+NARROW: Final = 1.35
+"""Metres: narrower places are passed by one direction at a time; …"""
+
+LANES: Final = (1.1, 1.0)
+"""… but not those that are at least as wide and as long: two pass there (see lanes.py)."""
 
 OPEN: Final = 0.6
-"""Metres from an agent to the wall from which it is not yet in a narrow place."""
+"""Metres from the wall to a place where people may wait."""
 
 INSIDE: Final = 0.8
 """Metres from a narrow stretch of the way within which a person is in it."""
 
+ENTERS: Final = 0.2
+"""Metres from the beginning of that stretch within which a person enters it."""
+
 CONTEST: Final = 2.5
 """Metres from a narrow place within which a person is about to enter it."""
+
+EAGER: Final = 1.0
+"""Seconds of walking on by which who walks is before who stands."""
 
 HESITATES: Final = 6.0
 """Seconds of waiting after which the nearest of a direction enters an empty narrow place anyway."""
@@ -84,12 +96,14 @@ def turns(
     each one's session in `people`; None: all are of one.
     """
     place, count = people.position[rows], len(rows)
-    room = distance(np.concatenate([place[:, None], points], 1))
-    narrow = room[:, 1:] < NARROW
+    width = _widths(np.concatenate([place[:, None], points], 1), distance)
+    narrow = width[:, 1:] < NARROW
     waits, there = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-    mates = np.zeros((count, len(people.number)), np.bool_)
     mouths, directions, spots = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
-    before = np.flatnonzero(narrow.any(1) & (room[:, 0] >= OPEN))
+    before = np.flatnonzero(narrow.any(1) & (width[:, 0] >= NARROW))
+    if not len(before):
+        return Turns(waits, spots, there)
+    mates = np.zeros((count, len(people.number)), np.bool_)
     every_way = people.aims.spot - people.position
     every_way = every_way / np.maximum(np.sqrt((every_way * every_way).sum(-1)), 1e-6)[:, None]
     every_goes = people.walks & people.aims.wants
@@ -101,25 +115,32 @@ def turns(
         stretch = points[row][narrow[row]]
         mouth = points[row, int(narrow[row].argmax())]
         ahead = mouth - place[row]
-        mine = float(np.sqrt((ahead * ahead).sum()))
+        off = float(np.sqrt((ahead * ahead).sum()))
         way = stretch[-1] - stretch[0]
         long = float(np.sqrt((way * way).sum()))
-        way = way / long if long > 0.1 else ahead / max(mine, 1e-6)
+        if long > LANES[1] and width[row, 1:][narrow[row]].min() > LANES[0]:
+            continue
+        way = way / long if long > 0.1 else ahead / max(off, 1e-6)
         gaps = position[:, None] - stretch
         gap = np.sqrt((gaps * gaps).sum(-1).min(1))
         others = goes & (np.abs(height - height[me]) < 1.0)
         others[me] = False
         along = ways @ way
         oncoming, same = others & (along < -AGAINST), others & (along > AGAINST)
-        inside = gap < INSIDE
-        beyond = (position - mouth) @ way > 0  # a person that has come out does not enter
+        at = (position - mouth) @ way
+        beyond = at > 0  # a person that has come out does not enter
+        # it is in the passage, or has just come out
+        inside = (gap < INSIDE) & np.where(along < 0, at < long + ENTERS, at > -ENTERS)
         if (oncoming & inside).any():
             waits[row] = True
         elif not (same & inside).any():
-            nearer = (gap < gap[me]) | (gap == gap[me]) & (number < number[me])
-            first_of_mine = not (same & nearer & ~beyond).any()
-            if not (first_of_mine and people.memory.waited[rows[row]] > HESITATES):
-                waits[row] = bool((oncoming & beyond & nearer & (gap < CONTEST)).any())
+            closing = people.velocity[session] @ way * np.where(along < 0, -1.0, 1.0)
+            due = gap - EAGER * np.maximum(closing, 0.0)
+            mine, theirs = same & ~beyond, oncoming & beyond & (gap < CONTEST)
+            mine[me] = True
+            leader = _first(mine, due, number)
+            if theirs.any() and not (leader == me and people.memory.waited[rows[row]] > HESITATES):
+                waits[row] = _first(mine | theirs, due, number) != leader
         mouths[row], directions[row], mates[row, session] = mouth, way, same & ~beyond
     if waits.any():
         places = _places(mouths, directions)
@@ -132,6 +153,22 @@ def turns(
             off = float(np.linalg.norm(stops[me] - spot))
             spots[row], there[row] = spot, off < (STAYS if slow[me] else BESIDE)
     return Turns(waits, spots, there)
+
+
+def _widths(points: Array, distance: Callable[[Array], Array]) -> Array:
+    """Metres from wall to wall [A, S] across ways at points [A, S, 2]; large beside one wall."""
+    steps = np.diff(points, axis=1, append=2 * points[:, -1:] - points[:, -2:-1])
+    long = np.maximum(np.sqrt((steps * steps).sum(-1, keepdims=True)), 1e-6)
+    right = BESIDE_WAY * np.stack([steps[..., 1], -steps[..., 0]], -1) / long
+    room = distance(np.concatenate([points + right, points - right], 1))
+    found: Array = 2 * BESIDE_WAY + room[:, : points.shape[1]] + room[:, points.shape[1] :]
+    return found
+
+
+def _first(those: Flags, due: Array, number: Int) -> int:
+    """The one of the least `due` [N]; of two alike, that of the lower number."""
+    rows = np.flatnonzero(those)
+    return int(rows[np.lexsort((number[rows], due[rows]))[0]])
 
 
 def _places(mouths: Array, ways: Array) -> Array:

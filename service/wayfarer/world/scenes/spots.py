@@ -28,8 +28,8 @@ NEAR: Final = 5.0
 APART: Final = 0.65
 """Metres between two agents that share a goal: nearer, their shoulders touch."""
 
-STRANGERS: Final = 0.4
-"""Metres to people with another goal: agents may be sent as near as bodies are wide."""
+STRANGERS: Final = 0.48
+"""Metres to people with another goal: less `SLACK`, that is nearly as wide as bodies are."""
 
 SHARED: Final = 0.3
 """Metres within which two goals count as the same."""
