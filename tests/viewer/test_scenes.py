@@ -72,8 +72,7 @@ def test_a_crate_dropped_in_the_way_is_walked_around(visit):
     across = np.array([-out[1], out[0]])
     # past the fountain's rim, and before the stalls: a goal under one is moved by up to 0.7 m
     goal = 5.0 * out + 4.5 * across
-    # time to put the crate there; some people that are asked for less shuffle (docs/models.md)
-    page.evaluate("document.querySelector('#speed').value = '0.7'")
+    page.evaluate("document.querySelector('#speed').value = '0.4'")  # time to put the crate there
     look_down(page, *(5.0 * out + 2.5 * across), 22.0)
     page.click(*on_screen(page, goal[0], 0.0, goal[1]))
     page.wait_for(f"{PEOPLE}[0].way !== null", 20)

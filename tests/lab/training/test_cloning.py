@@ -23,15 +23,13 @@ from wayfarer_lab.training.cloning import (
     smoothed,
     train_cloning,
 )
+from wayfarer_lab.training.costs import Costs, costs_of, waist_height
 from wayfarer_lab.training.following import (
-    Costs,
     FollowingConfig,
     FollowingTrainer,
-    Orders,
-    costs_of,
     train_following,
-    waist_height,
 )
+from wayfarer_lab.training.orders import Orders
 
 
 @pytest.fixture
@@ -123,6 +121,12 @@ def test_cloning_learns_resumes_and_is_followed(runs, tmp_path):
     pairs = zip(taught.parameters(), policy.parameters(), strict=True)
     assert any(not torch.equal(a, b) for a, b in pairs)
 
+    out = tmp_path / "alike"
+    alike = following.model_copy(update={"horizon": 4, "steps": 4, "like_weight": 1.0})
+    assert not train_following(alike, data, held, out, minutes=0.0001)
+    assert train_following(alike, data, held, out)
+    assert torch.load(out / "last.pt", weights_only=True)["critic_male"]["mean"].any()
+
 
 def test_the_paper_s_policy_is_no_start(runs, tmp_path):
     (tmp_path / "goal").mkdir()
@@ -146,23 +150,30 @@ def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
     sites = Sites.from_names(model.marker_names)
     waist_up = waist_height(body, torch.zeros(1, 10), sites)
     stands = torch.tensor([True])
-    costs = costs_of(markers[:, :2], markers[:, 2:], Asked(ways, facings), sites, waist_up, stands)
+    asked = Asked(ways, facings)
+
+    def cost(markers, stands=stands):
+        return costs_of(
+            markers[:, :2], markers[:, 2:], markers[:, -1], asked, sites, waist_up, stands
+        )
+
+    costs = cost(markers)
     assert costs.way.item() == pytest.approx(0, abs=1e-4)
     assert costs.facing.item() == pytest.approx(0, abs=1e-3)
     assert costs.slide.item() == pytest.approx(1.5, abs=0.1)  # 1 m/s, half again for the rest
     assert costs.seam.item() == pytest.approx(0, abs=1e-3)
     assert costs.floating.item() < 0.01
-    still = costs_of(markers[:, :1].expand(-1, 2, -1, -1), markers[:, :1].expand(-1, 8, -1, -1),
-                     Asked(ways, facings), sites, waist_up, stands)  # fmt: skip
+    still = cost(markers[:, :1].expand(-1, 10, -1, -1))
     assert still.slide.item() < 1e-4 and still.way.item() == pytest.approx(1.0, abs=1e-3)
     assert still.squat.item() == 0
     sunk = markers - torch.tensor([0.0, 0.0, 0.05])  # as if the knees gave way by 5 cm
-    low = [
-        costs_of(sunk[:, :2], sunk[:, 2:], Asked(ways, facings), sites, waist_up, who).squat.item()
-        for who in (stands, ~stands)
-    ]
+    low = [cost(sunk, who).squat.item() for who in (stands, ~stands)]
     assert low[0] == pytest.approx(0.05 / waist_up.item() - 0.012, abs=2e-3) and low[1] == 0
-    assert len(Costs._fields) == 7
+    strides = markers.clone()
+    strides[:, :, sites.left_ankle, 1] += 0.2
+    apart = [cost(strides, who).apart.item() for who in (stands, ~stands)]
+    assert apart == pytest.approx([0.12, 0], abs=0.01) and costs.apart.item() == 0
+    assert len(Costs._fields) == 8
 
 
 def test_orders_are_put_row_by_row(runs):

@@ -44,9 +44,9 @@ class Search:
 
     weights: Mapping[str, float]
     candidates: int  # K
-    temperature: float = 0.95  # scale of the latent noise
+    temperature: float = 1.0  # scale of the latent noise
     policy: float = 1.0  # share of the learned policy in the latents; 0: the prior alone
-    own: float = 0.7  # share of the noise's variance that is constant for the agent
+    own: float = 0.85  # share of the noise's variance that is constant for the agent
 
 
 def default_searches() -> dict[Mode, Search]:
@@ -55,9 +55,9 @@ def default_searches() -> dict[Mode, Search]:
     Constant noise tells moving people apart, and makes standing ones lean ever more to one side.
     """
     return {
-        Mode.STANDING: Search(STAND, candidates=1, own=0.2),
+        Mode.STANDING: Search(STAND, candidates=1, own=0.35),
         Mode.WALKING: Search(WALK, candidates=1),
-        Mode.STOPPING: Search(STAND, candidates=1, own=0.2),
+        Mode.STOPPING: Search(STAND, candidates=1, own=0.35),
         Mode.TURNING: Search(TURN, candidates=1),
         Mode.STRAFING: Search(STRAFE, candidates=1),
     }

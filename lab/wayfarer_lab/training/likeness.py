@@ -1,0 +1,221 @@
+"""A critic that tells agents from recorded people, for the training of a policy.
+
+It sees the skin's markers over 0.8 s: of agents, and of recorded people on bodies of random shapes
+who went the same way, and turned as far, in that time. What it cannot tell apart moves alike. Its
+verdict is a cost that has slopes, so the policy learns from it what no other cost says: how wide
+people walk, how far their knees bend, where they look (adversarial motion priors, Peng et al. 2021,
+with slopes in place of rewards). It sees two agents at once, and so also how much people differ
+(PacGAN, Lin et al. 2018): otherwise everybody would soon walk like the mean of all.
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.motion.quality import Sites
+from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
+from wayfarer_lab.training.rotation import matrix_from_quaternion
+
+EVERY: Final = 2
+"""Stride of the frames that it sees."""
+
+PACK: Final = 2
+"""Windows that it sees at once."""
+
+BLUR: Final = 0.008
+"""Metres of noise on markers: what is finer, as the tremor of a capture, tells nobody."""
+
+SOLE_BLUR: Final = 0.003
+"""The same of heights of soles, where millimetres tell a step from a slide."""
+
+KNOWN: Final = 16_384
+"""Recorded windows among which those are looked up that go the same way."""
+
+RENEWAL: Final = 100
+"""Verdicts after which they are drawn anew."""
+
+AMONG: Final = 24
+"""Of so many nearest ways one is taken at random."""
+
+TURN: Final = 0.4
+"""Metres that count as much as a radian, where ways are compared."""
+
+SLOPE: Final = 3.0
+"""Weight of the squared slope at recorded windows, which keeps the critic smooth (R1, Mescheder et
+al. 2018)."""
+
+
+class View(NamedTuple):
+    """Bodies at some frames, world space."""
+
+    markers: Tensor  # [A, T, 67, 3]
+    hips: Tensor  # [A, T, 3]
+    turns: Tensor  # [A, T, 3, 3] rotations of the hips
+
+    def ways(self) -> Tensor:
+        """Where hips are in the middle and at the end, seen from the first frame, and how far they
+        have turned [A, 5].
+        """
+        frame = canonical_frame(self.hips[:, 0], self.turns[:, 0])
+        middle = self.hips.shape[1] // 2
+        places = to_local(frame, self.hips[:, [middle, -1]])[..., :2]
+        facing = (self.turns[:, -1, :2, 1][:, None] @ frame.rotation[:, :2, :2])[:, 0]
+        turn = torch.atan2(-facing[:, 0], facing[:, 1])
+        return torch.cat([places.flatten(1), TURN * turn[:, None]], -1)
+
+    def windows(self) -> Tensor:
+        """The markers seen from the first frame, some at once [A / PACK, PACK, T, 67, 3]."""
+        frame = canonical_frame(self.hips[:, 0], self.turns[:, 0])
+        local = to_local(frame, self.markers.flatten(1, 2)).unflatten(1, self.markers.shape[1:3])
+        return local.unflatten(0, (-1, PACK))
+
+    def of(self, rows: Tensor) -> "View":
+        """That of some agents, by index."""
+        return View(*(column[rows] for column in self))
+
+
+def joined(views: list[View]) -> View:
+    """One after the other in time."""
+    return View(*(torch.cat(columns, 1) for columns in zip(*views, strict=True)))
+
+
+class Critic(nn.Module):
+    """Windows [A, PACK, T, M, 3] → verdicts [A]: 1 for recorded ones, -1 for made ones."""
+
+    mean: Tensor
+    spread: Tensor
+    blur: Tensor
+
+    def __init__(self, windows: int, markers: int, sites: Sites, hidden: int = 384) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(windows, markers, 3))
+        self.register_buffer("spread", torch.ones(windows, markers, 3))
+        blur = torch.full((markers, 3), BLUR)
+        blur[sites.left_sole + sites.right_sole, 2] = SOLE_BLUR
+        self.register_buffer("blur", blur)
+        self.net = nn.Sequential(
+            nn.Linear(PACK * windows * markers * 3, hidden),
+            nn.LeakyReLU(0.2),
+            nn.Linear(hidden, hidden),
+            nn.LeakyReLU(0.2),
+            nn.Linear(hidden, 1),
+        )
+
+    def scale(self, windows: Tensor) -> None:
+        """Takes mean and spread from windows [A, T, M, 3]."""
+        self.mean.copy_(windows.mean(0))
+        self.spread.copy_(windows.std(0).clamp(min=0.02))
+
+    def forward(self, windows: Tensor) -> Tensor:
+        """The verdicts."""
+        noisy = windows + self.blur * torch.randn_like(windows)
+        verdict: Tensor = self.net(((noisy - self.mean) / self.spread).flatten(1))
+        return verdict[:, 0]
+
+
+class Recorded:
+    """Recorded windows on bodies of one gender, found by the way that they go."""
+
+    def __init__(self, frames: Frames, body: MarkerBody, length: int) -> None:
+        self.frames, self.body = frames, body
+        self.sampler = WindowSampler(frames, length)
+        self.offsets = torch.arange(0, length, EVERY)
+        self.soles = frames.markers[..., 2].amin(-1)
+        self.renew()
+
+    def renew(self) -> None:
+        """Draws the windows anew."""
+        self.starts = self.sampler.draw(KNOWN)
+        rows = self.starts[:, None] + self.offsets
+        hips, turns = self.frames.hips[rows], self.frames.hips_rotation[rows]
+        self.ways = View(hips, hips, turns).ways()
+
+    def like(self, ways: Tensor) -> View:
+        """Windows that go ways [A, 5]."""
+        near = torch.cdist(ways, self.ways).topk(AMONG, largest=False).indices
+        return self.view(near.gather(1, torch.randint(AMONG, (len(ways), 1)))[:, 0])
+
+    @torch.no_grad()
+    def view(self, windows: Tensor) -> View:
+        """Windows [A], on bodies of random shapes."""
+        rows = self.starts[windows][:, None] + self.offsets
+        hips = self.frames.hips[rows]
+        rotations = matrix_from_quaternion(self.frames.rotations[rows])
+        markers, _ = self.body.skin(self.body.shaped(random_betas(len(rows))), hips, rotations)
+        lift = self.soles[rows].amin(-1) - markers[..., 2].amin((-1, -2))
+        up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
+        return View(markers + up[:, :, None], hips + up, rotations[:, :, 0])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the critic says of agents."""
+
+    cost: Tensor  # [A] 0: like recorded ones, to 1; 0 for agents that nobody asked about
+    right: float  # share of windows that it told right
+    mean: float  # cost of those that were asked about
+
+
+class Likeness:
+    """The critic of bodies of one gender, and its training."""
+
+    def __init__(
+        self, frames: Frames, body: MarkerBody, sites: Sites, length: int, rate: float
+    ) -> None:
+        """Sees windows of `length` frames, and learns at `rate`."""
+        self.body = body
+        self.recorded = Recorded(frames, body, length)
+        some = self.recorded.view(torch.arange(1024))
+        frames_seen, markers = some.markers.shape[1:3]
+        self.critic = Critic(frames_seen, markers, sites)
+        self.critic.scale(some.windows().flatten(0, 1))
+        self.optimizer = torch.optim.Adam(self.critic.parameters(), lr=rate, betas=(0.5, 0.99))
+        self.asked = 0
+
+    def view(
+        self, hips: Tensor, rotations: Tensor, betas: Tensor, predicted: Tensor | None = None
+    ) -> View:
+        """Bodies at frames: hips [A, T, 3], rotations [A, T, 22, 4], betas [A, 10]. Their markers
+        have the slopes of those that were predicted [A, T, 67, 3].
+        """
+        with torch.no_grad():
+            turns = matrix_from_quaternion(rotations)
+            markers = self.body.skin(self.body.shaped(betas), hips, turns)[0]
+        if predicted is not None:
+            markers = predicted + (markers - predicted).detach()
+        return View(markers, hips, turns[:, :, 0])
+
+    def judge(self, view: View, rows: Tensor) -> Verdict:
+        """Judges those of rows [A] that are true, after it has learnt from them."""
+        self.asked += 1
+        if self.asked % RENEWAL == 0:
+            self.recorded.renew()
+        ways = view.ways()
+        chosen = torch.nonzero(rows).squeeze(-1)
+        order = (ways[chosen] @ torch.randn(ways.shape[1])).argsort()  # neighbours go alike
+        chosen = chosen[order[: len(order) // PACK * PACK]]
+        if not len(chosen):
+            return Verdict(torch.zeros(len(rows)), 0.0, 0.0)
+        made = view.of(chosen).windows()
+        right = self._learn(made.detach(), self.recorded.like(ways[chosen]).windows())
+        self.critic.requires_grad_(False)
+        cost = 0.25 * (self.critic(made) - 1).clamp(-2, 2) ** 2
+        self.critic.requires_grad_(True)
+        each = torch.zeros(len(rows)).index_put((chosen,), cost.repeat_interleave(PACK))
+        return Verdict(each, right, float(cost.detach().mean()))
+
+    def _learn(self, made: Tensor, recorded: Tensor) -> float:
+        """One step (LSGAN, Mao et al. 2017); the share of windows that were told right."""
+        recorded.requires_grad_()
+        truth, guess = self.critic(recorded), self.critic(made)
+        slope = torch.autograd.grad(truth.sum(), recorded, create_graph=True)[0]
+        loss = ((truth - 1) ** 2).mean() + ((guess + 1) ** 2).mean()
+        loss = loss + SLOPE * ((slope * self.critic.spread) ** 2).flatten(1).sum(1).mean()
+        self.optimizer.zero_grad()
+        loss.backward()
+        self.optimizer.step()
+        return float(((truth > 0).float().mean() + (guess < 0).float().mean()) / 2)
