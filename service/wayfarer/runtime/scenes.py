@@ -173,12 +173,12 @@ class SceneService:
 
     async def content(self, scene_id: str) -> bytes:
         """The parts of it that never change, for `prepare`. Raises NotFound."""
-        kept = self._registry.kept(scene_id)
-        return await self._work(lambda: content_bytes(kept))
+        entry = self._registry.entry(scene_id)
+        return await self._work(lambda: content_bytes(entry))
 
     def obstacles(self, scene_id: str) -> bytes:
         """The parts of it that change, for `adopt`. Raises NotFound."""
-        return obstacles_bytes(self._registry.kept(scene_id))
+        return obstacles_bytes(self._registry.entry(scene_id))
 
     async def prepare(self, scene_id: str, content: bytes) -> None:
         """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
@@ -194,7 +194,7 @@ class SceneService:
         source, at, version = record.source, record.created_at, record.version
         await self._work(
             lambda: self._registry.restore(
-                scene_id, source, at, version, record.obstacles, told=False
+                scene_id, source, at, version, record.obstacles, reported=False
             )
         )
         return await self._persistence.durable(self._registry.info(scene_id))

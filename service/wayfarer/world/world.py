@@ -255,13 +255,13 @@ class World:
         if seeds is None:
             specs = self.placed(session_id, specs)
             seeds = self.prepare(specs)
-        held = self.load.held()
+        held = self.load.reservations.all()
         if reservation not in held:  # it has been released if its caller has given up
             wanted = Reservation.of(session_id, [spec.gender for spec in specs])
             self.load.check_room(wanted, now, held)
         agents = self._population.add(session, specs, seeds, now, names)
         if reservation is not None:
-            self.load.release(reservation)
+            self.load.reservations.release(reservation)
         self.members.settle(session, agents, specs)
         return [self._info(agent) for agent in agents]
 
