@@ -15,7 +15,7 @@ class Watcher:
 
     def __init__(self, session, agent):
         self.session, self.agent = session, agent
-        self.events, self.flags = [], []
+        self.events, self.details, self.flags = [], [], []
         self.seqs = []  # of the chunks
         self.places = []  # of the hips at these
         self.heard_at = []
@@ -33,7 +33,9 @@ class Watcher:
         async with self.session.stream(deadline=30) as self.stream:
             async for batch in self.stream:
                 # an agent that walks for minutes on a busy machine arrives
-                self.events += [one.kind for one in batch.events if one.kind != "path_done"]
+                met = [one for one in batch.events if one.kind != "path_done"]
+                self.events += [one.kind for one in met]
+                self.details += [one.detail for one in met]
                 for frames in batch.frames:
                     self.flags.append(frames.flags)
                     self.seqs.append(frames.seq)
@@ -61,7 +63,9 @@ class Watcher:
             await asyncio.sleep(0.02)
 
     def clear(self):
-        for seen in (self.events, self.flags, self.seqs, self.places, self.heard_at):
+        for seen in (self.events, self.details, self.flags):
+            seen.clear()
+        for seen in (self.seqs, self.places, self.heard_at):
             seen.clear()
 
     async def close(self):
