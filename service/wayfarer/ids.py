@@ -41,8 +41,9 @@ def agent_ids(session_id: str, request: str, count: int) -> list[str]:
     """The ids of the agents of a request in the session: always the same for the same request, so
     that one that is sent again finds them, also on another node or after a restart.
     """
-    start, request = f"agent-{group_of(session_id)}", f"{session_id}\n{request}"
-    return [start + sha256(f"{i} {request}".encode()).hexdigest()[:12] for i in range(count)]
+    start = f"agent-{group_of(session_id)}"
+    digest = sha256(f"{session_id}\n{request}".encode()).hexdigest()
+    return [start + sha256(f"{digest} {i}".encode()).hexdigest()[:12] for i in range(count)]
 
 
 def group_of(name: str) -> str:

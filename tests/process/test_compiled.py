@@ -102,6 +102,7 @@ from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs, bones
 from wayfarer.world.scenes.near import nearest_people
 from wayfarer.world.scenes.around import stand_before, way_around
+from wayfarer.world.scenes.people import find_pressed
 from wayfarer.world.scenes.spots import Claims, Everyone, Walkers, next_taken
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.scenes.routes import Routes
@@ -164,8 +165,10 @@ near, by, who = np.full(20, 9.0), np.zeros((20, 12), np.bool_), np.arange(20)
 ways = people.position[:, None] + np.arange(0, 2, 0.2)[:, None] * people.velocity[:, None]
 standing = people.position, people.height, stand
 stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
-columns = people.number, people.position, people.height, people.walks, stand
-everyone = Everyone(*own, *columns, people.walks, people.position, people.position)
+pressed = np.zeros(20, np.bool_)
+find_pressed(who, *own, people.position, people.height, people.walks, pressed)
+columns = people.number, people.position, people.height, stand
+everyone = Everyone(*own, *columns, people.position, people.position)
 claims = Claims(np.zeros((20, 2), "f4"), np.zeros(20))
 asked, spot = people.position.copy(), people.position + 0.3
 yes, goal = np.ones(20, np.bool_), np.column_stack([asked, people.height])
@@ -204,6 +207,7 @@ KEPT = {
     "np.concatenate(packed)": 0,
     "near": 1e-6,
     "by": 0,
+    "pressed": 0,
     "taken": 0,
     "goal": 1e-6,
     "off": 1e-6,
@@ -231,6 +235,7 @@ def test_rules_stay_within_their_arrays_and_are_the_same_as_plain_python(tmp_pat
     assert (names["beside"][:, :2] == -1).all() and (names["beside"][:, 3, 6] > 0).any(), "near"
     assert (names["bent"] != names["turns"]).any(), "a knee is bent too far"
     assert names["by"].any() and not names["by"].all(), "some are in others' ways"
+    assert names["pressed"].any() and not names["pressed"].all(), "some walk in a crowd"
     assert names["taken"][1] > 1, "a spot is taken"
     assert (names["upright"].rotations != names["eight"][0]).any(), "somebody leans"
 

@@ -221,10 +221,13 @@ def test_an_epoch_that_no_server_makes_is_refused(epoch):
 
 
 async def stepping(runtime):
-    """A session in lock-step with two people who walk."""
+    """A session in lock-step with two people who walk, and one for each of `COMMANDS`."""
     spec = SessionSpec(lock_step=True, record=True)
     session = (await runtime.create_session(spec)).session_id
-    people = await runtime.create_agents(session, [AgentSpec(noise_seed=i) for i in range(2)])
+    specs = [AgentSpec(noise_seed=i) for i in range(2 + len(COMMANDS))]
+    people = await runtime.create_agents(session, specs)
+    for person, command in zip(people[2:], COMMANDS, strict=True):
+        await runtime.give(person.agent_id, command)
     await runtime.give(people[0].agent_id, goals((1, 0), (1, 1))[0])
     await runtime.give(people[1].agent_id, goals((9, 0))[0])
     return session

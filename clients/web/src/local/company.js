@@ -10,7 +10,7 @@ import { STEP_SECONDS, STRAFING, angleBetween, minus, plus, times } from "./stee
 
 const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS = 0.4, GOAL_MOVES = 0.3;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
-const IN_WAY = 0.36, PASSES = 0.38, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
+const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
 const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 

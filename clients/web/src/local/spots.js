@@ -37,7 +37,7 @@ function choose(people, self, aims, clear, room) {
     return;
   }
   const mine = apart(aims.spot, place), last = RINGS[RINGS.length - 1][0];
-  const others = people.filter((other) => other !== self && (other.stands || (other.walks && other.aims.wants)) && apart(claim(other), goal) < last + APART);
+  const others = people.filter((other) => other !== self && apart(claim(other), goal) < last + APART);
   const taken = others.filter((other) => {
     const theirs = apart(claim(other), other.position);
     return other.stands || theirs < mine - KEEPS || (theirs <= mine + KEEPS && other.number < self.number);

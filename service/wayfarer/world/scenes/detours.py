@@ -22,7 +22,7 @@ AHEAD: Final = np.arange(0.2, 4.01, 0.2)
 IN_WAY: Final = 0.36
 """Metres from the way within which a person stands in it."""
 
-PASSES: Final = 0.38
+PASSES: Final = 0.42
 """Metres between a way around and a standing person: shoulders are .42 m wide, and the places that
 are tried are not the best ones."""
 

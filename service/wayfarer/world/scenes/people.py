@@ -56,7 +56,7 @@ class Gathering(NamedTuple):
         """Which of some slots walk in a crowd."""
         found = np.zeros(len(slots), np.bool_)
         people = self.people
-        _find_pressed(
+        find_pressed(
             self.places[slots], *self.own, people.position, people.height, people.walks, found
         )
         return found
@@ -198,7 +198,7 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
 
 
 @compiled
-def _find_pressed(
+def find_pressed(
     me: Index, first: Index, last: Index, place: Float, height: Float, walks: Flags, found: Flags
 ) -> None:
     """See `Gathering.pressed`."""
@@ -215,4 +215,4 @@ def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     warm(_gather, _arrays(Slots.empty(1)), row)
-    warm(_find_pressed, row, row, row, place, place[0, :1], flag, flag)
+    warm(find_pressed, row, row, row, place, place[0, :1], flag, flag)

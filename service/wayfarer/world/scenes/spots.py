@@ -92,9 +92,7 @@ class Everyone(NamedTuple):
     number: Int
     position: Float
     height: Float
-    walks: Flags
     stand: Flags
-    wants: Flags
     asked: Float
     spot: Float
 
@@ -152,7 +150,7 @@ def take_spots(
 def prepare() -> None:
     """Compiles its rules, or loads them, before agents walk."""
     one, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.zeros((1, 2), np.float32)
-    others = Everyone(one, one, one, place, place[0, :1], flag, flag, flag, place, place)
+    others = Everyone(one, one, one, place, place[0, :1], flag, place, place)
     one_each = flag, one, place, place, place[0, :1], place, flag
     walkers = Walkers(*one_each, flag, np.zeros((1, 3), np.float32), place[0, :1], flag)
     warm(next_taken, others, walkers, one, 0, False, Claims(place, np.zeros(1)), flag)
@@ -165,9 +163,7 @@ def _everyone(crowd: Gathering) -> Everyone:
         them.number,
         them.position,
         them.height,
-        them.walks,
         crowd.stand,
-        aims.wants,
         aims.asked,
         aims.spot,
     )
@@ -227,7 +223,7 @@ def _claimed(them: Everyone, those: Walkers, me: int, slot: int, claims: Claims)
     near = apart(them.position, me, asked, slot) <= NEAR
     for other in range(them.first[me], them.last[me] if near else them.first[me]):
         stands = them.stand[other]
-        if other == me or not (stands or (them.walks[other] and them.wants[other])):
+        if other == me:  # who has arrived and still walks claims its spot, too
             continue
         if abs(them.height[other] - them.height[me]) >= 1.0:
             continue
