@@ -4,7 +4,6 @@ Tests that share an expensive server, browser or export also share a worker.
 """
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from hypothesis import settings
 from xdist.scheduler import LoadFileScheduling
 
 import wayfarer  # noqa: F401  switches telemetry of the engines off before they are imported
+from tests.programs import run_program
 from wayfarer.process.logs import configure_logging
 
 settings.register_profile("steady", deadline=None)  # the machines are shared
@@ -117,12 +117,8 @@ def engines_export(tmp_path_factory: pytest.TempPathFactory) -> Exported:
         "import sys; sys.modules['torch'] = None; from wayfarer.commands.cli import main; "
         "sys.argv[0] = 'wayfarer'; main()"
     )
-    words = ["export", "--for", "engines", "--out", str(out)]
-    done = subprocess.run(
-        [sys.executable, "-c", command, *words], capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
-    return Exported(out, done.stdout)
+    words = ("export", "--for", "engines", "--out", out)
+    return Exported(out, run_program(sys.executable, "-c", command, *words).stdout)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,10 +1,11 @@
 """The import rules of docs/architecture.md, and that a public name means one thing."""
 
 import ast
-import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+
+from tests.programs import run_program
 
 ROOT = Path(__file__).parent.parent
 WIRE = ROOT / "service/wayfarer/transport/schema"
@@ -19,14 +20,7 @@ TWINS = {
 
 
 def test_imports_keep_to_the_rooms() -> None:
-    answer = subprocess.run(
-        [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stdout + answer.stderr
+    run_program(Path(sys.executable).with_name("lint-imports"), "--no-cache", cwd=ROOT)
 
 
 def public_classes() -> dict[str, list[Path]]:

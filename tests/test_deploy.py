@@ -14,6 +14,7 @@ import typer
 import yaml
 
 from tests.cluster.nodes import Link
+from tests.programs import run_program
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.node_finder import ClusterFigures, NodeFinder
 from wayfarer.commands import cluster as cluster_command
@@ -304,18 +305,8 @@ def test_a_pod_makes_a_certificate_that_nodes_and_ray_take(tmp_path, monkeypatch
             ("CA_CERT", found.client_ca),
         ):
             assert os.environ[f"RAY_TLS_{ray}"] == str(own)
-    subprocess.run(
-        [
-            "openssl",
-            "verify",
-            "-CAfile",
-            ca / "ca.pem",
-            "-verify_ip",
-            "127.0.0.9",
-            tls / "node.pem",
-        ],
-        check=True,
-    )
+    own, authority = tls / "node.pem", ca / "ca.pem"
+    run_program("openssl", "verify", "-CAfile", authority, "-verify_ip", "127.0.0.9", own)
 
 
 def test_compose_starts_ray_with_options_that_it_has():

@@ -4,13 +4,13 @@ import json
 import re
 import runpy
 import shutil
-import subprocess
 import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
 
+from tests.programs import run_program
 from wayfarer import __version__
 from wayfarer.config import sources
 
@@ -58,10 +58,7 @@ def test_compose_publishes_on_this_machine_only() -> None:
     "target", ["help", "serve", "test", "lint", "proto", "lock", "matrix", "image-check", "clean"]
 )
 def test_make_knows_its_targets(target: str) -> None:
-    plan = subprocess.run(
-        ["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert plan.returncode == 0, plan.stderr
+    run_program("make", "--dry-run", target, cwd=ROOT)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ Two of the libraries do both unless they are kept from it, see `wayfarer/__init_
 import os
 import re
 import shutil
-import subprocess
 import sys
 import time
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.programs import run_program
 from tests.serving import Service, post
 from tests.traced import Asked, asked, strace
 
@@ -43,16 +43,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 def run(environment: Mapping[str, str], folder: Path, *arguments: str) -> Asked:
     """A Python command from its start to its end."""
     record = folder / "trace"
-    done = subprocess.run(
-        [*strace(record), sys.executable, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        cwd=folder,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr[-4000:]
+    run_program(*strace(record), sys.executable, *arguments, env=environment, cwd=folder)
     return asked(record)
 
 
@@ -74,15 +65,8 @@ def test_every_package_switches_telemetry_off_before_an_engine_is_imported(packa
         f"import {package}, os, sys; assert not {{'onnxruntime', 'openvino'}} & set(sys.modules);"
         "print(os.environ['ORT_DISABLE_TELEMETRY'], sys.modules['openvino_telemetry'])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", look],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        cwd=ROOT,
-    )
-    assert done.stdout.split() == ["1", "None"], done.stderr
+    done = run_program(sys.executable, "-c", look, env=environment, cwd=ROOT)
+    assert done.stdout.split() == ["1", "None"]
 
 
 def test_engines_are_imported_in_those_packages_only():
@@ -94,14 +78,8 @@ def test_engines_are_imported_in_those_packages_only():
 
 def test_who_wants_onnxruntime_to_report_may_say_so(environment):
     look = "import wayfarer, os; print(os.environ['ORT_DISABLE_TELEMETRY'])"
-    done = subprocess.run(
-        [sys.executable, "-c", look],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**environment, "ORT_DISABLE_TELEMETRY": "0"},
-    )
-    assert done.stdout.strip() == "0"
+    told = {**environment, "ORT_DISABLE_TELEMETRY": "0"}
+    assert run_program(sys.executable, "-c", look, env=told).stdout.strip() == "0"
 
 
 @traced

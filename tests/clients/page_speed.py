@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-from tests.viewer.chromium import Page, find_chromium
+from tests.viewer.chromium import Page
 from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread, worker_threads
 
 ROOT = Path(__file__).parents[2]
@@ -130,10 +130,7 @@ def say(line: str) -> None:
 
 def main(folder: Path | None) -> None:
     """Print the times."""
-    executable = find_chromium()
-    if executable is None:
-        sys.exit("there is no Chromium here: apt-get install chromium")
-    with Page(executable, Path(tempfile.mkdtemp())) as page:
+    with Page(Path(tempfile.mkdtemp())) as page:
         say(core(page))
         for line in local(page, folder) if folder else ():
             say(line)

@@ -9,6 +9,7 @@ import pytest
 
 from tests.clients.test_retarget import FRAMES, GLTF, OFFSETS
 from tests.golden.rigs import foreign_rigs
+from tests.navigation.meshes.glb_files import glb
 from wayfarer_client import Character, InvalidArgument, Retarget, map_bones
 from wayfarer_client.quaternions import multiply, rotate
 from wayfarer_client.rig import BONES
@@ -18,15 +19,6 @@ TURNS = np.array([turns for _, turns, _ in FRAMES])
 RIGS = {case.name: (case.rig, case.humanoid) for case in GLTF} | {
     f"foreign_{name}": (rig, None) for name, rig in foreign_rigs().items()
 }
-
-
-def glb(document, binary=b"") -> bytes:
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
-    if binary:
-        chunks += struct.pack("<II", len(binary), 0x004E4942) + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def document_of(rig, humanoid=None, vrm=1, shift=3) -> dict:

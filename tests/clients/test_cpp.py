@@ -7,7 +7,6 @@ import select
 import shutil
 import socket
 import ssl
-import subprocess
 import threading
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -15,6 +14,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.certificates import Authority
+from tests.programs import run_program
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "clients" / "cpp"
@@ -53,16 +53,8 @@ pytestmark = pytest.mark.skipif(
 
 
 def run(*command: object, cwd: Path = FOLDER, **environment: str) -> str:
-    done = subprocess.run(
-        [str(word) for word in command],
-        cwd=cwd,
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=900,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    told = {**os.environ, **environment}
+    return run_program(*command, cwd=cwd, env=told, timeout=900).stdout
 
 
 def sanitized() -> Path:
@@ -173,13 +165,9 @@ def test_over_https_and_a_lost_connection_nothing_is_missing(installed, real_ser
         said = run(live, relay.url, "lost", SSL_CERT_FILE=str(relay.trusted))
         assert len(walked(said)) == 3 and "lost: " in said and relay.cut
         other = Authority(tmp_path / "evil").path
-        refused = subprocess.run(
-            [live, relay.url],
-            env={**os.environ, "SSL_CERT_FILE": str(other)},
-            capture_output=True,
-            text=True,
-        )
-        assert refused.returncode == 1 and "certificate verify failed" in refused.stderr
+        told = {**os.environ, "SSL_CERT_FILE": str(other)}
+        refused = run_program(live, relay.url, code=1, env=told)
+        assert "certificate verify failed" in refused.stderr
     finally:
         relay.close()
 

@@ -11,7 +11,6 @@ import json
 import logging
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ import onnxruntime
 import pytest
 
 from tests.clients.local_traces import PEOPLE, SECONDS
+from tests.programs import run_program
 from wayfarer.spec import FPS, STEP_SECONDS
 
 LOG = logging.getLogger(__name__)
@@ -63,8 +63,7 @@ def programs(tmp_path_factory):
     flags = "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG -Wall -Wextra -Wpedantic -Werror"
     commands = (["-S", FOLDER, "-B", folder, "-G", "Ninja", flags, *said], ["--build", folder])
     for words in commands:
-        done = subprocess.run(["cmake", *map(str, words)], capture_output=True, text=True)
-        assert done.returncode == 0, done.stdout + done.stderr
+        run_program("cmake", *words)
     return folder
 
 
@@ -79,9 +78,7 @@ def walked(programs, exported, drawn, tmp_path_factory):
 
 
 def run(*words: object) -> str:
-    done = subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return run_program(*words).stdout
 
 
 def test_its_trace_is_the_servers(drawn, walked):
@@ -128,11 +125,7 @@ def test_the_example_walks_to_a_goal(programs, exported, gender):
 
 def test_it_says_what_is_wrong(programs, exported, tmp_path):
     def refused(*words: object) -> str:
-        done = subprocess.run(
-            [str(w) for w in (programs / "offline", *words)], capture_output=True, text=True
-        )
-        assert done.returncode == 1
-        return done.stderr
+        return run_program(programs / "offline", *words, code=1).stderr
 
     assert "usage: offline FOLDER" in refused()
     assert "wayfarer.json: cannot be read" in refused(tmp_path)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import wayfarer_client as wf
+from tests.programs import run_program
 from wayfarer_client.admin import Admin
 from wayfarer_client.scenes import Scenes
 
@@ -18,14 +19,7 @@ README = (CLIENT / "README.md").read_text()
 
 
 def example(name: str, *arguments: str) -> str:
-    done = subprocess.run(
-        [sys.executable, CLIENT / "examples" / name, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=180,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return run_program(sys.executable, CLIENT / "examples" / name, *arguments).stdout
 
 
 def test_first_stream(real_server):

@@ -3,7 +3,6 @@
 import json
 import logging
 import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.clients.web_scripts import node
+from tests.programs import run_program
 from tests.world.stepping.guarded import bendable, fallen
 from wayfarer.body.landmarks import marker_names
 from wayfarer.body.rotation import quaternion_from_rotvec
@@ -52,9 +52,8 @@ def cpp(tmp_path_factory) -> Port:
     folders = [CPP / "local/src", CPP / "local/include", CPP / "include"]
     flags = ["-std=c++17", "-O0", "-fsanitize=undefined,local-bounds", "-fsanitize-trap=all"]
     words = ["clang++", *flags, *(f"-I{folder}" for folder in folders), *sources, "-o", program]
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return lambda rules, file: _found([program, rules, file])
+    run_program(*words)
+    return lambda rules, file: json.loads(run_program(program, rules, file).stdout)
 
 
 @pytest.fixture(params=["javascript", "cpp"])
@@ -64,12 +63,6 @@ def port(request) -> Port:
     if not shutil.which("node"):
         pytest.skip("needs node: apt-get install nodejs")
     return lambda rules, file: json.loads(node(f"local_{rules}.js", file))
-
-
-def _found(words: list[object]) -> Any:
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
 
 
 def test_people_are_drawn_from_their_seeds_as_on_the_server(port, tmp_path):

@@ -2,10 +2,11 @@
 
 import json
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from tests.programs import run_program
 
 FOLDER = Path(__file__).parents[2] / "clients" / "web"
 
@@ -18,9 +19,7 @@ with_tools = pytest.mark.skipif(
 
 
 def run(*command: str, cwd: Path = FOLDER) -> str:
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return run_program(*command, cwd=cwd).stdout
 
 
 def test_its_own_tests_pass():

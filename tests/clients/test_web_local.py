@@ -21,8 +21,9 @@ import pytest
 
 from tests.clients.local_traces import PEOPLE, SECONDS, traced
 from tests.clients.web_scripts import FOLDER, node
+from tests.programs import run_program
 from tests.viewer.characters import MANNEQUIN
-from tests.viewer.chromium import Page, find_chromium, needs_chromium
+from tests.viewer.chromium import Page, needs_chromium
 from tests.viewer.threads import main_thread, worker_threads
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
@@ -144,7 +145,7 @@ def test_ten_people_walk_to_goals_with_no_server(exported, tmp_path):
     server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, exported))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     address = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
-    with Page(find_chromium(), tmp_path / "profile") as page:
+    with Page(tmp_path / "profile") as page:
         page.call("Page.navigate", url=address)
         page.wait_for("globalThis.log?.ready || globalThis.log?.failed.length", 120)
         assert page.evaluate("log.failed") == []
@@ -199,7 +200,7 @@ def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
     files = functools.partial(_Quiet, directory=str(demo))
     server = ThreadingHTTPServer(("127.0.0.1", 0), files)
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    with Page(find_chromium(), tmp_path / "profile") as page:
+    with Page(tmp_path / "profile") as page:
         page.call("Page.navigate", url=f"http://127.0.0.1:{server.server_address[1]}/")
         page.wait_for(
             "globalThis.demo?.people.size === 10"
@@ -234,9 +235,7 @@ def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
 
 def test_a_demo_replaces_nobodys_files(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
-    words = [sys.executable, "-m", "wayfarer_lab.demo", str(tmp_path)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
+    done = run_program(sys.executable, "-m", "wayfarer_lab.demo", tmp_path, code=1)
     assert "holds other files; name another folder" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
@@ -247,7 +246,7 @@ def test_a_page_hears_what_is_wrong(tmp_path):
     nothing.mkdir()
     server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, nothing))
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    with Page(find_chromium(), tmp_path / "profile") as page:
+    with Page(tmp_path / "profile") as page:
         url = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
         page.call("Page.navigate", url=url)
         page.wait_for("globalThis.log?.failed.length", 30)

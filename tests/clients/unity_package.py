@@ -7,11 +7,12 @@ along with its file, and change the path in the list.
 
 import json
 import shutil
-import subprocess
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from tests.programs import run_program
 
 PACKAGE = Path(__file__).parents[2] / "clients" / "unity"
 LIST = Path(__file__).parent / "unity_guids.txt"
@@ -157,9 +158,7 @@ def _compile(
 
 
 def run(*command: str, cwd: Path = PACKAGE) -> str:
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, " ".join(command[:3]) + "\n" + done.stdout + done.stderr
-    return done.stdout
+    return run_program(*command, cwd=cwd).stdout
 
 
 if __name__ == "__main__":

@@ -2,13 +2,13 @@
 
 import json
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.programs import run_program
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
@@ -43,13 +43,7 @@ pytestmark = pytest.mark.skipif(
 
 def issues(*paths: Path) -> list[str]:
     """Errors and warnings of all files."""
-    done = subprocess.run(
-        ["node", "-e", SCRIPT, *map(str, paths)],
-        cwd=TESTS,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_program("node", "-e", SCRIPT, *paths, cwd=TESTS)
     wrong = []
     for path, found in zip(paths, json.loads(done.stdout), strict=True):
         assert {m["code"] for m in found["messages"] if m["severity"] > 1} <= NOTES

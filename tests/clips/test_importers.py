@@ -2,13 +2,13 @@
 
 import json
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.programs import run_program
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import GLTF_FROM_CORE, gltf_quaternion
 from wayfarer.body.skeleton import bone_names
@@ -31,9 +31,7 @@ def needs(*packages: str):
 
 
 def run(script: str, *arguments: object):
-    command = ["node", str(HERE / script), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    return json.loads(done.stdout)
+    return json.loads(run_program("node", HERE / script, *arguments).stdout)
 
 
 @pytest.mark.parametrize("root", [RootMotion.HIPS, RootMotion.BONE])

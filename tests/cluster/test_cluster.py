@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import shutil
-import subprocess
 import time
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest_asyncio
 
 from tests.cluster.local import HAS_STORE, LocalCluster
 from tests.cluster.watchers import Stepped, Watcher
+from tests.programs import run_program
 from tests.serving import needs_ray
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, NotFound, Unavailable
 
@@ -130,10 +130,7 @@ def javascript_follows(url):
     if shutil.which("node") is None:
         return
     code = JAVASCRIPT % Path(__file__).parents[2]
-    done = subprocess.run(
-        ["node", "--input-type=module", "--eval", code, url], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    run_program("node", "--input-type=module", "--eval", code, url)
 
 
 async def ids(session):

@@ -21,6 +21,7 @@ import pytest
 
 from tests.certificates import Authority
 from tests.cluster.local import listening, lives, processes
+from tests.programs import run_program
 from tests.serving import LIGHT, needs_ray
 from wayfarer import errors
 from wayfarer_client import AgentSpec, Client, Unavailable
@@ -313,5 +314,4 @@ async def test_a_node_that_cannot_start_is_told_at_once():
 def test_ray_calls_nobody():
     code = "import wayfarer.cluster.ray_settings, os; print(os.environ['RAY_USAGE_STATS_ENABLED'])"
     told = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=told)
-    assert done.stdout.split()[-1] == "0", done.stderr
+    assert run_program(sys.executable, "-c", code, env=told).stdout.split()[-1] == "0"

@@ -1,6 +1,5 @@
 """The `wayfarer` command: its output, its imports, its failures."""
 
-import subprocess
 import sys
 import textwrap
 import tomllib
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.programs import run_program
 from wayfarer import __version__
 from wayfarer.commands import cli
 from wayfarer.errors import DataError, WayfarerError
@@ -51,12 +51,6 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     with pytest.raises(SystemExit) as stop:
         cli.main()
     return int(stop.value.code or 0)
-
-
-def python(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=False
-    )
 
 
 def test_help_lists_every_command(
@@ -184,8 +178,7 @@ def test_what_a_message_tells_to_install_exists(command: str) -> None:
 
 
 def test_ctrl_c_while_it_loads_is_as_quiet() -> None:
-    answer = python(
-        """
+    code = """
         import sys
 
         class Interrupted:
@@ -197,8 +190,8 @@ def test_ctrl_c_while_it_loads_is_as_quiet() -> None:
         from wayfarer.__main__ import main
         main()
         """
-    )
-    assert (answer.returncode, answer.stderr) == (130, "")
+    answer = run_program(sys.executable, "-c", textwrap.dedent(code), code=130)
+    assert answer.stderr == ""
 
 
 def test_help_and_serving_load_nothing_heavy() -> None:
@@ -206,12 +199,10 @@ def test_help_and_serving_load_nothing_heavy() -> None:
 
     numba loads the bare package, which is small.
     """
-    answer = python(
-        """
+    code = """
         import re, sys, wayfarer.commands.cli, wayfarer.commands.serve, wayfarer.assembly
         heavy = {"torch", "matplotlib", "anny", "onnx", "pxr", "PIL"} & set(sys.modules)
         heavy |= {part for part in sys.modules if re.match(r"scipy\\.[a-z]+\\.", part)}
         sys.exit(f"loaded {heavy}" if heavy else 0)
         """
-    )
-    assert answer.returncode == 0, answer.stderr
+    run_program(sys.executable, "-c", textwrap.dedent(code))

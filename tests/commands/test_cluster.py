@@ -1,12 +1,12 @@
 """What `wayfarer cluster` asks Ray beside its event loop."""
 
 import asyncio
-import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
 
+from tests.programs import run_program
 from wayfarer.commands import cluster
 from wayfarer.config.settings import Settings
 from wayfarer.errors import InvalidArgument
@@ -29,8 +29,7 @@ run(work())
 
 
 def test_the_command_ends_while_ray_never_answers():
-    done = subprocess.run([sys.executable, "-c", ENDS], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert run_program(sys.executable, "-c", ENDS, timeout=60).stderr == ""
 
 
 async def test_what_ray_refuses_is_told():

@@ -4,8 +4,6 @@ import asyncio
 import json
 import signal
 import ssl
-import subprocess
-import sys
 import time
 import tomllib
 from collections.abc import Iterator
@@ -18,7 +16,8 @@ import pytest
 import websockets
 
 from tests.certificates import Authority
-from tests.integration.test_process import ANY_PORTS, ENVIRONMENT, Process, refused, serve
+from tests.integration.test_process import ANY_PORTS, COMMAND, ENVIRONMENT, Process, refused, serve
+from tests.programs import run_program
 from tests.transport.auth.issuer import AUDIENCE, ISSUER, Issuer
 from wayfarer.transport.auth.keys import new_key
 from wayfarer.v1 import (
@@ -240,16 +239,8 @@ def test_a_guard_that_cannot_stand_stops_the_start_in_one_line():
 def test_check_config(tmp_path):
     file = tmp_path / "wayfarer.toml"
     file.write_text("threads = 1")
-    command = [sys.executable, "-m", "wayfarer", "serve", "--check-config"]
-    done = subprocess.run(
-        [*command, "--config", str(file), "--http-port", "0"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=ENVIRONMENT,
-        timeout=60,
-    )
-    assert done.returncode == 0, done.stderr
+    options = ("--check-config", "--config", file, "--http-port", "0")
+    done = run_program(*COMMAND, *options, env=ENVIRONMENT)
     assert tomllib.loads(done.stdout)["threads"] == 1
     assert f"# {file}" in done.stdout and "# command line" in done.stdout
 

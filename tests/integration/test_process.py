@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 import wayfarer_client as wf
+from tests.programs import run_program
 
 COMMAND = [sys.executable, "-m", "wayfarer", "serve", "--log-format", "json"]
 ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
@@ -64,15 +65,7 @@ def serve(*arguments: str) -> Iterator[Process]:
 
 def refused(*arguments: str) -> str:
     """The one-line message of a start that must fail."""
-    answer = subprocess.run(
-        [*COMMAND, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=ENVIRONMENT,
-        timeout=60,
-    )
-    assert answer.returncode == 2, answer
+    answer = run_program(*COMMAND, *arguments, code=2, env=ENVIRONMENT)
     said = [line for line in answer.stderr.splitlines() if not line.startswith("{")]
     assert len(said) == 1, answer.stderr
     return said[0]

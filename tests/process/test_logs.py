@@ -1,9 +1,9 @@
 import json
-import subprocess
 import sys
 
 import pytest
 
+from tests.programs import run_program
 from wayfarer.process.logs import HIDDEN, hidden
 
 PROGRAM = """
@@ -24,12 +24,7 @@ except ZeroDivisionError:
 
 
 def run(form: str) -> str:
-    answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(form=form)],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    answer = run_program(sys.executable, "-c", PROGRAM.format(form=form))
     assert not answer.stdout
     return answer.stderr
 
@@ -61,8 +56,7 @@ logging.getLogger("library").error("ExecuteBatchError raised in core by us")
 
 
 def test_a_reader_who_leaves_in_the_middle_is_no_error():
-    command = [sys.executable, "-c", GONE]
-    answer = subprocess.run(command, capture_output=True, text=True, check=True)
+    answer = run_program(sys.executable, "-c", GONE)
     told = [json.loads(line)["event"] for line in answer.stderr.splitlines()]
     assert [line.split()[0] for line in told] == ["Unexpected", "ExecuteBatchError"]
     assert "by us" in told[1]
@@ -89,13 +83,7 @@ except ValueError:
 
 @pytest.mark.parametrize("form", ["json", "text"])
 def test_no_key_or_token_in_any_line(form):
-    answer = subprocess.run(
-        [sys.executable, "-c", SECRETS.format(form=form)],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    lines = answer.stderr
+    lines = run_program(sys.executable, "-c", SECRETS.format(form=form)).stderr
     for secret in (KEY, TOKEN, "opaque", "b3BhcXVl"):
         assert secret not in lines
     assert "[hidden]" in lines and "session=s" in lines and "issuer.example" in lines

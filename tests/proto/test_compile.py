@@ -5,7 +5,6 @@ ones do not: fields whose JSON names are alike are refused.
 """
 
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,6 +12,8 @@ import grpc_tools
 import protoc
 import pytest
 from google.protobuf import descriptor_pb2
+
+from tests.programs import run_program
 
 ROOT = Path(__file__).parents[2]
 PROTO = ROOT / "proto"
@@ -39,20 +40,13 @@ compilers = pytest.mark.parametrize(
 
 def compiled(compiler: str, out: Path, *options: str) -> list[str]:
     """Files that are made, relative to `out`."""
-    done = subprocess.run(
-        [compiler, f"-I{PROTO}", f"-I{WELL_KNOWN}", *options, *SOURCES],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_program(compiler, f"-I{PROTO}", f"-I{WELL_KNOWN}", *options, *SOURCES)
     assert not done.stderr
     return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
 
 
 def test_the_oldest_is_of_3_21() -> None:
-    said = subprocess.run([OLDEST, "--version"], capture_output=True, text=True, check=True)
-    assert said.stdout.split()[1].startswith(("21.", "3.21."))
+    assert run_program(OLDEST, "--version").stdout.split()[1].startswith(("21.", "3.21."))
 
 
 @compilers
@@ -68,10 +62,7 @@ def test_python(compiler: str, tmp_path: Path) -> None:
         f"assert g.__file__.startswith({str(tmp_path)!r}), g.__file__",
         "print(g.Goal.FromString(g.Goal(speed=1.5).SerializeToString()).speed)",
     )
-    said = subprocess.run(
-        [sys.executable, "-c", "; ".join(uses)], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert said.stdout == "1.5\n", said.stderr
+    assert run_program(sys.executable, "-c", "; ".join(uses), cwd=tmp_path).stdout == "1.5\n"
 
 
 @compilers

@@ -9,7 +9,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
-from tests.viewer.chromium import Page, find_chromium, needs_chromium
+from tests.viewer.chromium import Page, needs_chromium
 
 INFO = "#operations-catalogue-getServerInfo"
 
@@ -32,7 +32,7 @@ async def test_nothing_of_the_page_comes_from_elsewhere(rig):
 @needs_chromium
 async def test_it_lists_the_calls_and_makes_them(rig, tmp_path):
     def visit() -> None:
-        with _page(tmp_path / "profile") as page:
+        with Page(tmp_path / "profile") as page:
             page.call("Page.navigate", url=f"{rig.server.http_url}/docs")
             page.wait_for("document.querySelectorAll('.opblock').length > 40", 60)
             _press(page, f"{INFO} .opblock-summary-control")
@@ -55,17 +55,11 @@ async def test_no_other_page_can_show_it_in_a_frame(rig, tmp_path):
     def visit() -> None:
         for shown in ("/docs/", "/"):
             (tmp_path / "index.html").write_text(f'<iframe src="{rig.server.http_url}{shown}">')
-            with _served(tmp_path) as elsewhere, _page(tmp_path / f"profile{len(shown)}") as page:
+            with _served(tmp_path) as elsewhere, Page(tmp_path / f"profile{len(shown)}") as page:
                 page.call("Page.navigate", url=elsewhere)
                 _until(page, lambda page: any("frame-ancestors" in p for p in page.problems))
 
     await asyncio.to_thread(visit)
-
-
-def _page(profile: Path) -> Page:
-    executable = find_chromium()
-    assert executable
-    return Page(executable, profile)
 
 
 def _press(page: Page, selector: str) -> None:

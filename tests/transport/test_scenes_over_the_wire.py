@@ -1,14 +1,13 @@
 """SceneService by gRPC and by HTTP, called by real clients; no call disturbs a stream."""
 
 import json
-import struct
 
 import grpc
 import pytest
 from google.rpc.error_details_pb2 import BadRequest
 from grpc_status import rpc_status
 
-from tests.navigation.meshes.glb_files import LEVELS
+from tests.navigation.meshes.glb_files import LEVELS, glb
 from tests.transport.rig import LIMITS, others_are_undisturbed
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.grpc_server.methods import check_points
@@ -95,17 +94,6 @@ async def test_a_mesh_that_is_none_is_refused(rig, sent, field):
     assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
     assert bad_field(caught.value) == field
     await others_are_undisturbed(rig, session_id)
-
-
-def glb(document: dict, binary: bytes = b"", claimed: int | None = None) -> bytes:
-    """A GLB file that may claim another length than it has."""
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text
-    if binary:
-        body += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    total = 12 + len(body) if claimed is None else claimed
-    return struct.pack("<4sII", b"glTF", 2, total) + body
 
 
 GREEDY = {

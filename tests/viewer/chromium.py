@@ -45,7 +45,11 @@ CONNECTION = "document.querySelector('#connection').dataset.state"
 class Page:
     """One tab, a context manager; `problems` collects errors of console, scripts, network."""
 
-    def __init__(self, executable: str, profile: Path, size: tuple[int, int] = (1000, 640)) -> None:
+    def __init__(self, profile: Path, size: tuple[int, int] = (1000, 640)) -> None:
+        """Raises RuntimeError where there is no browser."""
+        executable = find_chromium()
+        if executable is None:
+            raise RuntimeError("there is no Chromium here: apt-get install chromium")
         self.url = ""
         """URL of the server that it shows."""
         width, height = size
@@ -215,8 +219,6 @@ Without a graphics card pictures of a page that waits would take both cores from
 @contextmanager
 def resting_tab(profile: Path) -> Iterator[Page]:
     """A tab that rests between two pictures."""
-    executable = find_chromium()
-    assert executable
-    with Page(executable, profile, (1000, 640)) as opened:
+    with Page(profile) as opened:
         opened.call("Page.addScriptToEvaluateOnNewDocument", source=REST)
         yield opened

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.serving import Service
-from tests.viewer.chromium import CONNECTION, Page, find_chromium
+from tests.viewer.chromium import CONNECTION, Page
 from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread
 
 FRAMES = 600
@@ -58,11 +58,8 @@ BY_HAND = """
 
 def main(people: int, scene: str) -> None:
     """Print median and 95th percentile."""
-    executable = find_chromium()
-    if executable is None:
-        sys.exit("there is no Chromium here: apt-get install chromium")
     profile = Path(tempfile.mkdtemp())
-    with Service() as service, Page(executable, profile, (1440, 900)) as page:
+    with Service() as service, Page(profile, (1440, 900)) as page:
         page.call("Page.addScriptToEvaluateOnNewDocument", source=NO_DRAWING)
         page.call("Page.navigate", url=f"{service.url}/?scene={scene}&people=0&look=0")
         page.wait_for(f"globalThis.wayfarer?.stage.renderer && {CONNECTION} === 'open'", 60)

@@ -1,13 +1,13 @@
 """A server that asks for a key, stops, and starts again."""
 
 import socket
-import subprocess
 import sys
 from pathlib import Path
 from urllib.request import Request, urlopen
 
 import pytest
 
+from tests.programs import run_program
 from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 from tests.viewer.stage import NAMES, PEOPLE, SHOWN
@@ -28,8 +28,7 @@ def free_port() -> str:
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    command = [sys.executable, "-m", "wayfarer", "keys", "new", "tester"]
-    made = subprocess.run(command, capture_output=True, text=True, check=True)
+    made = run_program(sys.executable, "-m", "wayfarer", "keys", "new", "tester")
     file = tmp_path_factory.mktemp("keys") / "keys.toml"
     file.write_text(made.stdout)
     return next(word for word in made.stderr.split() if word.startswith("wf_")), file

@@ -21,14 +21,15 @@ TYPES = {
 WIDTHS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
-def glb(document: dict[str, Any], blob: bytes = b"") -> bytes:
-    """The file of a document and its binary chunk."""
+def glb(document: dict[str, Any], blob: bytes = b"", claimed: int | None = None) -> bytes:
+    """The file of a document and its binary chunk; it may claim another length than it has."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
     if blob:
         chunks += struct.pack("<II", len(blob), 0x004E4942) + blob
-    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+    total = 12 + len(chunks) if claimed is None else claimed
+    return struct.pack("<III", 0x46546C67, 2, total) + chunks
 
 
 class Packer:
