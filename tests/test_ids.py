@@ -1,6 +1,6 @@
 import pytest
 
-from wayfarer.ids import NO_ID, agent_id, group_of, new_group, scene_id, session_id
+from wayfarer.ids import NO_ID, agent_id, agent_ids, group_of, new_group, scene_id, session_id
 
 
 def test_ids_say_in_which_group_they_are():
@@ -25,3 +25,12 @@ def test_what_is_no_id_has_a_group_too(name):
 
 def test_agents_of_a_session_with_another_name_are_found_with_it():
     assert group_of(agent_id("mine")) == group_of("mine") == NO_ID
+
+
+def test_a_request_has_the_same_agents_wherever_it_comes():
+    session = session_id(new_group())
+    ids = agent_ids(session, "a", 3)
+    assert agent_ids(session, "a", 3) == ids and len({*ids, *agent_ids(session, "b", 3)}) == 6
+    assert agent_ids(session, "a", 2) == ids[:2] != agent_ids(session_id(new_group()), "a", 2)
+    assert {group_of(one) for one in ids} == {group_of(session)}
+    assert {len(one) for one in ids} == {len(agent_id(session))}

@@ -28,10 +28,14 @@ export class Bodies {
     this.group.add(unseen.mesh);
   }
 
-  /** Loads a body for one person, in one colour if `colour` is given: a promise of { pose(frame), hide(), height, rig, remove() }. */
-  async load(url, headers, boneNames, colour = null) {
+  /**
+   * Loads a body for one person, in one colour if `colour` is given: a promise of { pose(frame), hide(), height, rig, remove() }. `file()`:
+   * URL of its GLB, and headers.
+   */
+  async load(file, boneNames, colour = null) {
     await this.#turn();
     try {
+      const [url, headers] = file(); // when it is its turn: writing URLs for hundreds who come at once takes long
       const loader = new GLTFLoader().setRequestHeader(headers);
       const body = bodyOf((await loader.loadAsync(url)).scene, boneNames);
       if (colour) body.color = uniform(colour, body.position.length / 3);

@@ -109,12 +109,12 @@ export class Crowd {
     this.stage.add(person.group);
     const look = this.looks.get(agent.id);
     if (look) person.wear(look.body(agent.restOffsets));
-    else person.load(...this.mesh(agent, "low"), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
+    else person.load(() => this.mesh(agent, "low"), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
     this.#report();
   }
 
   #report() {
-    if (this.reported) queueMicrotask(() => {
+    if (this.reported) setTimeout(() => { // a task of its own: listing hundreds takes as long as adding them
       this.reported = true;
       this.changed();
     });
@@ -144,7 +144,7 @@ export class Crowd {
     this.refining = true;
     person.fine = true; // it is not requested again even if it fails to load
     try {
-      const body = await this.bodies.load(...this.mesh(person.agent, "high"), this.boneNames, person.colour);
+      const body = await this.bodies.load(() => this.mesh(person.agent, "high"), this.boneNames, person.colour);
       if (person.gone || person.body.object) body.remove();
       else person.refine(body);
     } finally {

@@ -3,28 +3,29 @@
 import { mixPoses } from "./client/index.js";
 
 const SECONDS = 60;
-const FPS = 30; // of the frames kept: a minute of one person is 0.65 MB
-const ROOM = SECONDS * FPS + 2;
+const FPS = 30; // most frames kept: a minute of one person is 0.75 MB
+const LEAST_FPS = 6;
+const ALL_FPS = 6000; // of all people together: of more than 200 fewer frames each are kept, so that the page has time for the others
+const ROOM = 64; // frames that there is room for at the start; doubled when more are needed
 const GAP = 0.5; // seconds between two frames that belong to different visits: nobody is there between
 const MOST = 30; // maximum frames noted at once, so that a page that was hidden for some seconds does not stall
 const JUMP = 5; // seconds back or ahead after which it is another stream
 
-/** Frames of one person, a ring. */
+/** Frames of one person of the last minute, a ring. */
 class Track {
   constructor(width) {
     this.width = width;
-    this.times = new Float64Array(ROOM);
-    this.frames = new Float32Array(ROOM * width);
-    this.contacts = new Uint8Array(ROOM);
     this.first = 0;
     this.count = 0;
+    this.#room(ROOM);
   }
 
   push(time, frame, contacts) {
-    if (this.count === ROOM) {
-      this.first = (this.first + 1) % ROOM;
+    while (this.count > 1 && this.times[this.slot(1)] <= time - SECONDS) {
+      this.first = this.slot(1);
       this.count -= 1;
     }
+    if (this.count === this.times.length) this.#room(2 * this.count);
     const slot = this.slot(this.count);
     this.times[slot] = time;
     this.frames.set(frame, this.width * slot);
@@ -33,7 +34,21 @@ class Track {
   }
 
   slot(k) {
-    return (this.first + k) % ROOM;
+    return (this.first + k) % this.times.length;
+  }
+
+  #room(size) {
+    const grown = (Kind, before, width) => {
+      const values = new Kind(size * width);
+      if (this.count) values.set(before.subarray(this.first * width)); // the ring begins with its first frame again
+      if (this.first) values.set(before.subarray(0, this.first * width), (this.count - this.first) * width);
+      return values;
+    };
+    const { times, frames, contacts } = this;
+    this.times = grown(Float64Array, times, 1);
+    this.frames = grown(Float32Array, frames, this.width);
+    this.contacts = grown(Uint8Array, contacts, 1);
+    this.first = 0;
   }
 
   /** Number of the last frame at or before a time; -1: there is none. */
@@ -71,7 +86,8 @@ export class History {
       this.clear();
       this.begun = this.last = moment;
     }
-    const step = Math.max(1 / FPS, (moment - this.last) / MOST);
+    const fps = Math.min(FPS, Math.max(LEAST_FPS, ALL_FPS / people.length));
+    const step = Math.max(1 / fps, (moment - this.last) / MOST);
     for (let at = this.last + step; at <= moment; at += step) {
       this.last = at;
       for (const { agent, played } of people) {

@@ -239,7 +239,7 @@ function showSelection() {
   const mode = sendMode();
   if (people.length && mode === "nearest") setSendMode("selected");
   if (!people.length && mode === "selected") setSendMode("nearest");
-  for (const person of crowd.people) person.marker.visible = people.includes(person);
+  for (const person of crowd.people) person.mark(people.includes(person));
   listPeople(crowd.people, selection);
 }
 

@@ -48,8 +48,7 @@ export class Person {
     this.gone = false;
     this.group = new Group();
     this.group.matrixAutoUpdate = false; // it stays where it is
-    this.marker = floorRing(0.36, 0.42, ACCENT);
-    this.marker.visible = false;
+    this.marker = null; // the ring around a selected person, made when it is first needed
     this.path = new Group(); // a mark for each goal ahead
     this.path.matrixAutoUpdate = false;
     this.way = null; // the line to the next one
@@ -59,12 +58,12 @@ export class Person {
     this.wanders = false; // only the server knows its goals
     this.trail = trails.begin(colourOf(agent.alias));
     this.label = null; // made when it is first needed
-    this.group.add(this.marker, this.path);
+    this.group.add(this.path);
   }
 
   /** Loads the body (`bodies.load`); the person appears with its first pose. */
-  async load(url, headers, boneNames) {
-    const body = await this.bodies.load(url, headers, boneNames, this.colour);
+  async load(file, boneNames) {
+    const body = await this.bodies.load(file, boneNames, this.colour);
     if (this.gone || this.body) body.remove();
     else this.wear(body);
   }
@@ -99,6 +98,20 @@ export class Person {
     return new Vector3(this.x, this.y + this.height + 0.22, this.z);
   }
 
+  /** Shows that it is selected. */
+  mark(selected) {
+    if (selected && !this.marker) {
+      this.marker = floorRing(0.36, 0.42, ACCENT);
+      this.group.add(this.marker);
+    }
+    if (this.marker) this.marker.visible = this.marker.matrixAutoUpdate = selected;
+    this.#placeMarker();
+  }
+
+  #placeMarker() {
+    if (this.marker?.visible) this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
+  }
+
   showLabel(visible) {
     if (visible && !this.label) {
       this.label = label(this.agent.name);
@@ -121,9 +134,8 @@ export class Person {
     [this.x, , this.z] = frame;
     this.y = this.heightAt(this.x, this.z, frame[1] - 0.5);
     this.heading = headingOf(BASES.gltf, frame, 3);
-    this.marker.matrixAutoUpdate = this.marker.visible;
-    this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
-    if (now) this.trail.add(this.x, this.y, this.z);
+    this.#placeMarker();
+    if (now && this.body) this.trail.add(this.x, this.y, this.z);
     this.body?.pose(frame);
     this.shown = this.body !== null;
   }

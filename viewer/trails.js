@@ -24,21 +24,29 @@ export class Trails {
 
   /** A trail: { add(x, y, z), end() }. */
   begin(colour) {
+    let slot = -1; // it takes a place with its first point
+    return {
+      add: (x, y, z) => {
+        if (slot < 0) slot = this.#place(colour);
+        this.#add(slot, this.trails[slot], x, y, z);
+      },
+      end: () => {
+        if (slot < 0) return;
+        this.trails[slot] = undefined;
+        this.#collapse(slot, 0, 0, 0, 0);
+      },
+    };
+  }
+
+  #place(colour) {
     let slot = this.trails.indexOf(undefined);
     if (slot < 0) slot = this.trails.length;
     if (slot >= this.capacity) this.#room(2 * this.capacity);
-    const trail = { count: 0, colour: new Color(colour) };
-    this.trails[slot] = trail;
-    const { r, g, b } = trail.colour;
-    for (let k = 0; k < POINTS; k += 1) this.colours.array.set([r, g, b], 3 * (slot * POINTS + k));
+    this.trails[slot] = { count: 0 };
+    const { r, g, b } = new Color(colour);
+    fill(this.colours.array, slot * POINTS, (slot + 1) * POINTS, r, g, b);
     this.colours.needsUpdate = true;
-    return {
-      add: (x, y, z) => this.#add(slot, trail, x, y, z),
-      end: () => {
-        this.trails[slot] = undefined;
-        this.#collapse(slot, 0, [0, 0, 0]);
-      },
-    };
+    return slot;
   }
 
   #add(slot, trail, x, y, z) {
@@ -51,13 +59,12 @@ export class Trails {
       trail.count -= 1;
     }
     // later points lie on the newest one: the lines to them have no length
-    this.#collapse(slot, trail.count, [x, y + 0.012, z]);
+    this.#collapse(slot, trail.count, x, y + 0.012, z);
     trail.count += 1;
   }
 
-  #collapse(slot, from, point) {
-    const { array } = this.places;
-    for (let k = 3 * (slot * POINTS + from); k < 3 * (slot + 1) * POINTS; k += 3) [array[k], array[k + 1], array[k + 2]] = point;
+  #collapse(slot, from, x, y, z) {
+    fill(this.places.array, slot * POINTS + from, (slot + 1) * POINTS, x, y, z);
     if (!this.lines.visible) return;
     this.places.addUpdateRange(3 * slot * POINTS, 3 * POINTS);
     this.places.needsUpdate = true;
@@ -71,7 +78,10 @@ export class Trails {
     };
     const index = new Uint32Array(2 * (POINTS - 1) * capacity);
     for (let slot = 0, at = 0; slot < capacity; slot += 1) {
-      for (let k = 1; k < POINTS; k += 1, at += 2) index.set([slot * POINTS + k - 1, slot * POINTS + k], at);
+      for (let k = 1; k < POINTS; k += 1) {
+        index[at++] = slot * POINTS + k - 1;
+        index[at++] = slot * POINTS + k;
+      }
     }
     this.capacity = capacity;
     this.places = grown(this.places);
@@ -82,5 +92,14 @@ export class Trails {
     geometry.setIndex(new BufferAttribute(index, 1));
     this.lines.geometry.dispose();
     this.lines.geometry = geometry;
+  }
+}
+
+/** Writes x, y, z to the points from `from` up to `to`. Hundreds of people come at once: no array is made for a point. */
+function fill(points, from, to, x, y, z) {
+  for (let k = 3 * from; k < 3 * to; k += 3) {
+    points[k] = x;
+    points[k + 1] = y;
+    points[k + 2] = z;
   }
 }

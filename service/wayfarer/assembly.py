@@ -144,7 +144,7 @@ def runtime(
         engine.warm_up((*compiled, sizes[-1]), set(tried) - set(measured))
         spread_out = (*compiled, *sizes[::-MEASURE_EVERY])
         for _ in range(MEASURES):
-            engine.warm_up(spread_out, measured, world.load.measured)
+            engine.warm_up(spread_out, measured, world.load.admission.measured)
 
     worlds = Worlds(
         models=LoadedModels(engine),

@@ -8,6 +8,7 @@ same first four digits are a group.
 
 import re
 import secrets
+from hashlib import sha256
 from typing import Final
 
 _GROUP: Final = re.compile(r"(?:session|scene|agent)-([0-9a-f]{12}(?=[0-9a-f]{12})|[0-9a-f]{4})")
@@ -34,6 +35,15 @@ def scene_id(group: str) -> str:
 def agent_id(session_id: str) -> str:
     """A new id for an agent of the session."""
     return _id("agent", group_of(session_id))
+
+
+def agent_ids(session_id: str, request: str, count: int) -> list[str]:
+    """The ids of the agents of a request in the session: always the same for the same request, so
+    that one that is sent again finds them, also on another node or after a restart.
+    """
+    start = f"agent-{group_of(session_id)}"
+    digest = sha256(f"{session_id}\n{request}".encode()).hexdigest()
+    return [start + sha256(f"{digest} {i}".encode()).hexdigest()[:12] for i in range(count)]
 
 
 def group_of(name: str) -> str:

@@ -66,7 +66,11 @@ class LocalCluster:
             self.add_node()
         self.entry = self.new_entry(self.settings)
         await self.entry.start()
-        await self.until(lambda status: self.ready(status) == self._count)
+        try:
+            await self.until(lambda status: self.ready(status) == self._count)
+        except BaseException:  # a busy machine; nothing is left behind
+            await self.__aexit__()
+            raise
         return self
 
     async def __aexit__(self, *_):

@@ -10,6 +10,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from tests.cluster.nodes import Link, info
+from tests.runtime.running import until
 from tests.transport.auth.test_keys import FILE, STUDIO
 from tests.transport.fakes import opened
 from tests.transport.samples import MODEL
@@ -41,9 +42,7 @@ class Rig:
         self.entry = Entry(settings, self.link, self, self.stopped.set)
         await self.entry.start()
         self.http = httpx.AsyncClient(base_url=self.entry.http_url)
-        async with asyncio.timeout(10):
-            while not self.entry.finder.ready:
-                await asyncio.sleep(0.01)
+        await until(lambda: self.entry.finder.ready)
         return self
 
     async def node(self, name):

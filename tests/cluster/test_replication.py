@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.cluster.nodes import info
+from tests.runtime.running import until
 from wayfarer.cluster import replication
 from wayfarer.cluster.replicas import CONTENT, Replicas
 from wayfarer.cluster.replication import Replication
@@ -91,9 +92,7 @@ async def copies(monkeypatch):
 
     async def rounds(count=3):
         wanted = made.moves.state + count
-        async with asyncio.timeout(5):
-            while made.moves.state < wanted:
-                await asyncio.sleep(0.005)
+        await until(lambda: made.moves.state >= wanted)
 
     made.rounds = rounds
     running = asyncio.create_task(made.work.running())
@@ -158,9 +157,7 @@ async def test_one_that_is_not_kept_does_not_stop_the_others(copies, caplog, tro
 async def test_a_round_that_fails_is_not_the_last_one(copies, caplog):
     await copies.rounds()
     copies.peers.broken = True
-    async with asyncio.timeout(5):
-        while "a round of copies failed" not in caplog.text:
-            await asyncio.sleep(0.005)
+    await until(lambda: "a round of copies failed" in caplog.text)
     copies.peers.broken = False
     before = copies.peers.state()
     await copies.rounds()

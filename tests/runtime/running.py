@@ -96,7 +96,7 @@ class HeldEngine(FakeEngine):
         return super().step(gender, inputs)
 
 
-async def until(condition, seconds=5.0):
+async def until(condition, seconds=30.0):
     async with asyncio.timeout(seconds):
         while not condition():
             await asyncio.sleep(0.005)

@@ -19,8 +19,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.runtime import lockstep
-from wayfarer.runtime.lockstep import LockSteps
+from wayfarer.runtime import homes
+from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.motion_service import MotionService
 from wayfarer.runtime.offline import Offline
 from wayfarer.runtime.streams.publications import StreamOptions
@@ -121,6 +121,14 @@ async def test_agents_come_and_go_between_primitives(runtime):
     assert await runtime.list_sessions() == []
 
 
+async def test_sessions_of_both_kinds_are_as_old_as_they_are(runtime):
+    made = [await runtime.create_session(SessionSpec(lock_step=i == 1)) for i in range(3)]
+    ages = [session.created_at for session in made]
+    assert ages == sorted(ages)
+    listed = [session.session_id for session in await runtime.list_sessions()]
+    assert listed == [session.session_id for session in made]
+
+
 async def test_each_kind_of_session_is_for_its_own_calls(runtime):
     await runtime.create_session(LOCKED)
     await runtime.create_session(SessionSpec("live"))
@@ -165,18 +173,19 @@ async def test_limits_hold(runtime):
 
 async def test_limits_hold_while_a_session_is_put_in():
     worlds = fake_worlds(limits=Limits(sessions=2, agents=5))
-    sessions = LockSteps(worlds, Offline(1), lambda: 0.0)
-    with sessions.opening() as home:
+    sessions = lock_steps(worlds)
+    with sessions.opening(LOCKED) as home:
         await home.create_session(LOCKED)
-    with sessions.opening("guest", 3) as home:
+    guest = record_of(3)
+    with sessions.opening(guest.spec, guest) as home:
         with (
             pytest.raises(ResourceExhausted, match="2 sessions in lock-step"),
-            sessions.opening("third"),
+            sessions.opening(LOCKED),
         ):
             pass
         with pytest.raises(ResourceExhausted, match="3 of 5 agents in lock-step"):
             await sessions.create_agents("tool", people(3))
-        await home.put_session(record_of(3))
+        await home.put_session(guest)
     await sessions.create_agents("tool", people(2))
     with pytest.raises(ResourceExhausted, match="5 of 5 agents in lock-step"):
         await sessions.create_agents("tool", people(1))
@@ -184,27 +193,42 @@ async def test_limits_hold_while_a_session_is_put_in():
 
 
 async def test_one_that_is_here_is_not_replaced():
-    sessions = LockSteps(fake_worlds(), Offline(1), lambda: 0.0)
-    with sessions.opening("guest", 1) as home:
-        await home.put_session(record_of(1))
-    with pytest.raises(AlreadyExists, match="'guest' exists already"), sessions.opening("guest"):
+    sessions = lock_steps(fake_worlds())
+    guest = record_of(1)
+    with sessions.opening(guest.spec, guest) as home:
+        await home.put_session(guest)
+    with (
+        pytest.raises(AlreadyExists, match="'guest' exists already"),
+        sessions.opening(guest.spec, guest),
+    ):
         pass
-    assert sessions.session("guest") is home
+    assert sessions.of("guest") is home
     await sessions.stop()
 
 
 async def test_one_that_cannot_be_put_in_leaves_no_room_taken_and_no_thread():
-    sessions = LockSteps(fake_worlds(limits=Limits(sessions=1)), Offline(1), lambda: 0.0)
+    sessions = lock_steps(fake_worlds(limits=Limits(sessions=1)))
     for _ in range(2):
         with (
             pytest.raises(InvalidArgument),
-            sessions.opening("guest", 3) as home,
+            sessions.opening(LOCKED) as home,
         ):
             await home.create_session(SessionSpec("a b"))
     assert not sessions._new_sessions and not sessions._new_agents
     home._thread._thread.join(5)
     assert not home._thread._thread.is_alive()
     await sessions.stop()
+
+
+class NoLive:
+    """In place of the world in real time."""
+
+    async def stop(self):
+        pass
+
+
+def lock_steps(worlds):
+    return Homes(NoLive(), worlds, Offline(1), lambda: 0.0)
 
 
 def record_of(count):
@@ -235,15 +259,15 @@ async def test_sessions_come_from_other_threads_while_others_are_deleted(monkeyp
         def end(self, *_):
             Thread.ended += 1
 
-    monkeypatch.setattr(lockstep, "LiveMotion", Home)
-    monkeypatch.setattr(lockstep, "LockStepThread", Thread)
+    monkeypatch.setattr(homes, "LiveMotion", Home)
+    monkeypatch.setattr(homes, "LockStepThread", Thread)
     interval = sys.getswitchinterval()
     worlds = SimpleNamespace(settings=SimpleNamespace(limits=BIG), lock_step=SimpleNamespace)
-    sessions = LockSteps(worlds, Offline(1), lambda: 0.0)
+    sessions = lock_steps(worlds)
 
     def put(number):
         names = tuple(f"agent-{number}-{i}" for i in range(250))
-        with sessions.opening(agents=250) as home:
+        with sessions.opening(LOCKED) as home:
             info = SessionInfo(f"s{number}", names, 0.0, None)
             home.world.list_sessions = lambda: [info]
 

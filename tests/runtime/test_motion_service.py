@@ -165,3 +165,16 @@ async def test_rules_are_compiled_once_it_has_been_started_not_before(monkeypatc
     await until_ready(runtime)
     assert called == [False]
     await runtime.stop()
+
+
+@pytest.mark.parametrize("lock_step", [False, True])
+async def test_agents_get_the_ids_that_are_asked_for_once(servers, lock_step):
+    runtime = await servers.start()
+    await runtime.create_session(SessionSpec("s", lock_step=lock_step))
+    made = await runtime.create_agents("s", people(2), ["agent-a", "agent-b"])
+    assert [agent.agent_id for agent in made] == ["agent-a", "agent-b"]
+    with pytest.raises(AlreadyExists):
+        await runtime.create_agents("s", people(2), ["agent-c", "agent-b"])
+    assert await runtime.list_agents("s") == made, "all or none"
+    await runtime.delete_agent("agent-b")
+    await runtime.create_agents("s", people(2), ["agent-c", "agent-b"])

@@ -221,10 +221,13 @@ def test_an_epoch_that_no_server_makes_is_refused(epoch):
 
 
 async def stepping(runtime):
-    """A session in lock-step with two people who walk."""
+    """A session in lock-step with two people who walk, and one for each of `COMMANDS`."""
     spec = SessionSpec(lock_step=True, record=True)
     session = (await runtime.create_session(spec)).session_id
-    people = await runtime.create_agents(session, [AgentSpec(noise_seed=i) for i in range(2)])
+    specs = [AgentSpec(noise_seed=i) for i in range(2 + len(COMMANDS))]
+    people = await runtime.create_agents(session, specs)
+    for person, command in zip(people[2:], COMMANDS, strict=True):
+        await runtime.give(person.agent_id, command)
     await runtime.give(people[0].agent_id, goals((1, 0), (1, 1))[0])
     await runtime.give(people[1].agent_id, goals((9, 0))[0])
     return session
@@ -253,6 +256,21 @@ async def test_a_session_in_lock_step_moves_between_two_steps_and_goes_on_bit_fo
     assert any(p.events for p in found[4:])
     await same_as_replayed(there, moves, found)
     assert [s.session_id for s in await here.list_sessions()] == [stays]
+
+
+async def test_a_session_in_lock_step_that_is_not_moved_after_all_goes_on_bit_for_bit(servers):
+    here = await servers.start()
+    one, other = await stepping(here), await stepping(here)
+    await here.step_session(one, 4)
+    await here.step_session(other, 4)
+    await here.moves.freeze(other)
+    await here.moves.export(other)
+    await here.moves.unfreeze(other)
+    for a, b in zip(
+        await here.step_session(one, 8), await here.step_session(other, 8), strict=True
+    ):
+        for name in ("seq", "scheduled_at", "translation", "flags"):
+            assert getattr(a.chunks, name).tobytes() == getattr(b.chunks, name).tobytes()
 
 
 async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):

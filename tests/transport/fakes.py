@@ -145,7 +145,9 @@ class FakeService(FakeScenes):
             if subscription.session_id == session_id:
                 subscription.queue.put_nowait(None)
 
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+    async def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
+    ) -> list[AgentInfo]:
         agents = self._session(session_id)
         self.created += len(specs)
         if self.slow is not None:
@@ -154,7 +156,9 @@ class FakeService(FakeScenes):
         first = self._alias.get(session_id, 0) + 1
         self._alias[session_id] = first - 1 + len(specs)
         made = [
-            agent_info(f"agent-{next(self._number)}", first + i, session_id, spec)
+            agent_info(
+                names[i] if names else f"agent-{next(self._number)}", first + i, session_id, spec
+            )
             for i, spec in enumerate(specs)
         ]
         agents += made

@@ -1,7 +1,5 @@
 """Both servers over the fake service, on free ports, and clients of them."""
 
-import asyncio
-
 import grpc
 import httpx
 import websockets
@@ -80,12 +78,6 @@ class Rig:
     @property
     def ws_url(self) -> str:
         return self.server.http_url.replace("http", "ws")
-
-
-async def until(condition, seconds: float = 30.0) -> None:
-    async with asyncio.timeout(seconds):
-        while not condition():
-            await asyncio.sleep(0.01)
 
 
 async def others_are_undisturbed(rig, session_id):

@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from tests.transport.rig import until
+from tests.runtime.running import until
 from tests.transport.samples import NOW
 from wayfarer.errors import Metres, Place
 from wayfarer.world.events import Event, EventKind

@@ -7,7 +7,8 @@ from google.rpc.error_details_pb2 import BadRequest
 from grpc_reflection.v1alpha import reflection_pb2, reflection_pb2_grpc
 from grpc_status import rpc_status
 
-from tests.transport.rig import others_are_undisturbed, until
+from tests.runtime.running import until
+from tests.transport.rig import others_are_undisturbed
 from wayfarer.transport import codec
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import (

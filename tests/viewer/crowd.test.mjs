@@ -12,9 +12,9 @@ test("people who come and go together are reported once, since the page lists ev
     crowd.looks.set(played.agent.id, { body: () => body });
     added(played);
   }
-  await null;
+  await new Promise((done) => setTimeout(done));
   assert.deepEqual([crowd.people.length, reports], [300, 1]);
   for (const played of all.slice(0, 200)) removed(played);
-  await null;
+  await new Promise((done) => setTimeout(done));
   assert.deepEqual([crowd.people.length, reports], [100, 2]);
 });

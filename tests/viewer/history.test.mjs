@@ -53,6 +53,22 @@ test("only a minute is kept, and another stream begins anew", () => {
   assert.equal(history.first, 1000);
 });
 
+test("of a crowd fewer frames each are kept, and all of them when most people have left", () => {
+  const history = new History();
+  const frame = new Float32Array(WIDTH);
+  for (let now = 0; now < 90; now += 0.1) {
+    const part = walker(1, now - 0.2, now + 0.2);
+    const others = Array.from({ length: now < 70 ? 599 : 0 }, (_, k) => ({ agent: { alias: 2 + k }, played: { since: Infinity } }));
+    history.note(now, [part, ...others]);
+  }
+  const { count } = history.tracks.get(1); // 40 s of 10 frames a second, and 20 of 30
+  assert.ok(count > 950 && count < 1050, `${count} frames`);
+  for (const moment of [30.5, 45, 69.9, 70.4, 80, 89.5]) {
+    assert.ok(history.sample(1, moment, frame));
+    assert.ok(Math.abs(frame[2] - moment) < 0.005, `${frame[2]} at ${moment}`);
+  }
+});
+
 test("the timeline pauses, scrubs, steps, lags in slow motion, and comes back to now", () => {
   const history = { first: 40, last: 100 };
   const timeline = new Timeline(history);

@@ -224,7 +224,7 @@ def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page)
     page.evaluate("document.querySelector('#view').focus()")
     press(page, "d")
     page.wait_for("wayfarer.drive.on && document.querySelector('#follow').checked", 10)
-    person = f"{PEOPLE}.find(({{ marker }}) => marker.visible)"
+    person = f"{PEOPLE}.find(({{ marker }}) => marker?.visible)"
     page.wait_for(f"{person}.played.state === 'standing'", 30)
     page.evaluate("document.querySelector('#follow').click()")  # the camera stays as it is put
     page.evaluate(f"({LOOK_WHERE_IT_IS_FREE})({person})")

@@ -190,7 +190,7 @@ def test_people_are_selected_followed_and_removed_with_the_keyboard(page: Page):
         "(() => { const list = document.querySelector('#selected');"
         " list.selectedIndex = 3; list.dispatchEvent(new Event('change')); })()"
     )
-    assert page.evaluate(f"{CROWD}.people.filter((p) => p.marker.visible).length") == 1
+    assert page.evaluate(f"{CROWD}.people.filter((p) => p.marker?.visible).length") == 1
     press(page, "f")
     assert page.evaluate("document.querySelector('#follow').checked") is True
     press(page, "Delete")

@@ -145,7 +145,7 @@ def test_room_and_time_are_asked_for_all_or_nothing():
     with pytest.raises(ResourceExhausted, match="0 of 3"):
         small.members.put_session(record, 0.0)
     busy = make_world(admission=AdmissionRules(most_load=0.1))
-    busy.load.measured(1, 1, 0.1)
+    busy.load.admission.measured(1, 1, 0.1)
     with pytest.raises(ResourceExhausted, match="cannot add 4 agents: 0 of about"):
         busy.members.put_session(record, 0.0)
     for there in (small, busy):

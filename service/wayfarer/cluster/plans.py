@@ -2,15 +2,14 @@
 
 import sys
 from itertools import pairwise
-from pathlib import Path
 from typing import Final
 
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.config.settings import Settings
 from wayfarer.errors import InvalidArgument
 from wayfarer.process.processor import core_numbers, cores
+from wayfarer.runtime.persistence.journal_file import NAME
 
-JOURNAL: Final = "journal.sqlite3"
 FOLDER: Final = "worker-"
 
 
@@ -20,7 +19,6 @@ def node_plans(settings: Settings) -> list[NodePlan]:
         raise InvalidArgument(
             "setting workers: several need pipes and clocks that Windows has not; set 1", "workers"
         )
-    check_state(settings)
     shares = shares_of(core_numbers(), settings.workers)
     return [
         NodePlan(
@@ -62,7 +60,8 @@ def check_state(settings: Settings) -> None:
     folder, workers = settings.state_dir, settings.workers
     if folder is None or not folder.is_dir():
         return
-    kept = _kept(folder)
+    several = sum(1 for path in folder.glob(f"{FOLDER}*") if path.is_dir())
+    kept = 1 if (folder / NAME).exists() else several
     if kept > workers or (kept == 1 and workers > 1):
         enough = f"{kept} or more" if kept > 1 else "1"
         raise InvalidArgument(
@@ -71,13 +70,6 @@ def check_state(settings: Settings) -> None:
             "export them, or take another folder",
             "state_dir",
         )
-
-
-def _kept(folder: Path) -> int:
-    """The number of nodes whose sessions the folder holds."""
-    if (folder / JOURNAL).exists():
-        return 1
-    return sum(1 for path in folder.glob(f"{FOLDER}*") if path.is_dir())
 
 
 def _port(public: int, number: int) -> int:

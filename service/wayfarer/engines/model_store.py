@@ -5,6 +5,7 @@ import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
 from typing import Final
@@ -23,25 +24,15 @@ NICENESS: Final = 10
 """Added to the niceness of the warm-up thread, on systems with niceness per thread (Linux)."""
 
 
+@dataclass(eq=False)
 class ModelStore:
     """The folders that hold model folders."""
 
-    def __init__(
-        self,
-        folders: Sequence[Path],
-        check: Callable[[Path], ModelFolder],
-        open_engine: Callable[[ModelFolder], WarmEngine],
-        agents: int,
-        candidates: Sequence[int],
-    ) -> None:
-        """The first folder that holds a name wins. `check` raises ArtifactError for a model that
-        does not fit; engines are warmed for batches of up to `agents`.
-        """
-        self._folders = folders
-        self._check = check
-        self._open_engine = open_engine
-        self._agents = agents
-        self._candidates = candidates
+    folders: Sequence[Path]  # the first one that holds a name wins
+    check: Callable[[Path], ModelFolder]  # raises ArtifactError for a model that does not fit
+    open_engine: Callable[[ModelFolder], WarmEngine]
+    agents: int  # engines are warmed for batches of up to this many
+    candidates: Sequence[int]
 
     def find(self, name: str) -> Path:
         """The folder of a model. Raises InvalidArgument, NotFound."""
@@ -51,14 +42,14 @@ class ModelStore:
                 "'-', a letter or digit first",
                 "name",
             )
-        for folder in self._folders:
+        for folder in self.folders:
             if (folder / name / MANIFEST).is_file():
                 return folder / name
         raise NotFound(f"no model {name!r}; there are {', '.join(self.names()) or 'none'}")
 
     def names(self) -> list[str]:
         """The names of all models in the folders."""
-        manifests = [file for folder in self._folders for file in folder.glob(f"*/{MANIFEST}")]
+        manifests = [file for folder in self.folders for file in folder.glob(f"*/{MANIFEST}")]
         return sorted({m.parent.name for m in manifests if NAME.fullmatch(m.parent.name)})
 
     def open(self, name: str) -> WarmEngine:
@@ -66,10 +57,10 @@ class ModelStore:
 
         Raises InvalidArgument, NotFound, ArtifactError.
         """
-        engine = self._open_engine(self._check(self.find(name)))
+        engine = self.open_engine(self.check(self.find(name)))
         # Only now: the engine's threads would have inherited the priority.
         give_way(NICENESS)
-        engine.warm_up(engine.sizes_for(self._agents), self._candidates, _pause)
+        engine.warm_up(engine.sizes_for(self.agents), self.candidates, _pause)
         return engine
 
 

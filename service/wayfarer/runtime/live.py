@@ -107,10 +107,14 @@ class LiveMotion:
 
     # Sessions
 
-    async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        """Implements `MotionService`, as do the methods below."""
+    async def create_session(self, spec: SessionSpec, at: float | None = None) -> SessionInfo:
+        """Implements `MotionService`, as do the methods below. `at`: Unix seconds; None: the time
+        in its world.
+        """
         with self._counted("create_session"):
-            return await self.ask(lambda world, now: world.create_session(spec, now))
+            return await self.ask(
+                lambda world, now: world.create_session(spec, now if at is None else at)
+            )
 
     async def put_session(self, record: SessionRecord) -> SessionInfo:
         """Resumes a session from another server; see `Membership.put_session`."""
@@ -124,7 +128,9 @@ class LiveMotion:
 
     # Agents
 
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+    async def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
+    ) -> list[AgentInfo]:
         """Implements `MotionService`."""
         # A lack of room is reported at once, even if the motion thread is busy. Skinning start
         # poses takes about a millisecond each, so it does not run on the motion thread.
@@ -136,7 +142,7 @@ class LiveMotion:
             placed = await self._off_thread(place, specs)
             seeds = await self._off_thread(self._prepare, placed)
             return await self.ask(
-                lambda world, now: world.create_agents(session_id, placed, now, seeds, room)
+                lambda world, now: world.create_agents(session_id, placed, now, seeds, room, names)
             )
 
     async def delete_agent(self, agent_id: str) -> None:

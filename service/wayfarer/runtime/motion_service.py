@@ -7,7 +7,7 @@ none blocks it.
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Final
 
@@ -17,9 +17,9 @@ from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.gates import SessionGates
+from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.live import LiveMotion, steady_clock
-from wayfarer.runtime.lockstep import LockSteps
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.moving import LiveMoves
 from wayfarer.runtime.offline import Offline
@@ -93,19 +93,16 @@ class MotionService:
             ended=ended,
         )
         self._live = LiveMotion(world, self._thread, meter, self._keep_aside)
-        self._lock_steps = LockSteps(worlds, self._offline, self._clock, meter)
+        self._homes = Homes(self._live, worlds, self._offline, self._clock, meter)
         self.scenes = SceneService(
-            book=worlds.scenes,
+            registry=worlds.scenes,
             persistence=self._persistence,
-            live=self._live,
-            lock_steps=self._lock_steps,
+            homes=self._homes,
             clock=self._clock,
             gates=self._gates,
         )
 
-        self.moves = LiveMoves(
-            worlds, self._archive, self._live, self._lock_steps, self._persistence, self._gates
-        )
+        self.moves = LiveMoves(worlds, self._archive, self._homes, self._persistence, self._gates)
 
     # Life
 
@@ -120,9 +117,8 @@ class MotionService:
         """Ends every thread, stream and waiting command; the present state is saved."""
         self._persistence.pause()
         await asyncio.to_thread(self._worlds.stop)
-        await self._live.stop()
+        await self._homes.stop()
         self.scenes.stop()
-        await self._lock_steps.stop()
         self._world.checkpoint()
         await self._persistence.stop(in_good_order=not self._thread.failed)
 
@@ -156,51 +152,51 @@ class MotionService:
 
     async def get_session(self, session_id: str) -> SessionInfo:
         """Raises NotFound."""
-        return await self._home(session_id).ask(lambda world, _: world.get_session(session_id))
+        return await self._homes.of(session_id).ask(lambda world, _: world.get_session(session_id))
 
     async def list_sessions(self) -> list[SessionInfo]:
         """All sessions, oldest first; after a restart those of the journal."""
-        live = await self._live.ask(lambda world, _: world.list_sessions())
-        sessions = live + self._lock_steps.infos()
-        return sorted(sessions, key=lambda session: session.created_at)
+        return await self._homes.infos()
 
     async def delete_session(self, session_id: str) -> None:
         """Ends a session, its agents and its streams. Raises NotFound."""
-        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         async with self._gates.through(session_id):
-            await home.delete_session(session_id)
+            await self._homes.delete_session(session_id)
         await self._persistence.durable(None)
 
     # Agents
 
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """Creates all or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
-        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
+    async def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
+    ) -> list[AgentInfo]:
+        """Creates all or none, with these ids if they are given.
+
+        Raises NotFound, InvalidArgument, ResourceExhausted.
+        """
         async with self._gates.through(session_id):
-            made = await home.create_agents(session_id, specs)
+            made = await self._homes.create_agents(session_id, specs, names)
         return await self._persistence.durable(made)
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
         """Raises NotFound."""
-        return await self._home_of(agent_id).ask(lambda world, _: world.get_agent(agent_id))
+        return await self._homes.of_agent(agent_id).ask(lambda world, _: world.get_agent(agent_id))
 
     async def list_agents(self, session_id: str) -> list[AgentInfo]:
         """Raises NotFound."""
-        return await self._home(session_id).ask(lambda world, _: world.list_agents(session_id))
+        return await self._homes.of(session_id).ask(lambda world, _: world.list_agents(session_id))
 
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """Raises NotFound, InvalidArgument."""
         async with self._gates.through(agent_id):
-            changed = await self._home_of(agent_id).ask(
+            changed = await self._homes.of_agent(agent_id).ask(
                 lambda world, _: world.update_agent(agent_id, change)
             )
         return await self._persistence.durable(changed)
 
     async def delete_agent(self, agent_id: str) -> None:
         """Raises NotFound."""
-        home = self._lock_steps if self._lock_steps.agent(agent_id) else self._live
         async with self._gates.through(agent_id):
-            await home.delete_agent(agent_id)
+            await self._homes.delete_agent(agent_id)
         await self._persistence.durable(None)
 
     # Goals
@@ -223,7 +219,7 @@ class MotionService:
 
         try:
             async with self._gates.through(agent_id):
-                revision = await self._home_of(agent_id).ask(given)
+                revision = await self._homes.of_agent(agent_id).ask(given)
         except Unreachable as error:
             raise await self.scenes.explained(error) from None
         return await self._persistence.durable(revision)
@@ -232,7 +228,7 @@ class MotionService:
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
         """Follows a session. Raises NotFound; FailedPrecondition for a lock-step session."""
-        if self._lock_steps.session(session_id):
+        if self._homes.is_stepped(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
             )
@@ -241,13 +237,13 @@ class MotionService:
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
         """Advances a lock-step session by primitives. Raises NotFound, FailedPrecondition."""
-        if self._lock_steps.session(session_id) is None:
+        if not self._homes.is_stepped(session_id):
             await self._live.ask(lambda world, _: world.get_session(session_id))
             raise FailedPrecondition(
                 f"session {session_id!r} runs in real time; create it with `lock_step` to step it"
             )
         async with self._gates.through(session_id):
-            return await self._lock_steps.step(session_id, steps)
+            return await self._homes.step(session_id, steps)
 
     def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
@@ -279,7 +275,7 @@ class MotionService:
         self._worlds.models.use(name)
         if not move_agents:
             return 0
-        return await self._live.use_model(name) + await self._lock_steps.use_model(name)
+        return await self._homes.use_model(name)
 
     async def unload_model(self, name: str) -> None:
         """Raises NotFound, FailedPrecondition while it is in use."""
@@ -289,7 +285,7 @@ class MotionService:
 
     async def set_aside(self, session_id: str) -> None:
         """Removes a session that cannot continue, and keeps its data on disk."""
-        if self._lock_steps.session(session_id):
+        if self._homes.is_stepped(session_id):
             await self.delete_session(session_id)
             return
         await self._live.ask(lambda *_: self._live.set_aside(session_id, "restore"))
@@ -298,7 +294,7 @@ class MotionService:
 
     async def export_session(self, session_id: str) -> bytes:
         """Its state as of the last frames sent. Raises NotFound."""
-        return await self._archive.export_session(self._home(session_id), session_id)
+        return await self._archive.export_session(self._homes.of(session_id), session_id)
 
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None
@@ -311,35 +307,23 @@ class MotionService:
         scene = record.spec.scene
         async with self._gates.through(scene) if scene else nullcontext(), self._creation_lock:
             await self._refuse_taken(record.session_id)
-            with self._place(record) as home:
+            with self._homes.opening(record.spec, record) as home:
                 made = await home.put_session(record)
             return await self._persistence.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
-        return await self._archive.export_log(self._home(session_id), session_id)
+        return await self._archive.export_log(self._homes.of(session_id), session_id)
 
     # Private
 
-    def _home(self, session_id: str) -> LiveMotion:
-        return self._lock_steps.session(session_id) or self._live
-
-    def _home_of(self, agent_id: str) -> LiveMotion:
-        return self._lock_steps.agent(agent_id) or self._live
-
     async def _create_session(self, spec: SessionSpec) -> SessionInfo:
-        place = self._lock_steps.opening() if spec.lock_step else nullcontext(self._live)
-        with place as home:
-            return await home.create_session(spec)
-
-    def _place(self, record: SessionRecord) -> AbstractContextManager[LiveMotion]:
-        if not record.spec.lock_step:
-            return nullcontext(self._live)
-        return self._lock_steps.opening(record.session_id, len(record.agents))
+        with self._homes.opening(spec) as home:
+            return await home.create_session(spec, self._clock())
 
     async def _refuse_taken(self, session_id: str) -> None:
         is_live = await self._live.ask(lambda world, _: session_id in world.registry.sessions)
-        if is_live or self._lock_steps.session(session_id):
+        if is_live or self._homes.is_stepped(session_id):
             raise AlreadyExists(f"session {session_id!r} exists already")
 
     def _wake(self, warm_up: Callable[[World], None]) -> None:
@@ -366,5 +350,5 @@ class MotionService:
         self._persistence.set_aside(session_id, tuple(session.agents), session.spec.scene)
 
     def _adopt(self, record: SessionRecord) -> SessionInfo:
-        with self._place(record) as home:
+        with self._homes.opening(record.spec, record) as home:
             return home.adopt(record, admit=False)

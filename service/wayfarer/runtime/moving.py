@@ -6,15 +6,14 @@ the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes
 """
 
 import asyncio
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.gates import SessionGates
-from wayfarer.runtime.live import LiveMotion
-from wayfarer.runtime.lockstep import LockSteps
+from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.persistence.log_format import decode_log
 from wayfarer.runtime.persistence.persistence import Persistence
 from wayfarer.runtime.persistence.record import CommandLog
@@ -42,15 +41,13 @@ class LiveMoves:
         self,
         worlds: Worlds,
         archive: Archive,
-        live: LiveMotion,
-        lock_steps: LockSteps,
+        homes: Homes,
         persistence: Persistence,
         gates: SessionGates,
     ) -> None:
         self._worlds = worlds
         self._archive = archive
-        self._live = live
-        self._lock_steps = lock_steps
+        self._homes = homes
         self._persistence = persistence
         self._gates = gates
 
@@ -60,7 +57,7 @@ class LiveMoves:
         Raises NotFound, and Unavailable if calls on it do not end.
         """
         await self._gates.close(session_id)
-        home = self._home(session_id)
+        home = self._homes.of(session_id)
         try:
             ends = asyncio.get_running_loop().time() + CALL_S
             while not await home.ask(lambda world, _: _freeze(world, session_id)):
@@ -74,7 +71,7 @@ class LiveMoves:
 
     async def export(self, session_id: str) -> bytes:
         """Packs a frozen session. Raises NotFound."""
-        home = self._home(session_id)
+        home = self._homes.of(session_id)
         taken = await home.taken(session_id)
         recording = b""
         if taken.part.spec.record:
@@ -84,15 +81,14 @@ class LiveMoves:
 
     async def unfreeze(self, session_id: str) -> None:
         """Resumes it on this server. Raises NotFound."""
-        await self._home(session_id).ask(lambda world, _: _thaw(world, session_id))
+        await self._homes.of(session_id).ask(lambda world, _: _thaw(world, session_id))
         self._gates.open(session_id)
 
     async def release(self, session_id: str, error: WayfarerError) -> None:
         """Ends it on this server, since it lives on another one. Its streams end with `error` once
         they have sent everything, and so do waiting calls.
         """
-        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
-        await home.delete_session(session_id, error)
+        await self._homes.delete_session(session_id, error)
         self._gates.open(session_id, error)
         await self._persistence.durable(None)
 
@@ -119,7 +115,8 @@ class LiveMoves:
 
         await self._gates.close(session_id)
         try:
-            with self._place(session, admit=not orphan) as home:
+            record, log = session.record, session.log
+            with self._homes.opening(spec, record, log, admit=not orphan) as home:
                 made = await home.put_live(session, admit=not orphan)
                 if spec.record and not orphan:
                     await home.ask(lambda *_: self._worlds.recordings.go_on(kept, session_id))
@@ -132,20 +129,11 @@ class LiveMoves:
         """Packs its present state, from which another server resumes it after this one has ended.
         Its streams and its log are not in it. Raises NotFound.
         """
-        home = self._lock_steps.session(session_id)
-        if home is None:
-            return await self._archive.replica(self._live, session_id)
+        home = self._homes.of(session_id)
+        if not self._homes.is_stepped(session_id):
+            return await self._archive.replica(home, session_id)
         taken = await home.taken(session_id)
         return await asyncio.to_thread(encode_record, taken, self._worlds.body)
-
-    def _home(self, session_id: str) -> LiveMotion:
-        return self._lock_steps.session(session_id) or self._live
-
-    def _place(self, session: SessionCopy, admit: bool) -> AbstractContextManager[LiveMotion]:
-        record = session.record
-        if not record.spec.lock_step:
-            return nullcontext(self._live)
-        return self._lock_steps.opening(record.session_id, len(record.agents), session.log, admit)
 
     async def _log(self, recording: bytes) -> CommandLog:
         limits = self._worlds.settings.limits

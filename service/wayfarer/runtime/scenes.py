@@ -13,8 +13,7 @@ from wayfarer.errors import FailedPrecondition, Unreachable, WayfarerError
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
 from wayfarer.runtime.gates import SessionGates
-from wayfarer.runtime.live import LiveMotion
-from wayfarer.runtime.lockstep import LockSteps
+from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.persistence.persistence import Persistence
 from wayfarer.runtime.persistence.scene_entries import (
     content_bytes,
@@ -50,18 +49,16 @@ class SceneService:
     def __init__(
         self,
         *,
-        book: SceneRegistry,
+        registry: SceneRegistry,
         persistence: Persistence,
-        live: LiveMotion,
-        lock_steps: LockSteps,
+        homes: Homes,
         clock: Callable[[], float],
         gates: SessionGates,
     ) -> None:
         self._gates = gates
-        self._book = book
+        self._registry = registry
         self._persistence = persistence
-        self._live = live
-        self._lock_steps = lock_steps
+        self._homes = homes
         self._clock = clock
         # A bake holds one thread while it waits; the other threads are for quick calls.
         threads = MAX_BAKES + 2
@@ -77,21 +74,21 @@ class SceneService:
         Raises InvalidArgument that names the field, ResourceExhausted if too many scenes are kept
         or being baked, or this one is too costly.
         """
-        made = await self._work(lambda: self._book.create(source, self._clock()))
+        made = await self._work(lambda: self._registry.create(source, self._clock()))
         return await self._persistence.durable(made)
 
     async def get_scene(self, scene_id: str) -> SceneInfo:
         """Raises NotFound."""
-        return self._book.info(scene_id)
+        return self._registry.info(scene_id)
 
     async def list_scenes(self) -> list[SceneInfo]:
         """All scenes, oldest first."""
-        return self._book.infos()
+        return self._registry.infos()
 
     async def delete_scene(self, scene_id: str) -> None:
         """Raises NotFound; FailedPrecondition while sessions are in it."""
         async with self._gates.through(scene_id):
-            self._book.delete(scene_id)
+            self._registry.delete(scene_id)
         await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
@@ -101,18 +98,18 @@ class SceneService:
         ground would be left.
         """
         async with self._gates.through(scene_id):
-            made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
+            made = await self._work(lambda: self._registry.put(scene_id, name, obstacle))
         return await self._persistence.durable(made)
 
     async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
         """Raises NotFound."""
         async with self._gates.through(scene_id):
-            made = await self._work(lambda: self._book.remove(scene_id, name))
+            made = await self._work(lambda: self._registry.remove(scene_id, name))
         return await self._persistence.durable(made)
 
     async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
         """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         try:
             path = await self._work(lambda: scene.path(start, goal))
         except Unreachable as error:
@@ -131,12 +128,12 @@ class SceneService:
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
         """Outlines for drawing it. Raises NotFound."""
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         return await self._work(lambda: outlines(scene))
 
     async def scene_triangles(self, scene_id: str) -> NDArray[np.float64]:
         """All its triangles, with the present obstacles [T, 3, 3], metres. Raises NotFound."""
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         spec = replace(scene.spec, solids=(*scene.spec.solids, *scene.obstacles.values()))
         return await self._work(lambda: triangles(spec))
 
@@ -145,7 +142,7 @@ class SceneService:
         # the image library is loaded with the first picture
         from wayfarer.navigation.picture import top_view
 
-        scene = self._book.scene(scene_id)
+        scene = self._registry.scene(scene_id)
         return await self._work(lambda: top_view(scene))
 
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
@@ -154,15 +151,15 @@ class SceneService:
         With `count` 0 the present people leave. People for whom there is no room wait for it.
         Raises NotFound, FailedPrecondition if the session is in no scene, InvalidArgument.
         """
-        if self._lock_steps.session(session_id):
+        if self._homes.is_stepped(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "
                 "create agents in it instead, and let them wander"
             )
         async with self._gates.through(session_id):
-            await self._live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
+            await self._homes.live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
         for _ in range(POLLS):
-            state = await self._live.ask(lambda world, now: world.crowds.state(session_id))
+            state = await self._homes.live.ask(lambda world, now: world.crowds.state(session_id))
             if state.is_settled:
                 break
             await asyncio.sleep(POLL_S)
@@ -170,23 +167,23 @@ class SceneService:
 
     async def crowd(self, session_id: str) -> CrowdPeople | None:
         """The session's present crowd; None: it has none."""
-        return await self._live.ask(lambda world, _: world.crowds.copy(session_id))
+        return await self._homes.live.ask(lambda world, _: world.crowds.copy(session_id))
 
     # Moves to another server: its content at any time, the rest with its sessions
 
     async def content(self, scene_id: str) -> bytes:
         """The parts of it that never change, for `prepare`. Raises NotFound."""
-        kept = self._book.kept(scene_id)
-        return await self._work(lambda: content_bytes(kept))
+        entry = self._registry.entry(scene_id)
+        return await self._work(lambda: content_bytes(entry))
 
     def obstacles(self, scene_id: str) -> bytes:
         """The parts of it that change, for `adopt`. Raises NotFound."""
-        return obstacles_bytes(self._book.kept(scene_id))
+        return obstacles_bytes(self._registry.entry(scene_id))
 
     async def prepare(self, scene_id: str, content: bytes) -> None:
         """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
         record = await self._work(lambda: decode_scene(scene_id, content))
-        await self._work(lambda: self._book.prepare(record.source.spec))
+        await self._work(lambda: self._registry.prepare(record.source.spec))
 
     async def adopt(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
         """Adopts a scene from another server.
@@ -196,9 +193,11 @@ class SceneService:
         record = await self._work(lambda: decode_scene(scene_id, content, obstacles))
         source, at, version = record.source, record.created_at, record.version
         await self._work(
-            lambda: self._book.restore(scene_id, source, at, version, record.obstacles, told=False)
+            lambda: self._registry.restore(
+                scene_id, source, at, version, record.obstacles, reported=False
+            )
         )
-        return await self._persistence.durable(self._book.info(scene_id))
+        return await self._persistence.durable(self._registry.info(scene_id))
 
     async def freeze(self, scene_id: str) -> None:
         """Makes calls wait that change it or make sessions in it, until `unfreeze` or `release`.
@@ -218,7 +217,7 @@ class SceneService:
         Raises NotFound, FailedPrecondition if sessions are in it.
         """
         try:
-            self._book.delete(scene_id)
+            self._registry.delete(scene_id)
         finally:
             self._gates.open(scene_id, error)
         await self._persistence.durable(None)

@@ -157,11 +157,11 @@ class MotionThread:
             states=agents_by_state(world.slots),
             sights=agents_by_sight(world.slots),
             capacity=world.load.capacity(now),
-            load=world.load.share(now),
+            load=world.load.admission.load(now),
             degradation_level=world.load.level_number,
             held_steps=world.scheduler.unstepped.held_steps,
             coasted_steps=world.scheduler.unstepped.coasted_steps,
-            refused_agents=world.load.refused_agents,
+            refused_agents=world.load.admission.refused,
             **self._figures.values(now),
         )
 
@@ -290,7 +290,7 @@ class MotionThread:
         applied = self._turn(now)
         self._figures.worked += self.clock() - now
         if applied:
-            self._world.load.worked(now, *self._figures.take_worked())
+            self._world.load.admission.worked(now, *self._figures.take_worked())
         if applied or self._pipeline.is_idle:
             self._failures_in_a_row = 0
 

@@ -1,7 +1,7 @@
 """Sessions and agents enter a world and leave it: new ones, or records from any world."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,38 +16,26 @@ from wayfarer.world.agents.registry import Registry, Session
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goal_commands import GoalCommands
-from wayfarer.world.observer import Start, WorldObserver
+from wayfarer.world.observer import Observers, Start
 from wayfarer.world.record_checks import check_agent_record, check_session_record
 from wayfarer.world.rows import Double, Index
 from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.load import Load
 
 
+@dataclass(eq=False, kw_only=True)
 class Membership:
     """The sessions and agents of a world. `observers` receive every change."""
 
-    def __init__(
-        self,
-        *,
-        registry: Registry,
-        slots: Slots,
-        population: Population,
-        goals: GoalCommands,
-        scenery: WorldScenes,
-        load: Load,
-        limits: Limits,
-        observers: Iterable[WorldObserver],
-        faults: Faults,
-    ) -> None:
-        self._registry = registry
-        self._slots = slots
-        self._population = population
-        self._goals = goals
-        self._scenery = scenery
-        self._load = load
-        self._limits = limits
-        self._observers = observers
-        self._faults = faults
+    registry: Registry
+    slots: Slots
+    population: Population
+    goals: GoalCommands
+    scenery: WorldScenes
+    load: Load
+    limits: Limits
+    observers: Observers
+    faults: Faults
 
     def open(self, spec: SessionSpec, created_at: float) -> Session:
         """Opens a session without agents.
@@ -56,8 +44,7 @@ class Membership:
         server.
         """
         session = self._add(spec, created_at)
-        for observer in self._observers:
-            observer.opened(session)
+        self.observers.tell(lambda observer: observer.opened(session), session.session_id)
         return session
 
     def close(self, session: Session) -> None:
@@ -65,9 +52,8 @@ class Membership:
         for agent in tuple(session.agents.values()):
             self.remove(agent)
         self._remove(session)
-        self._faults.forget_session(session.session_id)
-        for observer in self._observers:
-            observer.closed(session)
+        self.faults.forget_session(session.session_id)
+        self.observers.tell(lambda observer: observer.closed(session), session.session_id)
 
     def settle(
         self,
@@ -78,27 +64,26 @@ class Membership:
         """Starts agents in their slots on their paths, and reports them."""
         try:
             for agent in agents:
-                self._goals.restore(agent)
+                self.goals.restore(agent)
         except Exception:
             for agent in agents:
-                self._population.remove(agent)
+                self.population.remove(agent)
             raise
-        for observer in self._observers:
-            observer.created(session, agents, starts)
+        self.observers.tell(lambda o: o.created(session, agents, starts), session.session_id)
 
     def remove(self, agent: Agent) -> None:
         """Removes an agent; its planned frames are discarded."""
-        for observer in self._observers:
-            observer.deleted(agent, int(self._slots.sent_chunks[agent.slot]))
-        self._population.remove(agent)
-        self._faults.forget(agent.slot)
+        seq = int(self.slots.sent_chunks[agent.slot])
+        self.observers.tell(lambda observer: observer.deleted(agent, seq), agent.session_id)
+        self.population.remove(agent)
+        self.faults.forget(agent.slot)
 
     # Records
 
     def examine(self, record: SessionRecord) -> None:
         """The costly part of `put_session`; thread-safe. Raises InvalidArgument."""
-        check_session_record(record, self._limits)
-        self._population.measure(agent.spec for agent in record.agents)
+        check_session_record(record, self.limits)
+        self.population.measure(agent.spec for agent in record.agents)
 
     def put_session(
         self,
@@ -125,21 +110,21 @@ class Membership:
                 self._check_new(agent, f"agents[{number}]")
             genders = [agent.spec.gender for agent in record.agents]
             wanted = Reservation.of(record.session_id, genders)
-            self._load.check_room(wanted, now, self._load.held(), admit)
-            agents = self._population.put(session, record.agents, now)
+            self.load.check_room(wanted, now, self.load.reservations.all(), admit)
+            agents = self.population.put(session, record.agents, now)
             session.last_alias = record.last_alias
             if live is not None:
                 self._go_on(session, agents, live, now)
             for entered in agents:
-                self._goals.restore(entered, in_mid_part=live is not None)
+                self.goals.restore(entered, in_mid_part=live is not None)
         except Exception:
             for entered in tuple(session.agents.values()):
-                self._population.remove(entered)
+                self.population.remove(entered)
             self._remove(session)
             raise
-        for observer in self._observers:
-            observer.opened(session)
-            observer.created(session, agents, record.agents)
+        name, observers = session.session_id, self.observers
+        observers.tell(lambda observer: observer.opened(session), name)
+        observers.tell(lambda observer: observer.created(session, agents, record.agents), name)
         return session
 
     # Moves to another server
@@ -151,12 +136,12 @@ class Membership:
         """
         session.frozen = frozen
         rows = _rows(session)
-        self._slots.frozen[rows] = frozen
-        return not self._slots.engine_call[rows].any()
+        self.slots.frozen[rows] = frozen
+        return not self.slots.engine_call[rows].any()
 
     def live_rows(self, session: Session, show: Callable[[Index], Double]) -> LiveRows:
         """Rows of a frozen session whose chunks are all sent; `show(rows)` returns due times."""
-        slots, rows = self._slots, _rows(session)
+        slots, rows = self.slots, _rows(session)
         return LiveRows(
             shown_at=show(rows),
             replanned=slots.replanned[rows],
@@ -166,13 +151,13 @@ class Membership:
         )
 
     def _go_on(self, session: Session, agents: Sequence[Agent], live: LiveRows, now: float) -> None:
-        slots, rows = self._slots, _rows(session)
+        slots, rows = self.slots, _rows(session)
         slots.replanned[rows] = live.replanned
         slots.held[rows] = live.held
         slots.near_since[rows] = live.near_since
         for agent, begun in zip(agents, live.begun_seq.tolist(), strict=True):
             agent.begun_seq = begun
-        self._population.keep_schedule(rows.tolist(), live.shown_at, now)
+        self.population.keep_schedule(rows.tolist(), live.shown_at, now)
         self.freeze(session, True)
 
     def is_settled(self, session_id: str) -> bool:
@@ -180,45 +165,45 @@ class Membership:
 
         Then the session can be taken out so that it continues bit for bit. Raises NotFound.
         """
-        agents = self._registry.session(session_id).agents.values()
-        return all(self._slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
+        agents = self.registry.session(session_id).agents.values()
+        return all(self.slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
 
     def put_agent(self, session_id: str, record: AgentRecord, now: float) -> Agent:
         """Resumes a recorded agent: its next chunk follows the last one that it sent.
 
         Raises NotFound, InvalidArgument, AlreadyExists, ResourceExhausted.
         """
-        session = self._registry.session(session_id)
-        check_agent_record(record, self._limits, "agent")
+        session = self.registry.session(session_id)
+        check_agent_record(record, self.limits, "agent")
         self._check_new(record, "agent")
         if record.alias in {agent.alias for agent in session.agents.values()}:
             raise AlreadyExists(f"session {session_id!r} has an agent of alias {record.alias}")
-        self._load.room_for(session_id, [record.spec.gender], now)
-        [agent] = self._population.put(session, [record], now)
+        self.load.room_for(session_id, [record.spec.gender], now)
+        [agent] = self.population.put(session, [record], now)
         self.settle(session, [agent], [record])
         return agent
 
     # Private
 
     def _add(self, spec: SessionSpec, created_at: float, admit: bool = True) -> Session:
-        session = self._registry.add_session(spec, created_at, admit)
+        session = self.registry.add_session(spec, created_at, admit)
         try:
-            self._scenery.enter(spec, session.session_id)
+            self.scenery.enter(spec, session.session_id)
         except WayfarerError:
-            del self._registry.sessions[session.session_id]
+            del self.registry.sessions[session.session_id]
             raise
-        session.scene = self._scenery.number(spec.scene)
+        session.scene = self.scenery.number(spec.scene)
         return session
 
     def _remove(self, session: Session) -> None:
-        del self._registry.sessions[session.session_id]
-        self._scenery.leave(session.spec, session.session_id)
+        del self.registry.sessions[session.session_id]
+        self.scenery.leave(session.spec, session.session_id)
 
     def _check_new(self, record: AgentRecord, where: str) -> None:
         """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""
-        if record.agent_id in self._registry.agents:
+        if record.agent_id in self.registry.agents:
             raise AlreadyExists(f"agent {record.agent_id!r} exists already")
-        self._goals.check_record(record, where)
+        self.goals.check_record(record, where)
 
 
 def _rows(session: Session) -> Index:

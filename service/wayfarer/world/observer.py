@@ -94,84 +94,53 @@ class WorldObserver(Protocol):
         ...
 
 
-class GuardedObserver:
-    """A `WorldObserver` whose errors become faults of the session or agent concerned."""
+class Observers:
+    """The observers of a world. Their errors become faults of the sessions or agents concerned."""
 
-    def __init__(self, observer: WorldObserver, faults: Faults) -> None:
-        self._observer = observer
+    def __init__(self, faults: Faults) -> None:
         self._faults = faults
+        self._observers: list[WorldObserver] = []
 
-    def opened(self, session: Session) -> None:
-        """Implements `WorldObserver`, as do the methods below."""
-        self._call([session.session_id], lambda: self._observer.opened(session))
+    def __bool__(self) -> bool:
+        return bool(self._observers)
 
-    def closed(self, session: Session) -> None:
-        """Implements `WorldObserver`."""
-        self._call([session.session_id], lambda: self._observer.closed(session))
+    def add(self, observer: WorldObserver) -> None:
+        """Reports to `observer` from now on."""
+        self._observers.append(observer)
 
-    def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
-        """Implements `WorldObserver`."""
-        self._call([session.session_id], lambda: self._observer.created(session, agents, starts))
-
-    def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
-        """Implements `WorldObserver`."""
-        self._call([agent.session_id], lambda: self._observer.commanded(agent, command, seq))
-
-    def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
-        """Implements `WorldObserver`."""
-        self._call([agent.session_id], lambda: self._observer.changed(agent, change, seq))
-
-    def deleted(self, agent: Agent, seq: int) -> None:
-        """Implements `WorldObserver`."""
-        self._call([agent.session_id], lambda: self._observer.deleted(agent, seq))
-
-    def planned(
-        self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
+    def tell(
+        self,
+        report: Callable[[WorldObserver], None],
+        *session_ids: str,
+        agent_ids: Iterable[str] = (),
     ) -> None:
-        """Implements `WorldObserver`."""
-        try:
-            self._observer.planned(agent_ids, seqs, candidates, models)
-        except Exception as error:
-            self._fail(self._faults.sessions_of(agent_ids), error)
-
-    def fell(self, falls: Sequence[Fall]) -> None:
-        """Implements `WorldObserver`."""
-        try:
-            self._observer.fell(falls)
-        except Exception as error:
-            self._fail(self._faults.sessions_of(fall.agent_id for fall in falls), error)
-
-    def sent(self, due: Due) -> None:
-        """Implements `WorldObserver`."""
-        self._call([due.session_id], lambda: self._observer.sent(due))
+        """Calls `report` with each observer. It is about these sessions and those of the agents."""
+        for observer in self._observers:
+            try:
+                report(observer)
+            except Exception as error:
+                for session_id in (*session_ids, *self._faults.sessions_of(agent_ids)):
+                    self._faults.session(session_id, Stage.RECORD, error)
 
     def stood(self, agents: Sequence[Agent]) -> None:
-        """Implements `WorldObserver`."""
+        """Reports where agents stand, except those that sit recording out."""
         rows = np.array([agent.slot for agent in agents], np.int64)
         if self._faults.any:
             kept = np.flatnonzero(~self._faults.out(rows, Stage.RECORD))
             agents, rows = [agents[row] for row in kept.tolist()], rows[kept]
         self._faults.stage = Stage.RECORD
-        try:
-            self._observer.stood(agents)
-        except Exception as error:
-            self._faults.split(
-                rows,
-                lambda some: self._observer.stood([agents[row] for row in some.tolist()]),
-                error,
-            )
+        for observer in self._observers:
+
+            def some_stood(some: Index, told: WorldObserver = observer) -> None:
+                told.stood([agents[row] for row in some.tolist()])
+
+            try:
+                observer.stood(agents)
+            except Exception as error:
+                self._faults.split(rows, some_stood, error)
 
     def strayed(self, session_id: str, agent_id: str) -> None:
-        """Implements `WorldObserver`."""
-        with contextlib.suppress(Exception):  # it is called for a fault that is known
-            self._observer.strayed(session_id, agent_id)
-
-    def _call(self, session_ids: Iterable[str], call: Callable[[], None]) -> None:
-        try:
-            call()
-        except Exception as error:
-            self._fail(session_ids, error)
-
-    def _fail(self, session_ids: Iterable[str], error: Exception) -> None:
-        for session_id in session_ids:
-            self._faults.session(session_id, Stage.RECORD, error)
+        """See `WorldObserver`. Errors are ignored, since it reports a fault that is known."""
+        for observer in self._observers:
+            with contextlib.suppress(Exception):
+                observer.strayed(session_id, agent_id)

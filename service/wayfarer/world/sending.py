@@ -3,7 +3,8 @@
 A change that fails for an agent is skipped: its chunk leaves as it was planned.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.agents.timeline import Timeline
-from wayfarer.world.observer import WorldObserver
+from wayfarer.world.observer import Observers
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.world_scenes import WorldScenes
@@ -20,31 +21,21 @@ from wayfarer.world.stepping.playback import Sent
 from wayfarer.world.stepping.rules import PLANNED, ActingRules
 
 
+@dataclass(eq=False, kw_only=True)
 class Sending:
     """Refines the chunks that leave a world, and reports them."""
 
-    def __init__(
-        self,
-        *,
-        slots: Slots,
-        registry: Registry,
-        timeline: Timeline,
-        scenery: WorldScenes,
-        observers: Iterable[WorldObserver],
-        faults: Faults,
-        rules: ActingRules,
-    ) -> None:
-        self._slots = slots
-        self._registry = registry
-        self._timeline = timeline
-        self._scenery = scenery
-        self._observers = observers
-        self._faults = faults
-        self._rules = rules
+    slots: Slots
+    registry: Registry
+    timeline: Timeline
+    scenery: WorldScenes
+    observers: Observers
+    faults: Faults
+    rules: ActingRules
 
     def leave(self, leaving: list[Sent]) -> list[Due]:
         """The same chunks by session, in the order of their times."""
-        found, rules = list[Due](), self._rules
+        found, rules = list[Due](), self.rules
         for sent in leaving:
             chunks = sent.chunks
             rules.tell(PLANNED, sent.slots, chunks.translation, chunks.rotations)
@@ -52,21 +43,23 @@ class Sending:
                 self._set_on_ground(sent)
                 rules.tell("ground", sent.slots, chunks.translation, chunks.rotations)
             found += self._by_session(sent)
-        for observer in self._observers:
-            for due in found:
-                observer.sent(due)
+        for due in found:
+            self._report(due)
         return found
 
+    def _report(self, due: Due) -> None:
+        self.observers.tell(lambda observer: observer.sent(due), due.session_id)
+
     def _set_on_ground(self, sent: Sent) -> None:
-        if self._slots.scene[sent.slots].any():
-            self._refine(Stage.GROUND, sent, lambda some: ground(self._slots, self._scenery, some))
+        if self.slots.scene[sent.slots].any():
+            self._refine(Stage.GROUND, sent, lambda some: ground(self.slots, self.scenery, some))
 
     def _refine(self, stage: Stage, sent: Sent, refine: Callable[[Sent], None]) -> None:
         """Lets `refine` change the chunks in place, except those of agents for which it fails.
 
         It changes nothing when it fails.
         """
-        faults = self._faults
+        faults = self.faults
         which = np.arange(len(sent.slots))
         if faults.any:
             which = which[~faults.out(sent.slots, stage)]
@@ -89,19 +82,19 @@ class Sending:
             faults.split(sent.slots[which], part, error)
         if stage is Stage.GROUND:  # as high as they were
             rows = np.flatnonzero(~refined)
-            floors = self._slots.footing.hips[sent.slots[rows]]
+            floors = self.slots.footing.hips[sent.slots[rows]]
             sent.chunks.translation[rows, :, 2] += floors[:, None]
 
     def _by_session(self, sent: Sent) -> list[Due]:
         """Groups chunks by session. A chunk without an owner is lost, and its agent stopped."""
-        slots, agents = self._slots, self._registry.by_slot
-        self._faults.stage = Stage.SENDING
+        slots, agents = self.slots, self.registry.by_slot
+        self.faults.stage = Stage.SENDING
         try:
-            return due_by_session(sent, slots, agents, self._timeline)
+            return due_by_session(sent, slots, agents, self.timeline)
         except Exception as error:
-            parts = self._faults.split(
+            parts = self.faults.split(
                 sent.slots,
-                lambda some: due_by_session(sent.take(some), slots, agents, self._timeline),
+                lambda some: due_by_session(sent.take(some), slots, agents, self.timeline),
                 error,
             )
             told = np.concatenate([np.empty(0, np.int64), *(some for some, _ in parts)])

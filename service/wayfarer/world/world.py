@@ -41,7 +41,7 @@ from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership
-from wayfarer.world.observer import Fall, GuardedObserver, WorldObserver
+from wayfarer.world.observer import Fall, Observers, WorldObserver
 from wayfarer.world.output.footlock import leg_shares
 from wayfarer.world.rows import Float, Index, Int8
 from wayfarer.world.scenes.context import SceneContext
@@ -83,13 +83,13 @@ class World:
         """
         self.settings = settings = settings or WorldSettings()
         self.models = engine if isinstance(engine, LoadedModels) else LoadedModels(engine)
-        self._observers: list[WorldObserver] = []
         self._checkpoints = 0
         self._timeline = Timeline()
         self.registry = Registry(settings.limits, settings.new_group)
         table = SlotTable(settings.limits.agents)
         self.slots = table.rows
         self.faults = Faults(self.slots, self.registry, report and self._noted(report))
+        self._observers = Observers(self.faults)
         self._playback = Playback(self.slots, settings.lead)
         # A plan may be one goal ahead of the sent motion for each of its chunks; a wandering agent
         # has one goal more.
@@ -167,7 +167,7 @@ class World:
 
     def observe(self, observer: WorldObserver) -> None:
         """Reports every change to `observer` from now on."""
-        self._observers.append(GuardedObserver(observer, self.faults))
+        self._observers.add(observer)
 
     # Sessions
 
@@ -243,9 +243,10 @@ class World:
         now: float,
         seeds: Sequence[Motion] | None = None,
         reservation: Reservation | None = None,
+        names: Sequence[str] = (),
     ) -> list[AgentInfo]:
-        """Creates all or none. `seeds` are the result of `prepare(specs)`, if it has been called;
-        then `specs` are the result of `placed`.
+        """Creates all or none, with the ids `names` if they are given. `seeds` are the result of
+        `prepare(specs)`, if it has been called; then `specs` are the result of `placed`.
 
         With a valid `reservation`, room is not checked again. Raises NotFound, InvalidArgument,
         ResourceExhausted.
@@ -254,13 +255,13 @@ class World:
         if seeds is None:
             specs = self.placed(session_id, specs)
             seeds = self.prepare(specs)
-        held = self.load.held()
+        held = self.load.reservations.all()
         if reservation not in held:  # it has been released if its caller has given up
             wanted = Reservation.of(session_id, [spec.gender for spec in specs])
             self.load.check_room(wanted, now, held)
-        agents = self._population.add(session, specs, seeds, now)
+        agents = self._population.add(session, specs, seeds, now, names)
         if reservation is not None:
-            self.load.release(reservation)
+            self.load.reservations.release(reservation)
         self.members.settle(session, agents, specs)
         return [self._info(agent) for agent in agents]
 
@@ -281,8 +282,8 @@ class World:
         agent = self.registry.agent(agent_id)
         check_change(change)
         self._population.change(agent, change)
-        for observer in self._observers:
-            observer.changed(agent, change, int(self.slots.planned_chunks[agent.slot]))
+        seq = int(self.slots.planned_chunks[agent.slot])
+        self._observers.tell(lambda o: o.changed(agent, change, seq), agent.session_id)
         return self._info(agent)
 
     def delete_agent(self, agent_id: str) -> None:
@@ -313,8 +314,8 @@ class World:
         self._goals.check(agent, command, expected)
         fitted, moves = self._scene_context.fitted(agent.slot, command)
         self._goals.give(agent, fitted, now)
-        for observer in self._observers:
-            observer.commanded(agent, fitted, agent.commanded_seq)
+        seq = agent.commanded_seq
+        self._observers.tell(lambda o: o.commanded(agent, fitted, seq), agent.session_id)
         self._scene_context.tell_moves(agent.slot, moves, agent.passed + len(agent.path))
         return int(self.slots.goal_revision[agent.slot])
 
@@ -453,8 +454,7 @@ class World:
         self._checkpoints += 1
         agents = list(self.registry.agents.values())[self._checkpoints % parts :: parts]
         if agents:
-            for observer in self._observers:
-                observer.stood(agents)
+            self._observers.stood(agents)
 
     # Private
 
@@ -462,8 +462,7 @@ class World:
         def noted(fault: Fault) -> None:
             report(fault)
             if fault.agent_id or fault.stage is Stage.RECORD:
-                for observer in self._observers:
-                    observer.strayed(fault.session_id, fault.agent_id)
+                self._observers.strayed(fault.session_id, fault.agent_id)
 
         return noted
 
@@ -473,8 +472,8 @@ class World:
         numbers = self.slots.model[rows].tolist()
         stamps = {number: self.models.numbered(number).stamp for number in set(numbers)}
         models = [stamps[number] for number in numbers]
-        for observer in self._observers:
-            observer.planned(self.slots.agent_id[rows], seqs, candidates, models)
+        names = self.slots.agent_id[rows]
+        self._observers.tell(lambda o: o.planned(names, seqs, candidates, models), agent_ids=names)
 
     def _fell(self, rows: Index, modes: Int8, upright: Float, hips: Float) -> None:
         if not self._observers:
@@ -486,8 +485,8 @@ class World:
                 upright.tolist(), hips.tolist(), strict=True,
             )
         ]  # fmt: skip
-        for observer in self._observers:
-            observer.fell(falls)
+        names = [fall.agent_id for fall in falls]
+        self._observers.tell(lambda observer: observer.fell(falls), agent_ids=names)
 
     def _info(self, agent: Agent) -> AgentInfo:
         return agent_info(agent, self.slots, self.models)

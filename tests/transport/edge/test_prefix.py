@@ -9,6 +9,7 @@ import httpx
 import pytest
 import websockets
 
+from tests.runtime.running import until
 from tests.transport.rig import Rig
 from wayfarer.transport.edge.prefix import UnderPrefix, is_prefix
 from wayfarer.v1 import motion_pb2
@@ -88,9 +89,7 @@ async def nginx(folder, server, port):
     (folder / "nginx.conf").write_text(NGINX.format(folder=folder, server=server, port=port))
     process = await asyncio.create_subprocess_exec("nginx", "-c", folder / "nginx.conf")
     try:
-        async with asyncio.timeout(10):
-            while not (folder / "pid").exists():
-                await asyncio.sleep(0.01)
+        await until((folder / "pid").exists)
         yield f"http://127.0.0.1:{port}/wf"
     finally:
         process.terminate()

@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from tests.transport.fakes import opened
 from tests.transport.gateway.calls import called_by, caller, session
 from tests.transport.samples import NOW
 from tests.world.fakes import ManualClock
@@ -21,6 +22,23 @@ async def test_the_same_request_is_done_once(service, api):
     agents = await api.agents.create(first.session_id, AGENTS)
     assert await api.agents.create(first.session_id, AGENTS) == agents
     assert service.created == 2
+
+
+async def test_agents_that_a_server_made_before_its_end_are_found_and_not_made_again(service, api):
+    request = AGENTS.model_copy(update={"agents": (schema.AgentSpec(), schema.AgentSpec())})
+    session_id = (await api.sessions.create(REQUEST)).session_id
+    made = await api.agents.create(session_id, request)
+    after = await opened(service)  # after a restart, or on the node that has adopted the session
+    assert await after.agents.create(session_id, request) == made
+    await after.agents.delete(made.agents[0].agent_id)
+    again = await opened(service)
+    assert (await again.agents.create(session_id, request)).agents == made.agents[1:]
+    other = request.model_copy(update={"request_id": "c"})
+    ids = {
+        one.agent_id
+        for one in (*made.agents, *(await again.agents.create(session_id, other)).agents)
+    }
+    assert len(ids) == 4
 
 
 async def test_without_an_id_each_is_another(api):

@@ -164,6 +164,14 @@ async def test_scenes_are_taken_over_after_a_restart():
     assert (await again.scenes.get(made.scene_id)).basis.basis is Basis.UNITY
 
 
+@pytest.mark.parametrize("lease_s", ["nan", "0.5", "an hour"])
+async def test_a_kept_scene_without_a_lease_is_removed(service, api, lease_s):
+    await yard(api)
+    service.sources[0].attributes["lease_s"] = lease_s
+    await opened(service)
+    assert await service.list_scenes() == []
+
+
 async def test_obstacles_come_move_and_go(api):
     made = await yard(api)
     first = await api.scenes.put_obstacle(made.scene_id, "crate", schema.Obstacle(box=CRATE))

@@ -13,9 +13,9 @@ import websockets
 from pydantic import ValidationError
 
 from tests.runtime.kept_worlds import fake_worlds
+from tests.runtime.running import until
 from tests.transport.fakes import gateway
 from tests.transport.gateway.calls import session, stream
-from tests.transport.rig import until
 from tests.transport.samples import NOW, chunk
 from tests.transport.streams.test_control import Client, begun, read
 from wayfarer.errors import InvalidArgument
@@ -103,9 +103,7 @@ async def test_the_motion_thread_knows_who_is_near():
 
     async def seen(*expected: Sight) -> None:
         columns = motion._world.slots
-        async with asyncio.timeout(10):
-            while [Sight(k) for k in columns.sight[columns.active]] != list(expected):
-                await asyncio.sleep(0.02)
+        await until(lambda: [*columns.sight[columns.active]] == [*expected])
 
     try:
         session_id = await crowd(api, 5, 15, 25, 100)

@@ -5,7 +5,8 @@ import websockets
 from starlette.datastructures import QueryParams
 from websockets.frames import Frame, Opcode
 
-from tests.transport.rig import others_are_undisturbed, until
+from tests.runtime.running import until
+from tests.transport.rig import others_are_undisturbed
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.streams.publications import SlowReader
 from wayfarer.transport.streams.websocket import stream_request

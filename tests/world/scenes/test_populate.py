@@ -163,7 +163,7 @@ def test_where_and_how_many_there_can_be():
 def test_for_want_of_time_the_rest_waits_and_says_why():
     world = square(admission=AdmissionRules(most_load=0.3))
     for rows in (1, 4, 16):
-        world.load.measured(rows, 1, 0.01 * rows)
+        world.load.admission.measured(rows, 1, 0.01 * rows)
     fit = world.load.capacity(0.0)
     assert 0 < fit < 20
     world.crowds.set("s", Crowd(20), 0.0)

@@ -164,7 +164,7 @@ def test_what_is_prepared_is_baked_once_and_is_not_there_before_it_comes():
     book.prepare(SOURCE.spec)
     book.prepare(SOURCE.spec)
     assert book.infos() == [] and counted.bakes == 1
-    book.restore("scene-1", SOURCE, 5.0, 0, {}, told=False)
+    book.restore("scene-1", SOURCE, 5.0, 0, {}, reported=False)
     assert counted.bakes == 1
     book.prepare(SceneSpec((FIELD,), (BOX,)))
     book.delete("scene-1")

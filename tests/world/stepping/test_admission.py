@@ -230,7 +230,7 @@ def test_sizes_between_those_measured_cost_in_proportion(most_load, fit):
 
 def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
     world = make_world(admission=AdmissionRules(most_load=0.2))
-    measure(world.load)
+    measure(world.load.admission)
     world.create_session(SessionSpec("s"), 0.0)
     capacity = world.load.capacity(0.0)
     made = world.create_agents("s", people(capacity), 0.0)
@@ -241,7 +241,7 @@ def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
     assert error.value.retry_after > 0
     with pytest.raises(ResourceExhausted), world.reserve("s", people(2), 0.0):
         pass
-    assert len(world.registry.agents) == capacity and world.load.refused_agents == 4
+    assert len(world.registry.agents) == capacity and world.load.admission.refused == 4
     for agent in made[:4]:
         world.delete_agent(agent.agent_id)
     world.create_agents("s", people(2), 0.0)
@@ -249,7 +249,7 @@ def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
 
 def test_room_that_is_held_is_taken_for_all_others_until_it_is_given_up():
     world = make_world(admission=AdmissionRules(most_load=0.2))
-    measure(world.load)
+    measure(world.load.admission)
     for name in "st":
         world.create_session(SessionSpec(name), 0.0)
     capacity = world.load.capacity(0.0)
@@ -258,7 +258,7 @@ def test_room_that_is_held_is_taken_for_all_others_until_it_is_given_up():
             pass
         with pytest.raises(ResourceExhausted):
             world.create_agents("t", people(1), 0.0)
-    assert len(world.registry.agents) == 0 and world.load.refused_agents == 2
+    assert len(world.registry.agents) == 0 and world.load.admission.refused == 2
     with world.reserve("t", people(capacity), 0.0) as room:
         world.create_agents("t", people(capacity), 0.0, None, room)
         assert len(world.registry.agents) == capacity
@@ -289,7 +289,7 @@ def test_who_has_given_its_room_up_is_asked_again():
 
 def test_the_cap_holds_besides():
     world = make_world(limits=Limits(agents=3))
-    measure(world.load)
+    measure(world.load.admission)
     world.create_session(SessionSpec("s"), 0.0)
     assert world.load.capacity(0.0) == 3
     with pytest.raises(ResourceExhausted, match="0 of 3 agents exist") as caught:
@@ -332,7 +332,7 @@ def test_a_world_that_everybody_has_left_is_not_late():
 
 def test_who_may_not_be_is_not_counted_for():
     world = make_world()
-    measure(world.load)
+    measure(world.load.admission)
     world.create_session(SessionSpec("s"), 0.0)
     with pytest.raises(InvalidArgument, match="gender"):
         world.reserve("s", people(1, gender="robot"), 0.0)
@@ -356,7 +356,7 @@ def test_phases_take_agents_and_give_them_back():
 
 def test_without_refusals_only_limits_count():
     world = make_world(admission=AdmissionRules(0.01, refuse=False), limits=Limits(agents=3))
-    world.load.measured(1, 1, 1.0)
+    world.load.admission.measured(1, 1, 1.0)
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(3), 0.0)
     with pytest.raises(ResourceExhausted, match="3 of 3 agents exist"):

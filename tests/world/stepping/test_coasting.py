@@ -165,7 +165,7 @@ def test_who_is_seen_as_a_root_counts_for_a_quarter_of_what_fits():
     near, far = (distant(4, sight=sight)[0] for sight in (Sight.NEAR, Sight.ROOT))
     for world in (near, far):
         for rows in (1, 16, 256):
-            world.load.measured(rows, 1, 0.001 * rows)
+            world.load.admission.measured(rows, 1, 0.001 * rows)
     most = near.settings.limits.agents
     assert 0 < near.load.capacity(9.0) < far.load.capacity(9.0) <= most
 

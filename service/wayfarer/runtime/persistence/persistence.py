@@ -55,14 +55,14 @@ class Persistence:
             self._journal.start()
             self._saving = asyncio.create_task(self._save(save))
 
-    def restore_scenes(self, book: SceneRegistry) -> None:
+    def restore_scenes(self, registry: SceneRegistry) -> None:
         """Let every scene that was read be there again; bakes them, which takes time.
 
         To be called before `restore`. Scenes that cannot be restored stay in the journal.
         """
         self._are_tried = self._guard.begin()
         for record in self._scenes:
-            put = partial(_restore_scene, book, record)
+            put = partial(_restore_scene, registry, record)
             if self._are_tried:
                 self._guard.passes(record.scene_id, put)
             else:
@@ -157,9 +157,9 @@ class Persistence:
                 began = math.inf
 
 
-def _restore_scene(book: SceneRegistry, record: SceneRecord) -> None:
+def _restore_scene(registry: SceneRegistry, record: SceneRecord) -> None:
     try:
-        book.restore(
+        registry.restore(
             record.scene_id, record.source, record.created_at, record.version, record.obstacles
         )
     except Exception as error:

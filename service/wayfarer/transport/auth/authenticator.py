@@ -24,19 +24,13 @@ class Credentials:
     certificate: str = ""  # common name of the verified client certificate; no secret
 
 
+@dataclass(eq=False)
 class Authenticator:
     """Identifies callers by API key, JWT or client certificate, whichever are configured."""
 
-    def __init__(
-        self,
-        keys: KeyFile | None = None,
-        tokens: "TokenCheck | None" = None,
-        certificate_scopes: frozenset[Scope] | None = None,
-    ) -> None:
-        """`certificate_scopes`: None if the server asks for no client certificates."""
-        self._keys = keys
-        self._tokens = tokens
-        self._certificate_scopes = certificate_scopes
+    keys: KeyFile | None = None
+    tokens: "TokenCheck | None" = None
+    certificate_scopes: frozenset[Scope] | None = None  # None: no certificates are asked for
 
     @classmethod
     def from_settings(cls, settings: Settings) -> "Authenticator":
@@ -60,12 +54,12 @@ class Authenticator:
     @property
     def is_open(self) -> bool:
         """Whether the server asks for no credentials."""
-        return self._keys is None and self._tokens is None and self._certificate_scopes is None
+        return self.keys is None and self.tokens is None and self.certificate_scopes is None
 
     def reload(self) -> None:
         """Reads the keys again, even if the file seems unchanged. A bad file changes nothing."""
-        if self._keys:
-            self._keys.reload()
+        if self.keys:
+            self.keys.reload()
 
     async def caller(self, shown: Credentials) -> Caller:
         """Returns the caller that these credentials belong to.
@@ -74,19 +68,19 @@ class Authenticator:
         """
         if self.is_open:
             return LOCAL
-        if self._certificate_scopes is not None and not shown.certificate:
+        if self.certificate_scopes is not None and not shown.certificate:
             raise Unauthenticated("a client certificate is required; connect with one")
         secret = shown.api_key or shown.bearer
         if len(secret) > MAX_BYTES:
             raise Unauthenticated(f"a key or token has {MAX_BYTES} characters at most")
-        if secret.startswith(KEY_PREFIX) and self._keys:
-            return self._keys.caller(secret)
-        if shown.bearer and self._tokens:
-            return await self._tokens.caller(shown.bearer)
+        if secret.startswith(KEY_PREFIX) and self.keys:
+            return self.keys.caller(secret)
+        if shown.bearer and self.tokens:
+            return await self.tokens.caller(shown.bearer)
         if secret:
             raise Unauthenticated(f"unknown credentials; accepted are {self._accepted()}")
-        if self._certificate_scopes:
-            return Caller("certificate:" + shown.certificate, self._certificate_scopes)
+        if self.certificate_scopes:
+            return Caller("certificate:" + shown.certificate, self.certificate_scopes)
         raise Unauthenticated(f"credentials are missing; accepted are {self._accepted()}")
 
     def is_good(self, caller: Caller) -> bool:
@@ -94,14 +88,14 @@ class Authenticator:
 
         Tokens and certificates are valid until they expire; calls that began with them continue.
         """
-        return not caller.key or self._keys is None or self._keys.is_good(caller)
+        return not caller.key or self.keys is None or self.keys.is_good(caller)
 
     def _accepted(self) -> str:
         ways = []
-        if self._keys:
+        if self.keys:
             ways.append(f"an API key ({KEY_PREFIX}…) in 'x-api-key' or 'authorization: Bearer'")
-        if self._tokens:
+        if self.tokens:
             ways.append("a JWT in 'authorization: Bearer'")
-        if self._certificate_scopes:
+        if self.certificate_scopes:
             ways.append("a client certificate with neither")
         return ", ".join(ways)

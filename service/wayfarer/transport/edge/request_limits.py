@@ -2,6 +2,7 @@
 
 import json
 import mimetypes
+from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -51,20 +52,20 @@ COMPRESSED: Final = HTTPException(
 )
 
 
+@dataclass(eq=False)
 class RequestLimits:
     """ASGI middleware: limits request bodies and sets the headers of every answer."""
 
-    def __init__(self, app: ASGIApp, body_bytes: int, mesh_bytes: int) -> None:
-        self._app = app
-        self._body_bytes = body_bytes
-        self._mesh_bytes = mesh_bytes
+    app: ASGIApp
+    body_bytes: int
+    mesh_bytes: int
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuses a body that is compressed or too large, even if its length is not announced."""
         if scope["type"] != "http":
-            await self._app(scope, receive, send)
+            await self.app(scope, receive, send)
             return
-        most = left = self._mesh_bytes if scope["path"] == MESHES else self._body_bytes
+        most = left = self.mesh_bytes if scope["path"] == MESHES else self.body_bytes
         too_large = HTTPException(errors.TOO_LARGE.http, f"a request has {most} bytes at most")
 
         async def bounded_receive() -> Message:
@@ -91,7 +92,7 @@ class RequestLimits:
         if {coding.strip() for coding in codings} - {"", "identity"}:
             await _http_problem(COMPRESSED)(scope, receive, headed_send)
             return
-        await self._app(scope, bounded_receive, headed_send)
+        await self.app(scope, bounded_receive, headed_send)
 
 
 def add_problem_handlers(app: FastAPI) -> None:

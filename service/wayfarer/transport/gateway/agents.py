@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.ids import agent_ids
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.edge.caller import current_caller
@@ -37,13 +38,22 @@ class AgentApi:
         most, count = self._context.limits.agents_per_call, len(request.agents)
         if count > most:
             raise InvalidArgument(f"1 to {most} agents per call, not {count}", "agents")
+        names = list[str]()
+        if request.request_id:
+            names = agent_ids(session_id, request.model_dump_json(), count)
+            if known := [name for name in names if name in session.aliases]:
+                # made before, and the reply is lost: with the node's life, or by a restart
+                get = self._context.service.get_agent
+                return await self._described(session, [await get(name) for name in known])
         with self._context.book.agent_room(current_caller(), count):
-            made = await self._made(session, request)
+            made = await self._made(session, request, names)
             self._context.book.enter_agents(session, made)
         await self._context.residence.copied(session_id)
         return await self._described(session, made)
 
-    async def _made(self, session: OpenSession, request: schema.NewAgents) -> list[AgentInfo]:
+    async def _made(
+        self, session: OpenSession, request: schema.NewAgents, names: Sequence[str]
+    ) -> list[AgentInfo]:
         first, count = session.drawn, len(request.agents)
         session.drawn += count  # before the first await: concurrent calls draw other seeds
         try:
@@ -57,7 +67,7 @@ class AgentApi:
                 for i, spec in enumerate(request.agents)
             ]
             with convert.in_basis(session.basis.axes):
-                return await self._context.service.create_agents(session.session_id, specs)
+                return await self._context.service.create_agents(session.session_id, specs, names)
         except BaseException:
             if session.drawn == first + count:
                 session.drawn = first

@@ -1,17 +1,18 @@
 """The transport's record of each scene: owner, basis, lease."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
 from wayfarer.config.limits import Limits
-from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import scene_convert
 from wayfarer.transport.conversion.basis import Axes, Basis
 from wayfarer.transport.edge.caller import Caller, current_caller
+from wayfarer.transport.gateway.leases import counted, read_attributes
 from wayfarer.transport.gateway.residence import Residence
 from wayfarer.world.scenes.messages import SceneInfo
 
@@ -42,11 +43,6 @@ class OpenScene:
         return scene_convert.scene(info, self.basis, self.lease_s, self.endpoint)
 
 
-def scene_attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
-    """Attributes that the runtime keeps with a scene for the transport."""
-    return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
-
-
 class SceneAccess:
     """All scenes, and the rights of callers to them."""
 
@@ -62,7 +58,7 @@ class SceneAccess:
 
         Raises InvalidArgument if the attributes were not made by the transport.
         """
-        owner, basis, lease_s = _read(info.attributes, self._limits)
+        owner, basis, lease_s = read_attributes("scene", info.attributes, self._limits)
         expires_at = self._clock() + lease_s
         scene = OpenScene(info.scene_id, owner, basis, lease_s, expires_at, self._residence.own)
         self._scenes[info.scene_id] = scene
@@ -114,17 +110,5 @@ class SceneAccess:
             raise ResourceExhausted(
                 f"{caller.name!r} has {own} scenes and may have {most}; delete one first"
             )
-        self._coming[caller.name] += 1
-        try:
+        with counted(self._coming, caller.name):
             yield
-        finally:
-            self._coming -= Counter([caller.name])  # drops entries that are 0
-
-
-def _read(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float]:
-    """Owner, basis, lease. Raises InvalidArgument."""
-    try:
-        owner, basis, lease_s = found["owner"], Basis(found["basis"]), float(found["lease_s"])
-    except (KeyError, ValueError):
-        raise InvalidArgument("the scene was not made by this kind of server") from None
-    return owner, basis, min(lease_s, limits.lease_s)

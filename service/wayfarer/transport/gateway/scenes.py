@@ -25,7 +25,8 @@ from wayfarer.transport.conversion.units import place
 from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
-from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S, scene_attributes
+from wayfarer.transport.gateway.leases import attributes
+from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.gateway.uploads import Uploads
 from wayfarer.world.scenes.messages import Crowd, CrowdState, SceneSource
@@ -107,15 +108,11 @@ class SceneApi:
     async def _create(
         self, request: NewScene, name: str, spec: Callable[[], SceneSpec]
     ) -> schema.Scene:
-        caller, limits, service = current_caller(), self._context.limits, self._context.service
-        lease_s = min(SCENE_LEASE_S, limits.lease_s) if request.lease_s is None else request.lease_s
-        if lease_s > limits.lease_s:
-            raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
-        with self._context.scenes.room(caller):
-            attributes = scene_attributes(caller.name, request.basis, lease_s)
-            source = SceneSource(await asyncio.to_thread(spec), name, attributes)
+        kept = attributes(request, SCENE_LEASE_S, self._context.limits)
+        with self._context.scenes.room(current_caller()):
+            source = SceneSource(await asyncio.to_thread(spec), name, kept)
             with convert.in_basis(request.basis.axes):
-                info = await service.scenes.create_scene(source)
+                info = await self._context.service.scenes.create_scene(source)
             made = self._context.scenes.open(info).describe(info)
         await self._context.residence.claimed(made.scene_id)
         return made

@@ -1,7 +1,7 @@
 """The transport's record of each session: owner, basis, lease."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final
@@ -9,11 +9,12 @@ from typing import Final
 import structlog
 
 from wayfarer.config.limits import Limits
-from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, WayfarerError
+from wayfarer.errors import NotFound, ResourceExhausted, WayfarerError
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.edge.caller import Caller, current_caller
+from wayfarer.transport.gateway.leases import counted, read_attributes
 from wayfarer.transport.gateway.residence import Residence
 from wayfarer.transport.streams.stream import MotionStream
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
@@ -89,11 +90,6 @@ class OpenSession:
         )
 
 
-def attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
-    """Attributes that the runtime keeps with a session for the transport."""
-    return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
-
-
 class SessionRegistry:
     """All open sessions, and the rights of callers to them."""
 
@@ -113,7 +109,7 @@ class SessionRegistry:
 
         Raises InvalidArgument if the attributes were not made by the transport.
         """
-        owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
+        owner, basis, lease_s = read_attributes("session", info.spec.attributes, self._limits)
         self.forget(info.session_id)  # a session that has just ended may still be registered
         session = OpenSession(
             info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
@@ -199,7 +195,7 @@ class SessionRegistry:
             raise ResourceExhausted(
                 f"{caller.name!r} has {has} sessions and may have {most}; delete one first"
             )
-        with _counted(self._coming_sessions, caller.name, 1):
+        with counted(self._coming_sessions, caller.name):
             yield
 
     @contextmanager
@@ -214,7 +210,7 @@ class SessionRegistry:
             raise ResourceExhausted(
                 f"{caller.name!r} has {has} agents and may have {most}; {more} more were asked for"
             )
-        with _counted(self._coming_agents, caller.name, more):
+        with counted(self._coming_agents, caller.name, more):
             yield
 
     @contextmanager
@@ -279,25 +275,3 @@ class SessionRegistry:
         structlog.contextvars.bind_contextvars(session_id=found.session_id)
         found.expires_at = now + found.lease_s
         return found
-
-
-@contextmanager
-def _counted(coming: Counter[str], name: str, number: int) -> Iterator[None]:
-    coming[name] += number
-    try:
-        yield
-    finally:
-        coming[name] -= number
-        if not coming[name]:
-            del coming[name]
-
-
-def read_attributes(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float]:
-    """Owner, basis, lease. Raises InvalidArgument."""
-    try:
-        owner, basis, lease_s = found["owner"], Basis(found["basis"]), float(found["lease_s"])
-    except (KeyError, ValueError):
-        raise InvalidArgument("the session was not opened by this kind of server") from None
-    if not lease_s >= 1:
-        raise InvalidArgument("the session has a lease that is too short for this server")
-    return owner, basis, min(lease_s, limits.lease_s)

@@ -10,7 +10,8 @@ from wayfarer.transport.conversion import convert
 from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.gateway.context import GatewayContext, implements
 from wayfarer.transport.gateway.idempotency import finish
-from wayfarer.transport.gateway.session_registry import LEASE_S, OpenSession, attributes
+from wayfarer.transport.gateway.leases import attributes
+from wayfarer.transport.gateway.session_registry import LEASE_S, OpenSession
 from wayfarer.world.agents.agent import SessionInfo, SessionSpec
 
 log = structlog.get_logger(__name__)
@@ -31,19 +32,16 @@ class SessionApi:
         )
 
     async def _create(self, request: schema.NewSession) -> schema.Session:
-        caller, limits = current_caller(), self._context.limits
+        caller = current_caller()
         if request.scene:
             self._context.scenes.scene(request.scene)
-        lease_s = min(LEASE_S, limits.lease_s) if request.lease_s is None else request.lease_s
-        if lease_s > limits.lease_s:
-            raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
         spec = SessionSpec(
             seed=secrets.randbits(32) if request.seed is None else request.seed,
             lock_step=request.lock_step,
             record=request.record,
             scene=request.scene,
             avoid=request.avoid,
-            attributes=attributes(caller.name, request.basis, lease_s),
+            attributes=attributes(request, LEASE_S, self._context.limits),
         )
         with self._context.book.session_room(caller):
             info = await self._context.service.create_session(spec)

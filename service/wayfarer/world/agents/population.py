@@ -70,9 +70,16 @@ class Population:
             self._legs(spec.gender, spec.betas)
 
     def add(
-        self, session: Session, specs: Sequence[AgentSpec], seeds: Sequence[Motion], now: float
+        self,
+        session: Session,
+        specs: Sequence[AgentSpec],
+        seeds: Sequence[Motion],
+        now: float,
+        names: Sequence[str] = (),
     ) -> list[Agent]:
-        """Starts agents. There must be free slots. Raises NotFound for models not loaded."""
+        """Starts agents, with these ids if they are given. There must be free slots. Raises
+        NotFound for models not loaded.
+        """
         if not specs:
             return []
         count = len(specs)
@@ -84,8 +91,9 @@ class Population:
         agents = []
         with self._all_or_none(slots):
             self._table.rows.footing.put(np.array(slots), standing([s.floor for s in specs]))
-            for spec, slot in zip(specs, slots, strict=True):
-                agent = self._registry.add_agent(session, spec, slot, now)
+            ids = names or [""] * count
+            for spec, slot, name in zip(specs, slots, ids, strict=True):
+                agent = self._registry.add_agent(session, spec, slot, now, name)
                 agent.path_start = spec.position
                 agents.append(self._settle(agent, session))
         return agents

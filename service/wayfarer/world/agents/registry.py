@@ -91,10 +91,12 @@ class Registry:
                 retry_after=5.0 if more <= all_ else 0.0,
             )
 
-    def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:
-        """Adds a new agent whose slot has been acquired."""
+    def add_agent(
+        self, session: Session, spec: AgentSpec, slot: int, now: float, name: str = ""
+    ) -> Agent:
+        """Adds a new agent whose slot has been acquired. `name`: its id; empty: a new one."""
         session.last_alias += 1
-        name = agent_id(session.session_id)
+        name = name or agent_id(session.session_id)
         return self.enter(Agent(name, session.last_alias, session.session_id, spec, slot, now))
 
     def enter(self, agent: Agent) -> Agent:

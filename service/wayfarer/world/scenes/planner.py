@@ -6,6 +6,7 @@ when its goal has moved.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -48,38 +49,26 @@ Tell = Callable[[int, EventKind, int, Text], None]
 """Receives (slot, kind, waypoint, text)."""
 
 
+@dataclass(eq=False)
 class Planner:
     """Keeps the routes of a world up to date."""
 
-    def __init__(
-        self,
-        slots: Slots,
-        routes: Routes,
-        scenery: WorldScenes,
-        move: Callable[[int, int, Array], None],
-        tell: Tell,
-        at_once: int,
-        faults: Faults,
-    ) -> None:
-        """`move(slot, waypoint, place)` moves a goal of a path. One `update` looks for up to
-        `at_once` ways, each of which takes about a millisecond; other agents wait a step.
-        """
-        self._slots = slots
-        self._routes = routes
-        self._scenery = scenery
-        self._move = move
-        self._tell = tell
-        self._at_once = at_once
-        self._faults = faults
+    slots: Slots
+    routes: Routes
+    scenery: WorldScenes
+    move: Callable[[int, int, Array], None]  # (slot, waypoint, place) moves a goal of a path
+    tell: Tell
+    at_once: int  # most ways found in an update, a millisecond each; other agents wait a step
+    faults: Faults
 
     def update(
         self, rows: Index, places: Array, gait: Gait, goals: GoalColumns, wanted: Flags
     ) -> None:
         """Looks for ways of the rows that are `wanted` and need one: places [A, 2]."""
-        route = self._slots.route
+        route = self.slots.route
         known = (
             (route.passage[rows] != Passage.UNKNOWN)
-            & (route.revision[rows] == self._slots.goal_revision[rows])
+            & (route.revision[rows] == self.slots.goal_revision[rows])
             & (route.waypoint[rows] == gait.waypoint)
         )
         opened = known & (route.passage[rows] == Passage.OPEN)
@@ -90,48 +79,48 @@ class Planner:
         due = wanted & (~known | lost)
         due |= wanted & known & (route.passage[rows] == Passage.CLOSED) & self._may_open(rows)
         due |= wanted & opened & self._closed(rows, opened)
-        if self._faults.any:
-            due &= ~self._faults.out(rows, Stage.WAY)
-        for row in np.flatnonzero(due)[: self._at_once].tolist():
+        if self.faults.any:
+            due &= ~self.faults.out(rows, Stage.WAY)
+        for row in np.flatnonzero(due)[: self.at_once].tolist():
             slot, waypoint = int(rows[row]), int(gait.waypoint[row])
             try:
                 self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
             except Exception as error:  # it waits in place, as if no way led to its goal
-                self._faults.agents([slot], Stage.WAY, error, holds=False)
+                self.faults.agents([slot], Stage.WAY, error, holds=False)
 
     def _lost(self, rows: Index, places: Array, goals: Array) -> Flags:
         """Rows on open ways that are far off their way, and rows whose goal has moved."""
-        route = self._slots.route
-        off = self._routes.follow(rows, places)
-        moved = np.linalg.norm(self._routes.ends(rows)[:, :2] - goals[:, :2], axis=-1)
+        route = self.slots.route
+        off = self.routes.follow(rows, places)
+        moved = np.linalg.norm(self.routes.ends(rows)[:, :2] - goals[:, :2], axis=-1)
         left = route.length[rows] - route.progress[rows]
         gone: Flags = moved > np.maximum(GOAL_MOVES, GOAL_SHARE * left)
-        waits = self._slots.memory.waited[rows] > ASTRAY[1]
+        waits = self.slots.memory.waited[rows] > ASTRAY[1]
         astray = (off > OFF) | (off > ASTRAY[0]) & waits
         return gone | astray & (route.wait[rows] == 0)
 
     def _may_open(self, rows: Index) -> Flags:
-        route = self._slots.route
+        route = self.slots.route
         again: Flags = route.doubt[rows] | (route.wait[rows] == 0)
         return again
 
     def _closed(self, rows: Index, opened: Flags) -> Flags:
         """Open ways that a change of the scene has closed."""
-        route = self._slots.route
+        route = self.slots.route
         found = np.zeros(len(rows), np.bool_)
         for row in np.flatnonzero(opened & route.doubt[rows]).tolist():
             slot = int(rows[row])
-            rest = self._routes.rest(slot)
-            scene = self._scenery.scene(int(self._slots.scene[slot]))
+            rest = self.routes.rest(slot)
+            scene = self.scenery.scene(int(self.slots.scene[slot]))
             found[row] = len(rest) > 1 and not scene.is_clear(rest)
             route.doubt[slot] = found[row]
         return found
 
     def _look(self, slot: int, place: Array, waypoint: int, goal: Array, known: bool) -> None:
-        slots, route = self._slots, self._slots.route
+        slots, route = self.slots, self.slots.route
         (x, y), (goal_x, goal_y, goal_z) = place.tolist(), goal.tolist()
         revision = int(slots.goal_revision[slot])
-        scene = self._scenery.scene(int(slots.scene[slot]))
+        scene = self.scenery.scene(int(slots.scene[slot]))
         was_open = known and route.passage[slot] == Passage.OPEN
         route.wait[slot] = RETRY
         try:
@@ -139,16 +128,16 @@ class Planner:
         except Unreachable as error:
             if not known or was_open:
                 kind = EventKind.BLOCKED if was_open else EventKind.UNREACHABLE
-                self._tell(slot, kind, waypoint, error.text)
+                self.tell(slot, kind, waypoint, error.text)
             route.passage[slot] = Passage.CLOSED
             route.revision[slot], route.waypoint[slot] = revision, waypoint
             route.doubt[slot] = False
             return
         if path.goal_moved > MOVED:
-            self._move(slot, waypoint, path.points[-1])
+            self.move(slot, waypoint, path.points[-1])
             text = moved_text(path.goal_moved, path.goal)
-            self._tell(slot, EventKind.GOAL_MOVED, waypoint, text)
-        self._routes.lay(slot, path.points, revision, waypoint)
+            self.tell(slot, EventKind.GOAL_MOVED, waypoint, text)
+        self.routes.lay(slot, path.points, revision, waypoint)
 
 
 def moved_text(metres: float, place: Point3) -> Text:

@@ -75,11 +75,11 @@ class SceneEntry:
 class SceneListener(Protocol):
     """Receives the changes of a registry, in order."""
 
-    def put_scene(self, kept: SceneEntry) -> None:
+    def put_scene(self, entry: SceneEntry) -> None:
         """A scene was created."""
         ...
 
-    def put_obstacles(self, kept: SceneEntry) -> None:
+    def put_obstacles(self, entry: SceneEntry) -> None:
         """Its obstacles have changed."""
         ...
 
@@ -96,13 +96,13 @@ class SceneRegistry:
         limits: Limits = Limits(),
         new_group: Callable[[], str] = new_group,
         bake: Callable[[SceneSpec], Scene] = bake,
-        diary: SceneListener | None = None,
+        listener: SceneListener | None = None,
     ) -> None:
         self._limits = limits
         self._new_group = new_group
         self._bake = bake
-        self._diary = diary
-        self._kept: dict[str, SceneEntry] = {}
+        self._listener = listener
+        self._entries: dict[str, SceneEntry] = {}
         self._prepared: OrderedDict[str, Scene] = OrderedDict()  # by content, the latest last
         self._lock = Lock()
         self._queue = BoundedSemaphore(MAX_BAKES)
@@ -134,11 +134,11 @@ class SceneRegistry:
         version: int,
         obstacles: Mapping[str, Obstacle],
         *,
-        told: bool = True,
+        reported: bool = True,
     ) -> None:
         """Restores a kept scene, also beyond `limits.scenes`, since people are in it. Takes time.
 
-        Not `told`: the listener does not know it yet. Raises as `create` and `put`.
+        Not `reported`: the listener does not know it yet. Raises as `create` and `put`.
         """
         started = time.perf_counter()
         baked = self._alike(source.spec) or self._baked(source.spec)
@@ -146,14 +146,14 @@ class SceneRegistry:
         for name, obstacle in obstacles.items():
             scene = scene.put(name, obstacle)
         took = time.perf_counter() - started
-        kept = SceneEntry(
+        entry = SceneEntry(
             scene_id, source, baked, replace(scene, version=version), created_at, took
         )
         with self._lock:
-            self._enter(kept)
-            if self._diary is not None and not told:
-                self._diary.put_scene(kept)
-                self._diary.put_obstacles(kept)
+            self._enter(entry)
+            if self._listener is not None and not reported:
+                self._listener.put_scene(entry)
+                self._listener.put_obstacles(entry)
 
     def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
         """Keeps a scene that has been baked already. Raises ResourceExhausted."""
@@ -162,17 +162,17 @@ class SceneRegistry:
     def delete(self, scene_id: str) -> None:
         """Raises NotFound, FailedPrecondition while sessions are in it."""
         with self._lock:
-            kept = self._find(scene_id)
-            if kept.sessions:
-                names = ", ".join(map(repr, kept.sessions[:NAMED]))
-                more = len(kept.sessions) - NAMED
+            entry = self.entry(scene_id)
+            if entry.sessions:
+                names = ", ".join(map(repr, entry.sessions[:NAMED]))
+                more = len(entry.sessions) - NAMED
                 raise FailedPrecondition(
                     f"scene {scene_id!r} is in use; delete its sessions first: {names}"
                     + (f" and {more} more" if more > 0 else "")
                 )
-            del self._kept[scene_id]
-            if self._diary is not None:
-                self._diary.drop_scene(scene_id)
+            del self._entries[scene_id]
+            if self._listener is not None:
+                self._listener.drop_scene(scene_id)
 
     def put(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
         """Adds an obstacle, or moves an existing one. Takes time.
@@ -190,58 +190,55 @@ class SceneRegistry:
 
     def scene(self, scene_id: str) -> Scene:
         """The present version. Raises NotFound."""
-        return self._find(scene_id).scene
+        return self.entry(scene_id).scene
 
     def current(self, scene_ids: Iterable[str]) -> Mapping[str, Scene]:
         """The present versions of the scenes that still exist."""
-        return {name: self._kept[name].scene for name in scene_ids if name in self._kept}
+        return {name: self._entries[name].scene for name in scene_ids if name in self._entries}
 
-    def kept(self, scene_id: str) -> SceneEntry:
+    def entry(self, scene_id: str) -> SceneEntry:
         """The entry of a scene. Raises NotFound."""
-        return self._find(scene_id)
+        try:
+            return self._entries[scene_id]
+        except KeyError:
+            raise NotFound(f"no scene {scene_id!r}", "scene", scene_id) from None
 
     def info(self, scene_id: str) -> SceneInfo:
         """Raises NotFound."""
-        return self._find(scene_id).info()
+        return self.entry(scene_id).info()
 
     def infos(self) -> list[SceneInfo]:
         """All scenes, oldest first."""
         with self._lock:
-            kept = list(self._kept.values())
-        return [scene.info() for scene in kept]
+            entries = list(self._entries.values())
+        return [entry.info() for entry in entries]
 
     # Sessions
 
     def enter(self, scene_id: str, session_id: str) -> Scene:
         """Notes that a session is opened in it, so that it cannot be deleted. Raises NotFound."""
         with self._lock:
-            kept = self._find(scene_id)
-            kept.sessions.append(session_id)
-            return kept.scene
+            entry = self.entry(scene_id)
+            entry.sessions.append(session_id)
+            return entry.scene
 
     def leave(self, scene_id: str, session_id: str) -> None:
         """Notes that a session in it has ended."""
         with self._lock:
-            self._find(scene_id).sessions.remove(session_id)
+            self.entry(scene_id).sessions.remove(session_id)
 
     # Private
 
-    def _find(self, scene_id: str) -> SceneEntry:
-        try:
-            return self._kept[scene_id]
-        except KeyError:
-            raise NotFound(f"no scene {scene_id!r}", "scene", scene_id) from None
-
     def _check_room(self) -> None:
-        if len(self._kept) >= self._limits.scenes:
+        if len(self._entries) >= self._limits.scenes:
             raise ResourceExhausted(
                 f"all {self._limits.scenes} scenes are taken; delete one that nobody is in"
             )
 
     def _alike(self, spec: SceneSpec) -> Scene | None:
         """The baked scene of equal content, if there is one."""
-        content, kept = spec.content_hash, list(self._kept.values())
-        here = next((one.baked for one in kept if one.baked.content_hash == content), None)
+        content, entries = spec.content_hash, list(self._entries.values())
+        here = next((one.baked for one in entries if one.baked.content_hash == content), None)
         return here or self._prepared.get(content)
 
     def _baked(self, spec: SceneSpec, prepared: bool = False) -> Scene:
@@ -267,27 +264,27 @@ class SceneRegistry:
             self._queue.release()
 
     def _add(self, source: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
-        kept = SceneEntry(new_scene_id(self._new_group()), source, scene, scene, now, bake_s)
+        entry = SceneEntry(new_scene_id(self._new_group()), source, scene, scene, now, bake_s)
         with self._lock:
             self._check_room()
-            self._enter(kept)
-            if self._diary is not None:
-                self._diary.put_scene(kept)
-        return kept.info()
+            self._enter(entry)
+            if self._listener is not None:
+                self._listener.put_scene(entry)
+        return entry.info()
 
-    def _enter(self, kept: SceneEntry) -> None:
-        if kept.scene_id in self._kept:
-            raise AlreadyExists(f"scene {kept.scene_id!r} exists already")
-        self._kept[kept.scene_id] = kept
+    def _enter(self, entry: SceneEntry) -> None:
+        if entry.scene_id in self._entries:
+            raise AlreadyExists(f"scene {entry.scene_id!r} exists already")
+        self._entries[entry.scene_id] = entry
 
     def _change(self, scene_id: str, change: Callable[[Scene], Scene]) -> SceneInfo:
-        kept = self._find(scene_id)
-        with kept.changing:
-            kept.scene = change(kept.scene)
+        entry = self.entry(scene_id)
+        with entry.changing:
+            entry.scene = change(entry.scene)
             with self._lock:
-                if self._diary is not None and scene_id in self._kept:
-                    self._diary.put_obstacles(kept)
-            return kept.info()
+                if self._listener is not None and scene_id in self._entries:
+                    self._listener.put_obstacles(entry)
+            return entry.info()
 
 
 def check_name(name: str, field: str, least: int = 1) -> None:

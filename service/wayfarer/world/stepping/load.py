@@ -20,7 +20,7 @@ but they must be moved and sent, and some will come near.
 
 
 class Load:
-    """Budget (degradation), admission and reservations of one world.
+    """Budget (degradation), `admission` and `reservations` of one world.
 
     `check_room`, `room_for` and `reserve` are thread-safe.
     """
@@ -44,8 +44,8 @@ class Load:
         self._refuses = settings.admission.refuse
         self._full = DegradationLevel(asked)
         self._budget = Budget(asked, settings.budget) if settings.budget is not None else None
-        self._admission = Admission(settings)
-        self._reservations = Reservations()
+        self.admission = Admission(settings)
+        self.reservations = Reservations()
 
     @property
     def level(self) -> DegradationLevel:
@@ -57,11 +57,6 @@ class Load:
         """The number of that level; 0: nothing is left out."""
         return 0 if self._budget is None else self._budget.number
 
-    @property
-    def refused_agents(self) -> int:
-        """Number of agents refused so far because they could not be stepped in time."""
-        return self._admission.refused
-
     def allow(
         self, now: float, slack: float, held_share: float, under_way: int, distant: bool
     ) -> DegradationLevel:
@@ -70,48 +65,28 @@ class Load:
             return self._full
         return self._budget.allow(now, slack, held_share, under_way, distant)
 
-    def measured(self, agents: int, candidates: int, seconds: float) -> None:
-        """Records that an engine call of this size took `seconds` during warm-up."""
-        self._admission.measured(agents, candidates, seconds)
-
     def spent(self, now: float, step: PendingStep, seconds: float) -> None:
         """Records that a step kept the engine busy for `seconds`."""
-        self._admission.spent(now, step.call, len(step.batch.rows), seconds, self._weighted())
+        self.admission.spent(now, step.call, len(step.batch.rows), seconds, self._weighted())
         if self._budget is not None:
             self._budget.spent(now, seconds)
-
-    def worked(self, now: float, seconds: float, chunks: int) -> None:
-        """Records the thread's own `seconds` since the last step, and its published `chunks`."""
-        self._admission.worked(now, seconds, chunks)
-
-    def share(self, now: float) -> float:
-        """Share of the last seconds for which the engine, or the thread if busier, was busy."""
-        return self._admission.load(now)
 
     def capacity(self, now: float) -> int:
         """Number of agents, including present ones, that can be moved in time if the others are
         seen as well as these; 0: unknown.
         """
-        fit, counted, weighted = self._admission.capacity(now), self._agents(), self._weighted()
+        fit, counted, weighted = self.admission.capacity(now), self._agents(), self._weighted()
         if not any(weighted):
             return fit
         return min(int(fit * sum(counted) / sum(weighted)), self._limit)
 
-    def held(self) -> tuple[Reservation, ...]:
-        """The reservations that are held now."""
-        return self._reservations.all()
-
     def reserve(self, wanted: Reservation, now: float) -> AbstractContextManager[Reservation]:
         """Reserves room. Entering it raises NotFound, ResourceExhausted."""
-        return self._reservations.held(wanted, partial(self.check_room, wanted, now))
-
-    def release(self, reservation: Reservation) -> None:
-        """Releases room that is used, or no longer needed. Safe to call twice."""
-        self._reservations.release(reservation)
+        return self.reservations.held(wanted, partial(self.check_room, wanted, now))
 
     def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
         """Raises NotFound, and ResourceExhausted if the agents could not be stepped in time."""
-        self.check_room(Reservation.of(session_id, genders), now, self._reservations.all())
+        self.check_room(Reservation.of(session_id, genders), now, self.reservations.all())
 
     def check_room(
         self, wanted: Reservation, now: float, held: Sequence[Reservation], admit: bool = True
@@ -127,7 +102,7 @@ class Load:
             late = self.level.refuse and bool(self._registry.agents)
             coming = [gender for other in held for gender in other.genders]
             agents = with_more(self._weighted(), coming)
-            self._admission.check(agents, wanted.genders, now, late)
+            self.admission.check(agents, wanted.genders, now, late)
 
     def _weighted(self) -> Weighted:
         """Agents of each gender; agents that may coast count with their weight."""

@@ -8,12 +8,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.lab.evaluation.commands.conftest import Evaluate
 from tests.lab.evaluation.people import ANNY, gliding_bundle
 from tests.lab.evaluation.recordings import write_recordings
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.commands import app, maneuvers
 from wayfarer_lab.evaluation.maneuvers.maneuver import MeasuredTake
 from wayfarer_lab.evaluation.twosided.served import SERVED
+
+QUICK = ("maneuvers", "--quick")
 
 
 @pytest.fixture(autouse=True)
@@ -24,33 +27,24 @@ def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(*arguments: str) -> Result:
-    return CliRunner().invoke(app, ["maneuvers", "--quick", *arguments])
+    return CliRunner().invoke(app, [*QUICK, *arguments])
 
 
-def bars_of(path: Path) -> dict[tuple[str, str], str]:
-    bars = json.loads(path.read_text())["bars"]
-    return {(bar["case"], bar["figure"]): bar["verdict"] for bar in bars}
-
-
-def test_who_glides_upright_keeps_posture_and_lifts_no_foot(tmp_path: Path) -> None:
-    path = tmp_path / "strafe.json"
-    assert run("--only", "strafe", "--json", str(path)).exit_code == 0
-    made = json.loads(path.read_text())
+def test_who_glides_upright_keeps_posture_and_lifts_no_foot(evaluate: Evaluate) -> None:
+    made = evaluate(*QUICK, "--only", "strafe")
     rows = {(row["case"], row["source"]): row for row in made["rows"]}
     for side in ("left", "right", "back"):
         sent, raw = rows[side, "sent"], rows[side, "raw"]
         assert raw["hips_p5"] == pytest.approx(1.0, abs=0.02)
         assert raw["lifts_per_04_m"] == raw["float_share"] == raw["contact_up"] == 0
         assert sent["arrive"] == 1 and sent["lifts_per_04_m"] == 0, "no rule makes steps of it"
-    verdicts = bars_of(path)
+    verdicts = {(bar["case"], bar["figure"]): bar["verdict"] for bar in made["bars"]}
     assert verdicts["left", "hips_p5"] == "met"
     assert ("left against right", "left_right_points") in verdicts
 
 
-def test_rows_say_whose_they_are_and_every_take_has_its_figures(tmp_path: Path) -> None:
-    path = tmp_path / "stop.json"
-    assert run("--only", "stop", "--json", str(path), "--seed", "5").exit_code == 0
-    made = json.loads(path.read_text())
+def test_rows_say_whose_they_are_and_every_take_has_its_figures(evaluate: Evaluate) -> None:
+    made = evaluate(*QUICK, "--only", "stop", "--seed", "5")
     assert [(row["case"], row["source"]) for row in made["rows"]] == [
         ("at a goal", "sent"), ("at a goal", "raw"),
         ("facing asked", "sent"), ("facing asked", "raw"),
@@ -65,12 +59,10 @@ def test_rows_say_whose_they_are_and_every_take_has_its_figures(tmp_path: Path) 
 
 
 def test_two_sided_figures_come_without_a_manoeuvre(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    evaluate: Evaluate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "two.json"
     monkeypatch.setattr(maneuvers, "compare", partial(maneuvers.compare, served=SERVED[1:2]))
-    assert run("--only", "two-sided", "--seeds", "1", "--json", str(path)).exit_code == 0
-    made = json.loads(path.read_text())
+    made = evaluate(*QUICK, "--only", "two-sided", "--seeds", "1")
     assert not made["rows"] and not made["bars"]
     assert [side["source"] for side in made["two_sided"]] == ["sent", "raw"]
     for side in made["two_sided"]:
@@ -106,10 +98,9 @@ def test_an_interrupt_leaves_what_is_finished(
     assert {row["maneuver"] for row in json.loads(path.read_text())["rows"]} == {"turn"}
 
 
-def test_recordings_stand_beside(tmp_path: Path) -> None:
-    data, path = write_recordings(tmp_path / "data", "heldout", "train"), tmp_path / "walks.json"
-    assert run("--only", "likeness", "--data", str(data), "--json", str(path)).exit_code == 0
-    made = json.loads(path.read_text())
+def test_recordings_stand_beside(tmp_path: Path, evaluate: Evaluate) -> None:
+    data = write_recordings(tmp_path, "heldout", "train")
+    made = evaluate(*QUICK, "--only", "likeness", "--data", str(data))
     rows = {r["source"]: r for r in made["rows"] if r["case"] == "straight walks"}
     assert list(rows) == ["sent", "raw", "recorded", "recorded, held out"]
     assert rows["recorded"]["n"] == 2 and rows["recorded, held out"]["n"] == 1

@@ -1,12 +1,12 @@
 """`wayfarer eval realism`, `bodies`, `skating` from the command line, with fakes for networks."""
 
-import json
 from pathlib import Path
 
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from tests.lab.evaluation.commands.conftest import Evaluate
 from tests.lab.evaluation.fakes import known_parts
 from tests.lab.evaluation.recordings import SPEED, write_recordings
 from tests.lab.evaluation.test_direct import Circle
@@ -32,38 +32,28 @@ def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("table", SMALL)
-def test_a_table_is_written_with_its_row_of_mocap(table: str, tmp_path: Path) -> None:
+def test_a_table_is_written_with_its_row_of_mocap(
+    table: str, tmp_path: Path, evaluate: Evaluate
+) -> None:
     data = write_recordings(tmp_path, "train", "heldout")
-    path = tmp_path / "out" / f"{table}.json"
-    answer = CliRunner().invoke(
-        app, [table, "--data", str(data), "--seed", "3", "--json", str(path), *SMALL[table]]
-    )
-    assert answer.exit_code == 0, answer.output
-    text = json.loads(path.read_text())
+    text = evaluate(table, "--data", str(data), "--seed", "3", *SMALL[table])
     rows = {row["name"]: row for row in text["rows"]}
     assert rows["mocap"]["speed_mps"] == pytest.approx(SPEED, abs=1e-3)
     assert text["meta"]["seed"] == 3 and text["meta"]["split"] == "heldout"
-    assert "| mocap |" in path.with_suffix(".md").read_text()
+    assert "| mocap |" in (tmp_path / "out/table.md").read_text()
     if table == "realism":
         assert rows["mocap"]["frechet_v1"] is None, "two windows make no distribution"
         assert rows["mocap"]["frechet_windows"] == 2
 
 
-def test_without_data_there_is_no_row_of_mocap(tmp_path: Path) -> None:
-    path = tmp_path / "skating.json"
-    answer = CliRunner().invoke(app, ["skating", "--json", str(path), *SMALL["skating"]])
-    assert answer.exit_code == 0, answer.output
-    text = json.loads(path.read_text())
+def test_without_data_there_is_no_row_of_mocap(evaluate: Evaluate) -> None:
+    text = evaluate("skating", *SMALL["skating"])
     assert [row["name"] for row in text["rows"]] == ["ro-1f", "ro-2f"]
     assert text["meta"]["data"] is None and text["meta"]["split"] is None
 
 
-def test_only_the_rows_that_are_asked_for_are_made(tmp_path: Path) -> None:
-    path = tmp_path / "realism.json"
-    options = ["--only", "ro-pred-2f,ro-1f", "--json", str(path), *SMALL["realism"]]
-    answer = CliRunner().invoke(app, ["realism", *options])
-    assert answer.exit_code == 0, answer.output
-    rows = json.loads(path.read_text())["rows"]
+def test_only_the_rows_that_are_asked_for_are_made(evaluate: Evaluate) -> None:
+    rows = evaluate("realism", "--only", "ro-pred-2f,ro-1f", *SMALL["realism"])["rows"]
     assert [row["name"] for row in rows[:2]] == ["ro-pred-2f", "ro-1f"] and len(rows) == 4
     answer = CliRunner().invoke(app, ["realism", "--only", "3f", *SMALL["realism"]])
     assert isinstance(answer.exception, InvalidArgument) and "'3f'" in str(answer.exception)

@@ -1,12 +1,12 @@
 """`wayfarer eval scenes` on the command line, with an engine that glides."""
 
-import json
 from pathlib import Path
 
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from tests.lab.evaluation.commands.conftest import Evaluate
 from tests.lab.evaluation.people import ANNY, gliding_bundle
 from wayfarer_lab.evaluation.commands import app, scenes
 from wayfarer_lab.evaluation.scenes.scenarios import changes
@@ -18,16 +18,9 @@ def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenes, "open_bundle", lambda models, threads, engine: bundle)
 
 
-def report(tmp_path: Path, *arguments: str) -> dict:
-    path = tmp_path / "scenes.json"
-    answer = CliRunner().invoke(app, ["scenes", *arguments, "--json", str(path)])
-    assert answer.exit_code == 0, answer.output
-    return json.loads(path.read_text())
-
-
-def test_cubes_have_the_issues_figures_and_a_picture(tmp_path: Path) -> None:
-    made = report(
-        tmp_path, "--only", "cubes", "--scale", "0.05", "--pictures", str(tmp_path / "pictures")
+def test_cubes_have_the_issues_figures_and_a_picture(tmp_path: Path, evaluate: Evaluate) -> None:
+    made = evaluate(
+        "scenes", "--only", "cubes", "--scale", "0.05", "--pictures", str(tmp_path / "pictures")
     )
     [row] = made["rows"]
     assert {"success", "penetration_frames", "path_ratio"} <= set(row)
@@ -41,10 +34,10 @@ def test_cubes_have_the_issues_figures_and_a_picture(tmp_path: Path) -> None:
 
 
 def test_people_climb_and_see_doors_shut_and_crates_fall(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    evaluate: Evaluate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(changes, "LIMIT", 28.0)  # longer than any way here takes
-    rows = report(tmp_path, "--only", "slope,doors,crates", "--scale", "0.05")["rows"]
+    rows = evaluate("scenes", "--only", "slope,doors,crates", "--scale", "0.05")["rows"]
     slope, doors, crates = rows
     assert [row["name"] for row in rows] == ["slope", "doors", "crates"]
     assert slope["success"] == 1.0 and slope["penetration_frames"] < 0.05
@@ -53,8 +46,8 @@ def test_people_climb_and_see_doors_shut_and_crates_fall(
     assert crates["success"] == 1.0 and crates["crate_felt_s_mean"] <= 0.5
 
 
-def test_two_streams_meet_in_the_corridor_and_wanderers_in_the_square(tmp_path: Path) -> None:
-    rows = report(tmp_path, "--only", "corridor,square", "--scale", "0.03", "--minutes", "0.3")[
+def test_two_streams_meet_in_the_corridor_and_wanderers_in_the_square(evaluate: Evaluate) -> None:
+    rows = evaluate("scenes", "--only", "corridor,square", "--scale", "0.03", "--minutes", "0.3")[
         "rows"
     ]
     corridor, square = rows
@@ -64,8 +57,8 @@ def test_two_streams_meet_in_the_corridor_and_wanderers_in_the_square(tmp_path: 
     assert 0 <= square["overlap_frames"] < 1
 
 
-def test_a_door_is_shared_and_runs_are_repeated_with_other_seeds(tmp_path: Path) -> None:
-    made = report(tmp_path, "--only", "doorway", "--scale", "0.25", "--repeats", "2")
+def test_a_door_is_shared_and_runs_are_repeated_with_other_seeds(evaluate: Evaluate) -> None:
+    made = evaluate("scenes", "--only", "doorway", "--scale", "0.25", "--repeats", "2")
     assert [row["name"] for row in made["rows"]] == ["doorway, seed 0", "doorway, seed 1"]
     assert all(row["agents"] == 4 and row["success"] == 1.0 for row in made["rows"])
     assert made["rows"][0]["agent_frames"] != made["rows"][1]["agent_frames"]
