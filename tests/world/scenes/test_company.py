@@ -112,30 +112,48 @@ def test_a_goal_amid_a_ring_of_people_is_reported():
 
 
 def before_a_door(*people):
-    """Whether the first of the people (place, goal, number) waits before a door at the origin."""
+    """What people (place, goal, number) do before a door at the origin."""
     crowd = People.empty(len(people))
     crowd.position[:] = [place for place, _, _ in people]
     crowd.number[:] = [number for _, _, number in people]
     crowd.aims.spot[:] = [spot for _, spot, _ in people]
     crowd.walks[:] = crowd.aims.wants[:] = True
-    points = np.stack([np.zeros(20), people[0][0][1] + np.arange(0.2, 4.01, 0.2)], -1)[None]
+    ahead = [place[1] + np.sign(spot[1]) * np.arange(0.2, 4.01, 0.2) for place, spot, _ in people]
+    points = np.stack([np.zeros((len(people), 20)), np.array(ahead)], -1)
 
     def distance(points):
         return np.where(np.abs(points[..., 1]) < 0.4, 0.45 - np.abs(points[..., 0]), 2.0)
 
-    return bool(turns(crowd, np.array([0]), points, distance).waits[0])
+    return turns(crowd, np.arange(len(people)), points, distance)
+
+
+def waits_before_a_door(*people):
+    """Whether the first of them waits."""
+    return bool(before_a_door(*people).waits[0])
+
+
+def test_at_a_door_each_waits_at_a_place_of_its_own_out_of_the_way():
+    inside = ((0.0, 0.1), (0.0, -5.0), 9)
+    mine = [((0.1 * k, -2.0 - 0.1 * k), (0.0, 5.0), k) for k in range(5)]
+    turn = before_a_door(*mine, inside)
+    assert turn.waits.tolist() == [True] * 5 + [False]
+    assert (turn.place[:5, 0] > 0.8).all() and (turn.place[:5, 1] < -0.9).all()
+    first = turn.place[0]
+    later = before_a_door(((0.0, -2.0), (0.0, 5.0), 1), (first, (0.0, 5.0), 2), inside)
+    assert later.there.tolist() == [False, True, False]
+    assert np.linalg.norm(later.place[0] - first) > 0.6
 
 
 def test_at_a_door_who_is_nearer_goes_first_and_others_of_its_way_follow():
     me, nearer = ((0.0, -2.0), (0.0, 5.0), 2), ((0.0, 1.5), (0.0, -5.0), 3)
     farther, inside = ((0.0, 2.3), (0.0, -5.0), 1), ((0.0, 0.1), (0.0, -5.0), 3)
     mine, gone = ((0.0, 0.1), (0.0, 5.0), 3), ((0.5, -1.3), (0.0, -5.0), 1)
-    assert not before_a_door(me)
-    assert before_a_door(me, nearer)
-    assert not before_a_door(me, farther)
-    assert before_a_door(me, inside)
-    assert not before_a_door(me, mine, nearer)
-    assert not before_a_door(me, gone)
+    assert not waits_before_a_door(me)
+    assert waits_before_a_door(me, nearer)
+    assert not waits_before_a_door(me, farther)
+    assert waits_before_a_door(me, inside)
+    assert not waits_before_a_door(me, mine, nearer)
+    assert not waits_before_a_door(me, gone)
 
 
 def test_a_door_too_narrow_for_two_is_passed_both_ways():

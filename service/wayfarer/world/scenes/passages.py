@@ -55,7 +55,8 @@ APART: Final = 0.65
 PLACES: Final = np.array(
     [(MOUTH + APART * k, ASIDE + APART * n) for k in range(5) for n in range(5)] + [(MOUTH, 0.9)]
 )
-"""Where they may [P, 2], in metres before it and to the right; the last where nothing is free."""
+"""Where they may [P, 2], in metres before it and to the right. The last one is nearest to the way,
+and is for all where nothing is free."""
 
 NEARER: Final = 0.5
 """Cost of a metre from the narrow place, relative to that of a metre to walk."""
