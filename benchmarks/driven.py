@@ -97,9 +97,11 @@ class Driven:
         """Implements `MotionService`, as do the methods below."""
         return self._world.create_session(spec, self.now)
 
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+    async def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
+    ) -> list[AgentInfo]:
         """Implements `MotionService`. The agents walk away at once."""
-        made = self._world.create_agents(session_id, specs, self.now)
+        made = self._world.create_agents(session_id, specs, self.now, names=names)
         for agent in made:
             self._world.give(agent.agent_id, FAR, self.now)
         return made

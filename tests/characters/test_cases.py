@@ -39,7 +39,7 @@ from wayfarer_client.quaternions import multiply
 
 TURN = 15.0
 """Degrees that a joint may turn within a frame."""
-LONG_LEVER = 1.5
+LONG_LEVER = 1.8
 """Multiple of the person's own maximum by which a knee above a clown's shoe may turn: its ankle is
 10 cm higher in the same stride."""
 UNDER = -1.0

@@ -176,10 +176,12 @@ def test_a_page_that_was_frozen_is_at_the_present_again_without_a_fast_forward(p
     )
     page.freeze(4)
     page.evaluate("seen.length = 0")  # until the stream is back it shows what was last seen
-    page.wait_for("seen.length > 15", 90)
+    page.wait_for("seen.length > 1 && seen.at(-1)[0] - seen[0][0] > 2", 90)
     passed, played = np.diff(page.evaluate("seen"), axis=0).T
-    jumps = played > 1.06 * passed + 0.02  # it plays 5 % faster at most
+    gained = played - passed  # a frame may come some milliseconds late, and the next one early
+    jumps = gained > 0.1
     assert jumps.sum() <= 2, jumps  # to the present, and again if the first message came late
+    assert gained[~jumps].sum() < 0.06 * passed.sum() + 0.05  # it plays 5 % faster at most
     assert page.evaluate(f"[{CROWD}.members.size, wayfarer.session]") == [16, session]
     assert all("Back-Forward Cache" in problem for problem in page.problems)  # it closed the socket
     page.problems.clear()

@@ -78,7 +78,7 @@ async function dress(played) {
     return;
   }
   const look = looks[(played.agent.alias - 1) % looks.length];
-  entry.body = await bodies.load(`bodies/${look.file}`, {}, BONES);
+  entry.body = await bodies.load(() => [`bodies/${look.file}`, {}], BONES);
   if (!people.has(played.agent.alias)) entry.body.remove();
 }
 

@@ -40,7 +40,7 @@ from wayfarer_lab.training.cloning import load_trajectory_policy
 from wayfarer_lab.training.costs import Costs, costs_of, waist_height
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
-from wayfarer_lab.training.likeness import EVERY, Likeness, View, joined
+from wayfarer_lab.training.likeness import EVERY, BodyFrames, Likeness, joined
 from wayfarer_lab.training.orders import Orders, draw_orders
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
@@ -126,7 +126,7 @@ class Advance(NamedTuple):
     crowd: TrainingCrowd  # where it leads
     costs: Costs
     away: Tensor  # [A] KL from the policy that it starts from
-    view: View | None  # as the critic sees it
+    view: BodyFrames | None  # as the critic sees it
 
 
 class FollowingTrainer:
@@ -271,7 +271,7 @@ class FollowingTrainer:
         self._go_on(gender, crowd.detached(), orders)
         return told | {"fallen": float(1 - sound.mean())}
 
-    def _first(self, gender: str, crowd: TrainingCrowd) -> list[View]:
+    def _first(self, gender: str, crowd: TrainingCrowd) -> list[BodyFrames]:
         """The last frame before an update, where there is a critic to see it."""
         if not self.likeness:
             return []

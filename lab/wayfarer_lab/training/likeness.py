@@ -49,7 +49,7 @@ SLOPE: Final = 3.0
 al. 2018)."""
 
 
-class View(NamedTuple):
+class BodyFrames(NamedTuple):
     """Bodies at some frames, world space."""
 
     markers: Tensor  # [A, T, 67, 3]
@@ -73,14 +73,14 @@ class View(NamedTuple):
         local = to_local(frame, self.markers.flatten(1, 2)).unflatten(1, self.markers.shape[1:3])
         return local.unflatten(0, (-1, PACK))
 
-    def of(self, rows: Tensor) -> "View":
+    def of(self, rows: Tensor) -> "BodyFrames":
         """That of some agents, by index."""
-        return View(*(column[rows] for column in self))
+        return BodyFrames(*(column[rows] for column in self))
 
 
-def joined(views: list[View]) -> View:
+def joined(views: list[BodyFrames]) -> BodyFrames:
     """One after the other in time."""
-    return View(*(torch.cat(columns, 1) for columns in zip(*views, strict=True)))
+    return BodyFrames(*(torch.cat(columns, 1) for columns in zip(*views, strict=True)))
 
 
 class Critic(nn.Module):
@@ -117,7 +117,7 @@ class Critic(nn.Module):
         return verdict[:, 0]
 
 
-class Recorded:
+class RecordedWindows:
     """Recorded windows on bodies of one gender, found by the way that they go."""
 
     def __init__(self, frames: Frames, body: MarkerBody, length: int) -> None:
@@ -132,15 +132,15 @@ class Recorded:
         self.starts = self.sampler.draw(KNOWN)
         rows = self.starts[:, None] + self.offsets
         hips, turns = self.frames.hips[rows], self.frames.hips_rotation[rows]
-        self.ways = View(hips, hips, turns).ways()
+        self.ways = BodyFrames(hips, hips, turns).ways()
 
-    def like(self, ways: Tensor) -> View:
+    def like(self, ways: Tensor) -> BodyFrames:
         """Windows that go ways [A, 5]."""
         near = torch.cdist(ways, self.ways).topk(AMONG, largest=False).indices
         return self.view(near.gather(1, torch.randint(AMONG, (len(ways), 1)))[:, 0])
 
     @torch.no_grad()
-    def view(self, windows: Tensor) -> View:
+    def view(self, windows: Tensor) -> BodyFrames:
         """Windows [A], on bodies of random shapes."""
         rows = self.starts[windows][:, None] + self.offsets
         hips = self.frames.hips[rows]
@@ -148,11 +148,11 @@ class Recorded:
         markers, _ = self.body.skin(self.body.shaped(random_betas(len(rows))), hips, rotations)
         lift = self.soles[rows].amin(-1) - markers[..., 2].amin((-1, -2))
         up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
-        return View(markers + up[:, :, None], hips + up, rotations[:, :, 0])
+        return BodyFrames(markers + up[:, :, None], hips + up, rotations[:, :, 0])
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Judgement:
     """What the critic says of agents."""
 
     cost: Tensor  # [A] 0: like recorded ones, to 1; 0 for agents that nobody asked about
@@ -168,7 +168,7 @@ class Likeness:
     ) -> None:
         """Sees windows of `length` frames, and learns at `rate`."""
         self.body = body
-        self.recorded = Recorded(frames, body, length)
+        self.recorded = RecordedWindows(frames, body, length)
         some = self.recorded.view(torch.arange(1024))
         frames_seen, markers = some.markers.shape[1:3]
         self.critic = Critic(frames_seen, markers, sites)
@@ -178,7 +178,7 @@ class Likeness:
 
     def view(
         self, hips: Tensor, rotations: Tensor, betas: Tensor, predicted: Tensor | None = None
-    ) -> View:
+    ) -> BodyFrames:
         """Bodies at frames: hips [A, T, 3], rotations [A, T, 22, 4], betas [A, 10]. Their markers
         have the slopes of those that were predicted [A, T, 67, 3].
         """
@@ -187,9 +187,9 @@ class Likeness:
             markers = self.body.skin(self.body.shaped(betas), hips, turns)[0]
         if predicted is not None:
             markers = predicted + (markers - predicted).detach()
-        return View(markers, hips, turns[:, :, 0])
+        return BodyFrames(markers, hips, turns[:, :, 0])
 
-    def judge(self, view: View, rows: Tensor) -> Verdict:
+    def judge(self, view: BodyFrames, rows: Tensor) -> Judgement:
         """Judges those of rows [A] that are true, after it has learnt from them."""
         self.asked += 1
         if self.asked % RENEWAL == 0:
@@ -199,14 +199,14 @@ class Likeness:
         order = (ways[chosen] @ torch.randn(ways.shape[1])).argsort()  # neighbours go alike
         chosen = chosen[order[: len(order) // PACK * PACK]]
         if not len(chosen):
-            return Verdict(torch.zeros(len(rows)), 0.0, 0.0)
+            return Judgement(torch.zeros(len(rows)), 0.0, 0.0)
         made = view.of(chosen).windows()
         right = self._learn(made.detach(), self.recorded.like(ways[chosen]).windows())
         self.critic.requires_grad_(False)
         cost = 0.25 * (self.critic(made) - 1).clamp(-2, 2) ** 2
         self.critic.requires_grad_(True)
         each = torch.zeros(len(rows)).index_put((chosen,), cost.repeat_interleave(PACK))
-        return Verdict(each, right, float(cost.detach().mean()))
+        return Judgement(each, right, float(cost.detach().mean()))
 
     def _learn(self, made: Tensor, recorded: Tensor) -> float:
         """One step (LSGAN, Mao et al. 2017); the share of windows that were told right."""

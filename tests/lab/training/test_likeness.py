@@ -10,7 +10,7 @@ from wayfarer.body.library import load_body
 from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import FPS
-from wayfarer_lab.training.likeness import EVERY, PACK, TURN, Likeness, Recorded, joined
+from wayfarer_lab.training.likeness import EVERY, PACK, TURN, Likeness, RecordedWindows, joined
 
 LENGTH = 33
 SECONDS = (LENGTH - 1) / FPS
@@ -31,7 +31,7 @@ def likeness(model):
 def test_ways_are_seen_from_the_first_frame(model):
     """Walkers go in circles of 1 m to the left, at 1.5 rad/s, wherever they begin."""
     torch.manual_seed(0)
-    recorded = Recorded(walking_frames(), marker_body(model), LENGTH)
+    recorded = RecordedWindows(walking_frames(), marker_body(model), LENGTH)
     turned = 1.5 * SECONDS
     ways = recorded.ways[:99].mean(0)  # hips swing by themselves, too
     assert float(recorded.ways[0, :2].norm()) == pytest.approx(2 * sin(turned / 4), abs=1e-3)

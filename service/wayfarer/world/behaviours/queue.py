@@ -28,6 +28,9 @@ SPACING: Final = (0.5, 5.0)
 JOINS: Final = 1.2
 """Metres from the end of the line at which an agent becomes part of it."""
 
+PAST: Final = 0.2
+"""Spacings by which an agent is nearer to the head than the one ahead of it before both change."""
+
 
 @dataclass(frozen=True, slots=True)
 class Queue(Behaviour):
@@ -77,7 +80,11 @@ class _Lines:
         first = self._queue_of(line[0]) if line else queue
         assert first is not None  # `_present` has checked it
         if agent.agent_id in line:
-            return first, self._behind(line, line.index(agent.agent_id), first)
+            number = line.index(agent.agent_id)
+            if number and self._is_past(agent.agent_id, line[number - 1], first):
+                line[number - 1 : number + 1] = agent.agent_id, line[number - 1]
+                number -= 1
+            return first, self._behind(line, number, first)
         end = self._behind(line, len(line), first)
         if self._comes_next(agent, queue.name, end):
             line.append(agent.agent_id)
@@ -93,6 +100,14 @@ class _Lines:
         back = (x - ahead_x) * sin(first.heading) - (y - ahead_y) * cos(first.heading)
         late = back / first.spacing - (number - 1)
         return queue_place(first, number + (late if abs(late) < 1 else 0.0))
+
+    def _is_past(self, agent_id: str, ahead: str, first: Queue) -> bool:
+        """Whether an agent stands between the head and the one ahead of it, which it would keep
+        from its place.
+        """
+        head = queue_place(first, 0.0)
+        ways = [dist(self._place(name), head) for name in (agent_id, ahead)]
+        return ways[0] < ways[1] - PAST * first.spacing
 
     def _comes_next(self, agent: Agent, name: str, end: Vector) -> bool:
         """Whether it is at the end of the line, and the nearest of the agents outside of it."""

@@ -64,7 +64,7 @@ def test_each_case_is_played_as_sent_and_raw_with_its_share_of_agents() -> None:
     list(play(walkers, [MANEUVERS["walk"]], 0.5, silent))
     asked = {case: agents for _, case, agents, raw in walkers.asked if raw}
     assert asked["1.1-1.5 m/s"] == 18 and asked["0.6 m/s"] == 6
-    assert [raw for *_, raw in walkers.asked] == [False, True] * 8
+    assert [raw for *_, raw in walkers.asked] == [False, True] * 9
 
 
 def test_rows_that_need_recordings_are_there_with_them() -> None:
