@@ -1,4 +1,4 @@
-"""What a step costs where a policy learns to follow: how markers deviate from what is asked."""
+"""Costs of a step where a policy learns to follow: how markers deviate from the request."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,6 @@ FLOATING = 0.005
 STRAIGHT, BENT = 0.988, 0.93
 """Height of the waist, as a part of that over straight legs, below which a body squats: where it
 stands, and elsewhere. 98 in 100 recorded frames are higher."""
-
 
 BESIDE = 0.08
 """Metres ahead of each other at which the feet of a person that stands are side by side: nine in

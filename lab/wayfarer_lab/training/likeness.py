@@ -1,9 +1,9 @@
 """A critic that tells agents from recorded people, for the training of a policy.
 
 It sees the skin's markers over 0.8 s: of agents, and of recorded people on bodies of random shapes
-who went the same way, and turned as far, in that time. What it cannot tell apart moves alike. Its
-verdict is a cost that has slopes, so the policy learns from it what no other cost says: how wide
-people walk, how far their knees bend, where they look (adversarial motion priors, Peng et al. 2021,
+who went the same way, and turned as far, in that time. Its verdict is a
+cost that has slopes, so the policy learns from it what no other cost says: how wide people walk,
+how far their knees bend, where they look (adversarial motion priors, Peng et al. 2021,
 with slopes in place of rewards). It sees two agents at once, and so also how much people differ
 (PacGAN, Lin et al. 2018): otherwise everybody would soon walk like the mean of all.
 """
@@ -27,19 +27,19 @@ PACK: Final = 2
 """Windows that it sees at once."""
 
 BLUR: Final = 0.008
-"""Metres of noise on markers: what is finer, as the tremor of a capture, tells nobody."""
+"""Metres of noise on markers: it hides the tremor of a capture, which no policy can learn."""
 
 SOLE_BLUR: Final = 0.003
 """The same of heights of soles, where millimetres tell a step from a slide."""
 
 KNOWN: Final = 16_384
-"""Recorded windows among which those are looked up that go the same way."""
+"""Recorded windows in which it looks for the same way."""
 
 RENEWAL: Final = 100
-"""Verdicts after which they are drawn anew."""
+"""Judgements after which other windows are drawn."""
 
 AMONG: Final = 24
-"""Of so many nearest ways one is taken at random."""
+"""Number of nearest ways, of which one is taken at random."""
 
 TURN: Final = 0.4
 """Metres that count as much as a radian, where ways are compared."""
@@ -128,7 +128,7 @@ class RecordedWindows:
         self.renew()
 
     def renew(self) -> None:
-        """Draws the windows anew."""
+        """Draws other windows."""
         self.starts = self.sampler.draw(KNOWN)
         rows = self.starts[:, None] + self.offsets
         hips, turns = self.frames.hips[rows], self.frames.hips_rotation[rows]
@@ -153,11 +153,11 @@ class RecordedWindows:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the critic says of agents."""
+    """Verdicts of the critic on agents."""
 
-    cost: Tensor  # [A] 0: like recorded ones, to 1; 0 for agents that nobody asked about
-    right: float  # share of windows that it told right
-    mean: float  # cost of those that were asked about
+    cost: Tensor  # [A] from 0, like recorded people, to 1; 0 for agents that are not judged
+    right: float  # share of windows that it recognised
+    mean: float  # cost of agents that are judged
 
 
 class Likeness:
@@ -180,7 +180,7 @@ class Likeness:
         self, hips: Tensor, rotations: Tensor, betas: Tensor, predicted: Tensor | None = None
     ) -> BodyFrames:
         """Bodies at frames: hips [A, T, 3], rotations [A, T, 22, 4], betas [A, 10]. Their markers
-        have the slopes of those that were predicted [A, T, 67, 3].
+        have the slopes of predicted markers [A, T, 67, 3].
         """
         with torch.no_grad():
             turns = matrix_from_quaternion(rotations)
@@ -209,7 +209,7 @@ class Likeness:
         return Judgement(each, right, float(cost.detach().mean()))
 
     def _learn(self, made: Tensor, recorded: Tensor) -> float:
-        """One step (LSGAN, Mao et al. 2017); the share of windows that were told right."""
+        """Takes a step (LSGAN, Mao et al. 2017). Returns the share of windows recognised."""
         recorded.requires_grad_()
         truth, guess = self.critic(recorded), self.critic(made)
         slope = torch.autograd.grad(truth.sum(), recorded, create_graph=True)[0]

@@ -69,7 +69,7 @@ Figures:
     hips_*_hz: mean square velocity of the hips by frequency band, (m/s)²; `÷ recorded`: each
         recorded walk against ours of the nearest speed
     limbs_*_hz: the same of ten limb joints relative to the hips
-    pace*: way made toward the goal while a walk is steady ÷ what is asked; who stands counts
+    pace*: way made toward the goal while a walk is steady ÷ way asked for; people that stand count
     right_first: share of starts in which the right foot is lifted first
     cycle_sd_deg: standard deviation of the mean gait cycle between people, by joint, axis and
         moment

@@ -54,12 +54,14 @@ YIELD_SPEED: Final = 0.6
 PUSH: Final = 4.0  # seconds of waiting until a person is content with half of the room
 LEAST_COMFORT: Final = 0.15  # and the room that it wants however long it waits
 BESIDE_STANDING: Final = 0.1  # preferred room beside a person that stands, before any wait
-ALONG: Final = 0.3  # cosine from which another one goes the same way, and so goes on: …
-BEHIND: Final = 0.1  # … the preferred room behind and beside it …
-FOLLOWS: Final = 2.0  # … and seconds that are looked ahead, …
-FIRM: Final = 0.25  # … with a cost that is the greater, the less this is
-TOUCH: Final = 6.0  # cost of 1 m/s towards somebody whom it touches, …
-TOUCHES: Final = 0.15  # … falling to nothing at these metres beyond their radii
+ALONG: Final = (
+    0.3  # cosine of directions from which another one is a leader, which goes the same way
+)
+BEHIND: Final = 0.1  # preferred room behind and beside a leader
+FOLLOWS: Final = 2.0  # seconds that are looked ahead at a leader
+FIRM: Final = 0.25  # divides the cost of too little room behind a leader
+TOUCH: Final = 6.0  # cost of 1 m/s towards a person that it touches
+TOUCHES: Final = 0.15  # metres beyond their radii at which that cost is nothing
 STANDS_APART: Final = 0.05  # room beside those where it stops
 IN_GROUP: Final = 0.05  # room, and weight, between two of one group
 HURRY: Final = 2.5  # seconds of waiting; after n times that it looks ahead 1/n as far

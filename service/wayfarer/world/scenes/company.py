@@ -32,10 +32,9 @@ TOLD: Final = 4.0
 """Seconds for which people must close a way before the event `BLOCKED` reports it."""
 
 STUCK: Final = 10.0
-"""Seconds without progress, for whatever reason, after which it reports those who are near …"""
+"""Seconds without progress after which `BLOCKED` names the people within `NEAR` metres."""
 
 NEAR: Final = 1.5
-"""… within these metres."""
 
 NAMED: Final = 8
 """Maximum number of people that the event names, the nearest to the agent."""

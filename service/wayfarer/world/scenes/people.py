@@ -19,7 +19,7 @@ RADIUS: Final = 0.22
 """Radius of a person among others in metres."""
 
 PRESSED: Final = 1.5
-"""Metres within which another one who walks makes an agent one of a crowd."""
+"""Metres: an agent is in a crowd if another one walks within these."""
 
 OPEN, WALKING = int(Passage.OPEN), int(Mode.WALKING)
 
