@@ -7,11 +7,9 @@ from tests.engines.graphs import IDENTITIES, save, step_model, write_folder
 from wayfarer.errors import ArtifactError
 from wayfarer.models import artifacts
 from wayfarer.models.artifacts import (
-    FORMAT,
     MANIFEST,
     contract_for,
     contract_to_json,
-    format_of,
     load_model_folder,
     names_sha256,
     sha256_of,
@@ -93,29 +91,13 @@ def test_a_contract_that_does_not_fit_is_refused(tmp_path, old, new, message):
     assert "step_" in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "made_with"),
-    [
-        ('"floor_origin": true, ', "", 1),
-        (', "clearance"', "", 2),
-        ('"manner": 8, ', "", 3),
-    ],
-)
-def test_a_model_of_an_earlier_build_is_refused_with_its_cure(tmp_path, old, new, made_with):
+@pytest.mark.parametrize("old", ['"floor_origin": true, ', '"manner": 8, '])
+def test_a_model_of_an_earlier_build_is_refused_with_its_cure(tmp_path, old):
     with pytest.raises(ArtifactError) as error:
-        load(write_folder(tmp_path / "tiny", **{old: new}))
+        load(write_folder(tmp_path / "tiny", **{old: ""}))
     text = str(error.value)
-    assert "\n" not in text and "step_" in text
-    assert f"earlier build of Wayfarer (model format {made_with}; this build has {FORMAT})" in text
+    assert "\n" not in text and "step_" in text and "another build" in text
     assert "`wayfarer export`" in text
-
-
-def test_a_model_of_this_build_has_its_format():
-    contract = contract_for("step_male.onnx", "tiny", IDENTITIES["male"])
-    assert format_of(json.loads(contract_to_json(contract))) == FORMAT
-    for name in artifacts.GRAPHS:
-        other = contract_for(name, "tiny", IDENTITIES["female"])
-        assert format_of(json.loads(contract_to_json(other))) == FORMAT
 
 
 def test_another_order_of_markers_is_refused(folder):

@@ -34,11 +34,6 @@ ASSETS: Final = Path(__file__).parents[1] / "assets"
 """The shipped body, models and start poses."""
 
 SCHEMA: Final = 1
-FORMAT: Final = 4
-"""Format of the models that this build makes and reads. Models do not state it: `format_of`
-derives it, and gets a line whenever a contract or a graph's inputs change.
-"""
-
 METADATA_KEY: Final = "wayfarer"
 MANIFEST: Final = "manifest.json"
 WEIGHTS: Final = "weights.bin"
@@ -158,16 +153,6 @@ def contract_for(file: str, model: str, body: BodyIdentity, floor_origin: bool =
     )
 
 
-def format_of(contract: Mapping[str, Any]) -> int:
-    """The format of a model, by the contract of one of its graphs as it was read."""
-    if "floor_origin" not in contract:
-        return 1
-    terms = contract.get("terms")
-    if contract.get("kind") == "step" and isinstance(terms, list) and "clearance" not in terms:
-        return 2  # its graphs know no obstacles
-    return FORMAT if "manner" in contract else 3
-
-
 def contract_to_json(contract: Contract) -> str:
     """The text that goes into `metadata_props["wayfarer"]`."""
     return json.dumps(asdict(contract))
@@ -176,15 +161,9 @@ def contract_to_json(contract: Contract) -> str:
 def contract_from_json(text: str, where: str) -> Contract:
     """Reads a contract; `where` opens the error messages. Raises ArtifactError."""
     values = _json_object(text, f"{where}: metadata {METADATA_KEY!r}")
-    known = {f.name for f in fields(Contract)}
-    # a contract that lacks anything else is not an earlier one but damaged
-    if known - set(values) <= {"floor_origin", "manner"} and (found := format_of(values)) < FORMAT:
-        raise ArtifactError(
-            f"{where}: is of an earlier build of Wayfarer (model format {found}; this build has "
-            f"{FORMAT}): export its training runs again with `wayfarer export`, or use the model "
-            "that is shipped"
-        )
-    _same_keys(values, [f.name for f in fields(Contract)], f"{where}: metadata {METADATA_KEY!r}")
+    cure = ": is it of another build? Export its training runs again with `wayfarer export`"
+    names = [f.name for f in fields(Contract)]
+    _same_keys(values, names, f"{where}: metadata {METADATA_KEY!r}", cure)
     if not isinstance(values["floor_origin"], bool):
         raise ArtifactError(
             f"{where}: floor_origin: found {values['floor_origin']!r}, expected true or false"
@@ -317,6 +296,7 @@ def _json_object(text: str, where: str) -> dict[str, Any]:
     return value
 
 
-def _same_keys(values: dict[str, Any], expected: list[str], where: str) -> None:
+def _same_keys(values: dict[str, Any], expected: list[str], where: str, cure: str = "") -> None:
     if set(values) != set(expected):
-        raise ArtifactError(f"{where}: found fields {sorted(values)}, expected {sorted(expected)}")
+        found = f"found fields {sorted(values)}, expected {sorted(expected)}"
+        raise ArtifactError(f"{where}: {found}{cure}")
