@@ -1,8 +1,7 @@
 """Writes the JSON forms of messages as pydantic classes: types, ranges, defaults, descriptions; and
 a goal's fields as types of keyword arguments.
 
-Fields and options come from the descriptors; comments of the protos become the descriptions. A
-class that needs more than `options.proto` can state is written by hand and stands in `BY_HAND`.
+Fields and options come from the descriptors; comments of the protos become the descriptions.
 """
 
 import re
@@ -14,31 +13,35 @@ from typing import Any, Final
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-FILES: Final = ("goal", "agent", "session", "catalog", "admin", "scene", "motion")
-"""Protos whose messages are generated."""
-
 SCHEMA: Final = "wayfarer.transport.schema"
 BY_HAND: Final = {
-    **dict.fromkeys(("AgentSpec", "Gender", "Phenotype"), f"{SCHEMA}.agents"),
-    **dict.fromkeys(("BasisInfo", "Endpoint", "Problem", "Vector3"), f"{SCHEMA}.base"),
-    **dict.fromkeys(("CharacterJoint",), f"{SCHEMA}.catalogue"),
-    **dict.fromkeys(("Mesh", "MeshScene"), f"{SCHEMA}.scenes"),
-    **dict.fromkeys(
-        ("Interest", "InterestRing", "MotionFile", "PoseFormat", "Viewpoint", "Viewpoints"),
-        f"{SCHEMA}.motion",
-    ),
-    **dict.fromkeys(
-        ("Box", "Cylinder", "Floor", "Obstacle", "Outline", "Prism", "Ramp", "Solid", "Walkable"),
-        f"{SCHEMA}.shapes",
-    ),
-    "AgentState": "wayfarer.world.agents.agent",
-    "Basis": "wayfarer.transport.conversion.basis",
-    "EventKind": "wayfarer.world.events",
-    "Heartbeat": "",  # gRPC only
-    "Limits": "wayfarer.config.limits",
-    "PoseEncoding": "wayfarer.transport.codec",
+    name: module
+    for module, names in {
+        f"{SCHEMA}.base": "Gender MeshFormat Vector3",
+        "wayfarer.clips.files": "BodyDetail BoneNames FileFormat FileUnit RootMotion",
+        "wayfarer.config.limits": "Limits",
+        "wayfarer.runtime.streams.publications": "SlowReader",
+        "wayfarer.transport.codec": "PoseEncoding PoseProfile",
+        "wayfarer.transport.conversion.basis": "Basis",
+        "wayfarer.world.agents.agent": "AgentState",
+        "wayfarer.world.events": "EventKind",
+        "": "Heartbeat Problem",  # in no message that is generated
+    }.items()
+    for name in names.split()
 }
 """Classes that are written by hand, and their modules."""
+
+TYPES_BY_HAND: Final = {
+    "AgentSpec.betas": "Betas",
+    "Box.size": "Extents",
+    "CharacterJoint.bone": "PosedBone",
+    "LoadModelRequest.name": "ModelName",
+    "PoseFormat.bones": "Bones",
+    "PoseFormat.fps": "Rate",
+    "Ramp.size": "Extents",
+}
+BASES: Final = {"AgentSpec": "OneBody"}
+"""What `options.proto` cannot state stands in `base`: types of fields, checks of several fields."""
 
 IN_QUERY: Final = {"expected_revision"}
 """Fields that HTTP has in the query of a call, not in its body."""
@@ -58,8 +61,8 @@ TYPES: Final = {
 STRICT: Final = {"float": "Float", "int": "Uint32", "bool": "Bool"}
 """Types of requests; answers, which the server makes, have plain ones."""
 
-QUANTITIES: Final = {1: "Length", 2: "Heading", 3: "Spot", 4: "Float"}
-RANGES: Final = {1: "length_range", 4: "plain_range", 5: "count_range"}
+QUANTITIES: Final = {1: "Length", 2: "Heading", 3: "Spot", 4: "Float", 6: "Float"}
+RANGES: Final = {1: "length_range", 4: "plain_range", 5: "count_range", 6: "plain_range"}
 """By `FieldRules.Unit`."""
 
 
@@ -83,7 +86,7 @@ class Classes:
         self._made = [
             kind
             for file in ours
-            if Path(file.name).stem in FILES
+            if Path(file.name).stem not in ("control", "options")
             for kind in file.message_type
             if self.name(kind) and kind.name not in BY_HAND
         ]
@@ -148,23 +151,21 @@ class Classes:
     def _class(self, kind: descriptor_pb2.DescriptorProto) -> str:
         name = self.name(kind)
         asked = kind.name in self._asked
-        base = self._use("OneOf" if _oneof(kind) else "Message")
+        base = self._use(BASES.get(name) or ("OneOf" if _oneof(kind) else "Message"))
         parts = [_docstring(self._comments[kind.name])]
         if example := self._options("MessageOptions", kind, "message").example:
             parts.append(_call(f"    model_config = {self._use('example')}", [("", example)]))
-        if beside := _beside(kind):
-            names = ", ".join(_literal(each) for each in beside)
-            self._use("ClassVar", "typing")
-            parts.append(f"    COMMON_FIELDS: ClassVar[frozenset[str]] = frozenset({{{names}}})\n")
         left_out = self._in_path.get(kind.name, set()) | IN_QUERY
-        fields = [self._field(f, kind.name, asked) for f in kind.field if f.name not in left_out]
+        fields = [self._field(f, kind, asked) for f in kind.field if f.name not in left_out]
         if fields:
             parts.append("".join(fields))
         return f"class {name}({base}):\n" + "\n".join(parts)
 
-    def _field(self, field: Any, message: str, asked: bool) -> str:
+    def _field(self, field: Any, message: Any, asked: bool) -> str:
+        full = f"{message.name}.{field.name}"
         rules = self._options("FieldOptions", field, "field")
         kind, is_list = self._type(field, rules, asked)
+        kind = self._use(TYPES_BY_HAND[full]) if full in TYPES_BY_HAND else kind
         in_oneof = field.HasField("oneof_index") and not field.proto3_optional
         at_least_one = rules.min > 0 and (is_list or kind == "str")
         required = rules.required if rules.HasField("required") else at_least_one or not asked
@@ -177,10 +178,10 @@ class Classes:
             arguments.append(f"default={default}")
         if asked and rules.unit in RANGES and not stated:
             self._use("Annotated", "typing")
-            names = f"{_literal(message)}, {_literal(field.name)}"
+            names = f"{_literal(self.name(message))}, {_literal(field.name)}"
             kind = f"Annotated[{kind}, {self._use(RANGES[rules.unit])}({names})]"
         arguments += self._limits(rules, is_list or field.type == Field.TYPE_STRING)
-        arguments.append(("description=", self._comments[f"{message}.{field.name}"]))
+        arguments.append(("description=", self._comments[full]))
         self._use("Field", "pydantic")
         return _call(f"    {field.name}: {kind} = Field", arguments)
 
@@ -190,6 +191,8 @@ class Classes:
             kind = _short(field)
             if kind in BY_HAND:
                 self._use(kind, BY_HAND[kind])
+            elif field.type == Field.TYPE_MESSAGE:
+                kind = self.name(self._all[kind])
             if kind == "Vector3" and rules.unit:
                 kind = self._use(QUANTITIES[rules.unit])
         elif rules.unit in QUANTITIES and asked:
@@ -205,10 +208,13 @@ class Classes:
         return kind, is_list
 
     def _default(self, field: Any, rules: Any, kind: str, is_list: bool) -> str:
+        if rules.default == "{}":
+            return f"{kind}()"
         if rules.default and field.type == Field.TYPE_ENUM:
-            return f"{kind}.{rules.default.upper()}"
+            return f"{kind}({_literal(rules.default)})"
         if rules.default:
-            return {"true": "True", "false": "False"}.get(rules.default, str(rules.default))
+            text = _literal(rules.default) if kind == "str" else str(rules.default)
+            return {"true": "True", "false": "False"}.get(text, text)
         if is_list:
             return "()"
         if field.type in (Field.TYPE_MESSAGE, Field.TYPE_ENUM) or field.proto3_optional:
@@ -254,11 +260,6 @@ def _short(field: Any) -> str:
 def _oneof(kind: descriptor_pb2.DescriptorProto) -> set[str]:
     """Fields of its oneof."""
     return {f.name for f in kind.field if f.HasField("oneof_index") and not f.proto3_optional}
-
-
-def _beside(kind: descriptor_pb2.DescriptorProto) -> list[str]:
-    """Fields beside its oneof."""
-    return [field.name for field in kind.field if _oneof(kind) and field.name not in _oneof(kind)]
 
 
 def _literal(text: str) -> str:

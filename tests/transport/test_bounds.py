@@ -1,46 +1,37 @@
-"""Proto, OpenAPI, docs/api.md and the Python client state the same range and default of a field.
+"""Comments of the protos, docs/api.md and the Python client state the range and default of a field
+that is checked.
 
-The schema checks requests; everything else is compared with it.
+Classes of the schema are generated from the protos, and their descriptions are the comments. What
+checks lengths, speeds and times is compared with them.
 """
 
 import re
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from inspect import getsource
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import protoc
 import pytest
-from google.protobuf import descriptor_pb2
-from pydantic import BaseModel, TypeAdapter
+from pydantic import BaseModel
 
 import wayfarer_client
 from wayfarer.transport import schema
-from wayfarer.transport.schema.base import DOMAIN, UINT32
+from wayfarer.transport.conversion.violations import _models
+from wayfarer.transport.schema.base import DOMAIN, RANGES, UINT32, range_of
 
 ROOT = Path(__file__).parents[2]
 
-REQUESTS = {
-    "CreateSessionRequest": schema.NewSession,
-    "CreateAgentsRequest": schema.NewAgents,
-    "Goal": schema.Goal,
-    "SetPathRequest": schema.Goals,
-    "WanderRequest": schema.Wander,
-    "Behaviour": schema.Behaviour,
-    "CreateSceneRequest": schema.NewScene,
-    "Mesh": schema.Mesh,
-    "Obstacle": schema.Obstacle,
-    "QueryPathRequest": schema.PathQuery,
-    "PopulateSessionRequest": schema.Crowd,
-    "StreamMotionRequest": schema.StreamRequest,
-    "GenerateClipRequest": schema.ClipRequest,
-    "StepAgentsRequest": schema.StepRequest,
-    "ExportMotionRequest": schema.MotionExport,
-    "FitBodyRequest": schema.CharacterJoints,
-}
+REQUESTS = (
+    *(schema.NewSession, schema.NewAgents, schema.Goal, schema.Goals, schema.Wander),
+    *(schema.Behaviour, schema.NewScene, schema.Mesh, schema.Obstacle, schema.PathQuery),
+    *(schema.Crowd, schema.StreamRequest, schema.ClipRequest, schema.StepRequest),
+    *(schema.MotionExport, schema.CharacterJoints),
+)
 """Messages whose fields, and those of the messages in them, are compared."""
+
+OTHER_NAMES = {"CreateSessionRequest": "NewSession"}
+"""Names of classes whose messages have another."""
 
 IDS = {"session_id", "agent_id", "agent_ids", "scene"}
 """The server makes these, so a client need not know their maximum length."""
@@ -76,65 +67,29 @@ def _number(text: str) -> float:
     return float(text.replace(",", "").replace("−", "-"))
 
 
-@pytest.fixture(scope="module")
-def comments(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], tuple[str, str]]:
-    """By message and field: its comment, and the message that is its type, if any."""
-    image = tmp_path_factory.mktemp("protos") / "image.binpb"
-    sources = sorted((ROOT / "proto").rglob("*.proto"))
-    options = ("--include_source_info", f"--descriptor_set_out={image}", f"-I{ROOT / 'proto'}")
-    subprocess.run([str(protoc.PROTOC_EXE), *options, *map(str, sources)], check=True)
-    found = {}
-    for file in descriptor_pb2.FileDescriptorSet.FromString(image.read_bytes()).file:
-        lines = {tuple(at.path): at.leading_comments for at in file.source_code_info.location}
-        for i, message in enumerate(file.message_type):
-            for j, field in enumerate(message.field):
-                comment = " ".join(lines[4, i, 2, j].split())
-                found[message.name, field.name] = comment, field.type_name.split(".")[-1]
-    return found
-
-
-def pairs(comments: dict[tuple[str, str], tuple[str, str]]) -> Iterator[tuple[str, str, Any]]:
+def pairs() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Message, field and JSON schema of every field of the requests, each once."""
-    met: set[str] = set()
-
-    def of(message: str, model: dict[str, Any], named: dict[str, Any]) -> Iterator[Any]:
-        for name, field in model.get("properties", {}).items():
-            if message in met or (message, name) not in comments or name in IDS:
-                continue
-            yield message, name, field
-            for inner in _refs(field):
-                yield from of(comments[message, name][1], named[inner], named)
-        met.add(message)
-
-    for message, twin in REQUESTS.items():
-        whole = (
-            twin.model_json_schema()
-            if isinstance(twin, type) and issubclass(twin, BaseModel)
-            else TypeAdapter(twin).json_schema()
-        )
-        yield from of(message, whole, whole.get("$defs", {}))
-
-
-def _refs(field: object) -> Iterator[str]:
-    if isinstance(field, dict):
-        if "$ref" in field:
-            yield field["$ref"].rsplit("/", 1)[1]
-        for value in field.values():
-            yield from _refs(value)
-    elif isinstance(field, list):
-        for value in field:
-            yield from _refs(value)
+    waiting, met = list[type[BaseModel]](REQUESTS), set[type[BaseModel]]()
+    while waiting:
+        kind = waiting.pop()
+        if kind in met:
+            continue
+        met.add(kind)
+        for name, field in kind.model_json_schema()["properties"].items():
+            if name not in IDS and "description" in field:
+                yield kind.__name__, name, field
+        waiting += [m for f in kind.model_fields.values() for m in _models(f.annotation)]
 
 
 def held(field: dict[str, Any], message: str = "", name: str = "") -> Said:
     """The checks of a request's field. Bounds of lengths come from world/ or from the description,
     since those of JSON schema are the widest of all bases.
     """
-    if world := DOMAIN.get(message.removesuffix("Request")):
-        hint = get_type_hints(world, include_extras=True).get(name)
-        if bounds := getattr(hint, "__metadata__", ((),))[0]:
-            default = next(each.default for each in fields(world) if each.name == name)
-            return Said(tuple(b for b in bounds if b is not None), default)
+    world = DOMAIN.get(message)
+    hint = get_type_hints(world, include_extras=True).get(name) if world else None
+    if name in RANGES.get(message, ()) or hasattr(hint, "__metadata__"):
+        bounds = tuple(bound for bound in range_of(message, name) if bound is not None)
+        return Said(bounds, world and next(f.default for f in fields(world) if f.name == name))
     described = said(field.get("description", ""))
     if described.bounds:
         return described
@@ -149,12 +104,12 @@ def held(field: dict[str, Any], message: str = "", name: str = "") -> Said:
     return Said(bounds, described.default, described.text)
 
 
-def whole(comments: dict[tuple[str, str], tuple[str, str]], message: str, name: str) -> str:
-    """A field's comment, with the comments that it refers to."""
-    text = comments[message, name][0]
-    for other in re.findall(r"(?:[Aa]s|[Ss]ee) (\w+)\.(\w+)", text):
-        if other in comments and other != (message, name):
-            text += " " + comments[other][0]
+def whole(text: str) -> str:
+    """A comment, with the comments that it refers to."""
+    for other, name in re.findall(r"(?:[Aa]s|[Ss]ee) (\w+)\.(\w+)", text):
+        model = getattr(schema, OTHER_NAMES.get(other, other), None)
+        if model is not None and name in model.model_fields:
+            text += f" {model.model_fields[name].description}"
     return text
 
 
@@ -167,21 +122,21 @@ def test_a_comment_is_read():
     assert held({"minimum": 0, "maximum": 60, "description": "default 40"}).bounds == (0, 60)
 
 
-def test_the_protos_say_what_the_schema_holds(comments):
+def test_the_protos_say_what_the_schema_holds():
     wrong, compared = [], 0
-    for message, name, field in pairs(comments):
-        text, rule = whole(comments, message, name), held(field, message, name)
-        proto = said(comments[message, name][0])
+    for message, name, field in pairs():
+        text, rule = whole(field["description"]), held(field, message, name)
+        comment = said(field["description"])
         numbers = {_number(found) for found in re.findall(NUMBER, text)}
         if "Limits." in text or "ListBodies" in text:
             missing = set()  # the server's own, below the schema's
         else:
             missing = {b for b in rule.bounds if b > 1 or b < 0} - numbers
-        false = set(proto.bounds) - set(rule.bounds) if proto.bounds and rule.bounds else set()
-        other = proto.default != rule.default and None not in (proto.default, rule.default)
+        false = set(comment.bounds) - set(rule.bounds) if rule.bounds else set()
+        other = comment.default != rule.default and None not in (comment.default, rule.default)
         compared += bool(rule.bounds)
         if missing or false or other:
-            wrong.append((f"{message}.{name}", missing, false, proto.default, rule.default))
+            wrong.append((f"{message}.{name}", missing, false, comment.default, rule.default))
     assert not wrong, "\n".join(map(str, wrong))
     assert compared > 40
 

@@ -37,14 +37,19 @@ from wayfarer.navigation.scene_spec import (
 )
 from wayfarer.spec import MAX_COORDINATE
 
-RADIUS: Final = (0.05, 5.0)
-STEP_HEIGHT: Final = (0.0, 1.0)
-SLOPE_DEG: Final = (0.0, 60.0)
-HEIGHT: Final = (0.5, 5.0)
-"""Checks of a `Walkable`, metres and degrees. Raises InvalidArgument."""
+WALKABLE: Final = {
+    "radius": (0.05, 5.0),
+    "step_height": (0.0, 1.0),
+    "slope_deg": (0.0, 60.0),
+    "height": (0.5, 5.0),
+}
+"""Ranges of the fields of a `Walkable`, metres and degrees."""
 
 UNIT: Final = (1e-4, 1e3)
 """Metres per unit of a mesh."""
+
+Kind = Callable[[float], object]
+"""Of a quantity: how a value is written."""
 
 REASON: Final = re.compile(r"(.+)\[(\S+) (\S+)\]")
 """Why and where an outline is not simple, from shapely's explanation."""
@@ -182,10 +187,9 @@ def _check_mesh(mesh: MeshFile) -> None:
 
 
 def _check_walkable(walkable: Walkable) -> None:
-    _within(walkable.radius, *RADIUS, "walkable.radius", Metres)
-    _within(walkable.step_height, *STEP_HEIGHT, "walkable.step_height", Metres)
-    _within(walkable.slope_deg, *SLOPE_DEG, "walkable.slope_deg")
-    _within(walkable.height, *HEIGHT, "walkable.height", Metres)
+    for name, (low, high) in WALKABLE.items():
+        kind: Kind = "{:g}".format if name == "slope_deg" else Metres
+        _within(getattr(walkable, name), low, high, f"walkable.{name}", kind)
     if walkable.step_height >= walkable.height:
         raise InvalidArgument(
             "walkable.step_height must be below walkable.height", "walkable.step_height"
@@ -197,9 +201,8 @@ def _within(
     low: float,
     high: float,
     field: str,
-    kind: Callable[[float], object] = "{:g}".format,
+    kind: Kind = "{:g}".format,
 ) -> None:
-    """`kind`: of quantity."""
     _finite(value, field)
     if not low <= value <= high:
         raise InvalidArgument(

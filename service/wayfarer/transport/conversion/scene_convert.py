@@ -14,8 +14,10 @@ from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Axes, Basis
 from wayfarer.transport.conversion.units import in_world, place, vector
-from wayfarer.transport.schema.scenes import CROWD
 from wayfarer.world.scenes import messages as runtime
+
+CROWD = runtime.Crowd(0)
+"""Its fields are the defaults."""
 
 DECIMALS = 4
 """Decimals of coordinates for drawing."""

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Final
 
 from wayfarer.endpoint import Endpoint
@@ -25,7 +26,7 @@ class Residence:
     def own(self) -> schema.Endpoint | None:
         """The address of this server. None means that clients keep the address that they use."""
         own = self._ownership.own
-        return None if own is None else schema.Endpoint.of(own)
+        return None if own is None else schema.Endpoint(**asdict(own))
 
     @property
     def nodes(self) -> Sequence[Endpoint]:

@@ -8,7 +8,7 @@ from fastapi import Path as InPath
 from pydantic import ValidationError
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT, UNIT
+from wayfarer.navigation.checks import UNIT, WALKABLE
 from wayfarer.transport import schema
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.conversion.violations import invalid_request
@@ -79,19 +79,29 @@ async def mesh_scene(
         Number,
         Query(
             description="as walkable.radius of createScene",
-            json_schema_extra=schema.bounds(*RADIUS),
+            json_schema_extra=schema.bounds(*WALKABLE["radius"]),
         ),
     ] = None,
     step_height: Annotated[
         Number,
-        Query(description="as walkable.step_height", json_schema_extra=schema.bounds(*STEP_HEIGHT)),
+        Query(
+            description="as walkable.step_height",
+            json_schema_extra=schema.bounds(*WALKABLE["step_height"]),
+        ),
     ] = None,
     slope_deg: Annotated[
-        Number, Query(ge=SLOPE_DEG[0], le=SLOPE_DEG[1], description="as walkable.slope_deg")
+        Number,
+        Query(
+            ge=WALKABLE["slope_deg"][0],
+            le=WALKABLE["slope_deg"][1],
+            description="as walkable.slope_deg",
+        ),
     ] = None,
     height: Annotated[
         Number,
-        Query(description="as walkable.height", json_schema_extra=schema.bounds(*HEIGHT)),
+        Query(
+            description="as walkable.height", json_schema_extra=schema.bounds(*WALKABLE["height"])
+        ),
     ] = None,
     entry: Annotated[
         list[Annotated[str, Query(json_schema_extra={"pattern": PLACE})]] | None,

@@ -6,11 +6,6 @@ Lengths, places, headings are in the basis of the session unless a name ends in 
 """
 
 from wayfarer.config.limits import Limits
-from wayfarer.transport.schema.agents import *
 from wayfarer.transport.schema.base import *
-from wayfarer.transport.schema.catalogue import *
 from wayfarer.transport.schema.messages import *
-from wayfarer.transport.schema.motion import *
-from wayfarer.transport.schema.scenes import *
-from wayfarer.transport.schema.shapes import *
-from wayfarer.transport.schema.stats import *
+from wayfarer.transport.schema.only_http import *

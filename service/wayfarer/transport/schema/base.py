@@ -1,12 +1,12 @@
-"""Parts of the other messages."""
+"""Parts of the other messages, and types of fields that the protos cannot state."""
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
-from enum import Enum, auto
-from typing import Annotated, Any, ClassVar, Final, Self, TypeVar, get_type_hints
+from enum import Enum, StrEnum, auto
+from typing import Annotated, Any, Final, Self, TypeVar, get_type_hints
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -20,13 +20,30 @@ from pydantic.config import JsonDict
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from wayfarer import endpoint as endpoints
+from wayfarer.body.phenotype import LIMITS
+from wayfarer.body.skeleton import joint_names, load_skeleton
+from wayfarer.clips.edit import FASTEST
+from wayfarer.navigation import checks
+from wayfarer.navigation.scene_spec import MAX_EXTENT, MIN_SIZE
+from wayfarer.spec import BETAS, POSED_JOINTS
+from wayfarer.transport.codec.pose_format import RATES
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world import behaviours
 from wayfarer.world.agents import goal
 from wayfarer.world.agents.goal import DWELL, MAX_HEADING, SPEED
+from wayfarer.world.scenes.populate import MAX_RATE, MAX_STAY
 
 Item = TypeVar("Item")
+
+ID_LENGTH: Final = 64
+"""Maximum characters of a session's or agent's id."""
+
+MIN_MESSAGE_BYTES: Final = 16_384
+"""Minimum size of a message: room for a header, and for an agent's chunk with its description."""
+
+MIN_RADIUS: Final = 0.1
+MAX_RADIUS: Final = 20_000.0
+"""Metres of a ring."""
 
 UINT32: Final = (1 << 32) - 1
 
@@ -66,9 +83,12 @@ class Message(BaseModel):
 
 
 class OneOf(Message):
-    """Exactly one of its fields is given and not null, apart from fields in `COMMON_FIELDS`."""
+    """Exactly one of its fields that are null by default is given."""
 
-    COMMON_FIELDS: ClassVar[frozenset[str]] = frozenset()
+    @classmethod
+    def choices(cls) -> list[str]:
+        """Names of the fields of which one is given."""
+        return [name for name, field in cls.model_fields.items() if field.default is None]
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -80,24 +100,19 @@ class OneOf(Message):
             return made
         schema = handler.resolve_ref_schema(made)
         schema["oneOf"] = [
-            {"required": [name], "properties": {name: {"type": "object"}}}
-            for name in schema["properties"]
-            if name not in cls.COMMON_FIELDS
+            {"required": [name], "properties": {name: {"type": "object"}}} for name in cls.choices()
         ]
         return made
 
     @property
     def given(self) -> tuple[str, Message]:
         """The given field, and its name."""
-        return next(
-            (name, value)
-            for name, value in self
-            if value is not None and name not in self.COMMON_FIELDS
-        )
+        names = self.choices()
+        return next((name, value) for name, value in self if value is not None and name in names)
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        names = [name for name in type(self).model_fields if name not in self.COMMON_FIELDS]
+        names = self.choices()
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"{' and '.join(given)} are" if given else "none is"
@@ -118,7 +133,6 @@ class Quantity(Enum):
 
 Length = Annotated[Float, Quantity.LENGTH]
 Heading = Annotated[Float, Field(ge=-MAX_HEADING, le=MAX_HEADING), Quantity.HEADING]
-Dwell = Annotated[Float, Field(ge=DWELL[0], le=DWELL[1])]
 
 
 def bounds(low: float | None, high: float | None) -> JsonDict:
@@ -144,54 +158,52 @@ DOMAIN: Final[Mapping[str, Any]] = {
 """Classes of world/ by their twin messages; they define the ranges of the fields."""
 
 
-def _range(message: str, field: str) -> Any:
+RANGES: Final[Mapping[str, Mapping[str, tuple[float | None, float | None]]]] = {
+    "Cylinder": {"radius": (MIN_SIZE / 2, MAX_EXTENT), "height": (MIN_SIZE, MAX_EXTENT)},
+    "CharacterJoints": {"floor": (None, None)},
+    "InterestRing": {"radius": (MIN_RADIUS, MAX_RADIUS)},
+    "Mesh": {"unit": checks.UNIT},
+    "MotionFile": {"fps": (1, FASTEST)},
+    "Phenotype": LIMITS,
+    "Crowd": {
+        **dict.fromkeys(("min_speed", "max_speed"), SPEED),
+        **dict.fromkeys(("min_dwell", "max_dwell"), DWELL),
+        "spawn_rate": (0, MAX_RATE),
+        "stay": (0, MAX_STAY),
+    },
+    "Prism": {"height": (MIN_SIZE, MAX_EXTENT)},
+    "Walkable": checks.WALKABLE,
+}
+"""Ranges of other messages' fields; lengths in metres."""
+
+
+def range_of(message: str, field: str) -> Any:
+    """Where a field's value has to lie, as the rules that check it state it."""
+    if message in RANGES:
+        return RANGES[message][field]
     return get_type_hints(DOMAIN[message], include_extras=True)[field].__metadata__[0]
 
 
 def length_range(message: str, field: str) -> Any:
     """Range of a length or speed. The runtime checks it, since its form depends on the basis."""
-    return Field(json_schema_extra=bounds(*_range(message, field)))
+    return Field(json_schema_extra=bounds(*range_of(message, field)))
 
 
 def plain_range(message: str, field: str) -> Any:
     """Range of a number that means the same in every basis; it is checked by the schema."""
-    low, high = _range(message, field)
+    low, high = range_of(message, field)
     return Field(ge=low, le=high)
 
 
 def count_range(message: str, field: str) -> Any:
     """Range of a number of items."""
-    low, high = _range(message, field)
+    low, high = range_of(message, field)
     return Field(min_length=low, max_length=high)
 
 
 def example(text: str) -> ConfigDict:
     """Configuration of a message with an example in JSON."""
     return ConfigDict(json_schema_extra={"examples": [json.loads(text)]})
-
-
-def length_field(
-    what: str,
-    allowed: tuple[float, float],
-    default: float | None = None,
-    unit: str = "m",
-    **more: Any,
-) -> Any:
-    """A `Length`, described with its bounds and its default, both in metres.
-
-    A field with a default may be missing; the default is the domain class's own.
-    """
-    text = f"{what}; " if what else ""
-    text += f"{allowed[0]:g} to {allowed[1]:g} {unit}"
-    if default is not None:
-        text += f"; default {default:g} {unit}"
-        more["default"] = None
-    return Field(description=text, json_schema_extra=bounds(*allowed), **more)
-
-
-def speed_field(what: str, default: float) -> Any:
-    """An optional speed; see `length_field`."""
-    return length_field(what, SPEED, default, "m/s")
 
 
 class Vector3(Message):
@@ -205,54 +217,61 @@ class Vector3(Message):
 
 
 Spot = Annotated[Vector3, Quantity.SPOT]
+Extent = Annotated[Float, Field(ge=0, json_schema_extra=bounds(MIN_SIZE, MAX_EXTENT))]
 
 
-class BasisInfo(Message):
-    """What a basis means."""
+class Extents(Message):
+    """Lengths along the axes of the basis, before a heading turns them."""
 
-    basis: Basis
-    metres_per_unit: float = Field(description="length of one unit: 1 or 0.01")
-    right_handed: bool
-    up: Vector3 = Field(description="unit vector that points up")
-    forward: Vector3 = Field(description="unit vector that a body faces at heading 0")
-    quaternion_order: str = "xyzw"
+    x: Extent
+    y: Extent
+    z: Extent
 
 
-class Endpoint(Message):
-    """One process, with its own ports, of a service that has several."""
+class Gender(StrEnum):
+    """Gender of an agent's body."""
 
-    worker: int = Field(description="its number, from 0")
-    grpc_port: int
-    http_port: int = Field(description="of HTTP and WebSocket")
-    host: str = Field(
-        default="", description="empty: the host at which the service was called; as TLS knows it"
-    )
-
-    @classmethod
-    def of(cls, endpoint: endpoints.Endpoint) -> Self:
-        """Converts its twin."""
-        return cls(**asdict(endpoint))
+    FEMALE = "female"
+    MALE = "male"
 
 
-class FieldProblem(Message):
-    """One field at fault."""
+class MeshFormat(StrEnum):
+    """File formats of meshes."""
 
-    field: str = Field(description='path of the field, as in "goals[3].speed"')
-    detail: str
+    GLB = "glb"
+    OBJ = "obj"
+    PLY = "ply"
 
 
-class Problem(Message):
-    """RFC 9457 problem document; docs/errors.md lists the types."""
+def _all_betas(betas: tuple[float, ...]) -> tuple[float, ...]:
+    if betas and len(betas) != BETAS:
+        raise ValueError(f"must be {BETAS} numbers or none, not {len(betas)}")
+    return betas
 
-    type: str
-    title: str
-    status: int
-    detail: str = Field(description="what was wrong, where, and what is allowed")
-    errors: tuple[FieldProblem, ...] = Field(default=(), description="all fields at fault")
-    retry_after_s: float | None = Field(default=None, description="when to try again")
-    endpoint: Endpoint | None = Field(
-        default=None, description="of type misdirected: where the session or agent lives"
-    )
-    nearest: Vector3 | None = Field(
-        default=None, description="of type unreachable: the nearest place that can be reached"
-    )
+
+Betas = Annotated[
+    Many[Annotated[Float, Field(ge=-5, le=5)]],
+    Field(max_length=BETAS, json_schema_extra={"anyOf": [{"maxItems": 0}, {"minItems": BETAS}]}),
+    AfterValidator(_all_betas),
+]
+
+
+class OneBody(Message):
+    """A body comes from numbers or from everyday terms."""
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Self:
+        given = dict(self)
+        if given["betas"] and given["phenotype"] is not None:
+            raise ValueError("give betas or phenotype, not both")
+        return self
+
+
+PosedBone = Annotated[str, Field(json_schema_extra={"enum": [*joint_names()[:POSED_JOINTS]]})]
+BONES: Final = tuple(bone.name for bone in load_skeleton())
+BoneName = Annotated[str, Field(json_schema_extra={"enum": [*BONES]})]
+Bones = Annotated[
+    Many[BoneName], Field(max_length=len(BONES), json_schema_extra={"uniqueItems": True})
+]
+Rate = Annotated[Uint32, Field(json_schema_extra={"enum": [0, *sorted(RATES)]})]
+ModelName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]

@@ -1,8 +1,52 @@
-"""Figures of the motion loop."""
+"""Messages in JSON that no proto has."""
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
-from wayfarer.transport.schema.base import Message
+from wayfarer.transport.schema.base import Message, OneOf, Vector3
+from wayfarer.transport.schema.messages import Endpoint, MotionBatch, StreamHeader
+
+
+class FieldProblem(Message):
+    """One field at fault."""
+
+    field: str = Field(description='path of the field, as in "goals[3].speed"')
+    detail: str
+
+
+class Problem(Message):
+    """RFC 9457 problem document; docs/errors.md lists the types."""
+
+    type: str
+    title: str
+    status: int
+    detail: str = Field(description="what was wrong, where, and what is allowed")
+    errors: tuple[FieldProblem, ...] = Field(default=(), description="all fields at fault")
+    retry_after_s: float | None = Field(default=None, description="when to try again")
+    endpoint: Endpoint | None = Field(
+        default=None, description="of type misdirected: where the session or agent lives"
+    )
+    nearest: Vector3 | None = Field(
+        default=None, description="of type unreachable: the nearest place that can be reached"
+    )
+
+
+class ClipLine(OneOf):
+    """One line of a clip or replay: a header first, then batches; a problem if it broke off.
+
+    It has one key.
+    """
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    header: StreamHeader | None = None
+    batch: MotionBatch | None = None
+    problem: Problem | None = None
+
+
+class Health(Message):
+    """The answer to a probe."""
+
+    status: str
 
 
 class Stats(Message):
