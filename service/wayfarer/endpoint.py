@@ -15,3 +15,8 @@ class Endpoint:
     def __str__(self) -> str:
         where = self.host or "this host"
         return f"port {self.grpc_port} (gRPC) or {self.http_port} (HTTP) of {where}"
+
+
+def bracketed(host: str) -> str:
+    """A host as URLs have it: an IPv6 address in brackets."""
+    return f"[{host}]" if ":" in host else host

@@ -33,6 +33,7 @@ from wayfarer.cluster.routes import (
     session_of,
 )
 from wayfarer.config.settings import Settings
+from wayfarer.endpoint import bracketed
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
@@ -51,7 +52,7 @@ from wayfarer.transport.edge.http_guard import SUBPROTOCOL
 from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.edge.request_limits import MESHES, RequestLimits, add_problem_handlers
 from wayfarer.transport.gateway.residence import misdirected
-from wayfarer.transport.grpc_server import GrpcServer, bracketed
+from wayfarer.transport.grpc_server import GrpcServer
 from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions

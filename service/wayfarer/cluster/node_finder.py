@@ -15,8 +15,8 @@ from prometheus_client.registry import Collector
 from wayfarer.cluster.group_map import GroupMap
 from wayfarer.cluster.messages import DirectoryLink, NodeInfo, Status
 from wayfarer.cluster.routes import Subject
+from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable, WayfarerError
-from wayfarer.transport.grpc_server import bracketed
 
 log = structlog.get_logger(__name__)
 

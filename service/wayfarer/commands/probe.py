@@ -11,6 +11,7 @@ import typer
 
 from wayfarer.config import sources
 from wayfarer.config.settings import Settings
+from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable
 
 TIMEOUT_S = 2.0
@@ -36,8 +37,7 @@ def status(settings: Settings) -> str:
     """The service's own report. Raises Unavailable unless it is ready."""
     scheme = "https" if settings.tls_cert else "http"
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(settings.host, settings.host)
-    host = f"[{host}]" if ":" in host else host
-    url = f"{scheme}://{host}:{settings.http_port}/v1/health/ready"
+    url = f"{scheme}://{bracketed(host)}:{settings.http_port}/v1/health/ready"
     try:
         with urllib.request.urlopen(url, timeout=TIMEOUT_S, context=_unverified()) as answer:
             return str(json.load(answer)["status"])

@@ -11,6 +11,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from wayfarer.config.limits import Limits
+from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable
 from wayfarer.transport.edge.asgi import front
 from wayfarer.transport.edge.call_rates import CallRates
@@ -19,7 +20,7 @@ from wayfarer.transport.edge.grpc_guard import GuardInterceptor
 from wayfarer.transport.edge.guard import Guard
 from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.grpc_server import GrpcServer, add_services, bracketed
+from wayfarer.transport.grpc_server import GrpcServer, add_services
 from wayfarer.transport.http_server import http_app
 from wayfarer.transport.server_options import ServerOptions
 

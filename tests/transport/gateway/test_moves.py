@@ -11,11 +11,11 @@ NAME = "session-00ff00"
 
 
 class Full:
-    """Service, book and scenes; each call of the service finds the queue full at first."""
+    """Service, sessions and scenes; each call of the service finds the queue full at first."""
 
     def __init__(self):
         self.released, self.thawed = [], []
-        self.moves = self.service = self.book = self.scenes = self
+        self.moves = self.service = self.sessions = self.scenes = self
         self.full = True
 
     def forget(self, name):
@@ -39,7 +39,7 @@ class Full:
 
 async def test_what_has_another_owner_is_ended_and_what_stays_goes_on_though_the_queue_is_full():
     full = Full()
-    moves = SessionMoves(SimpleNamespace(service=full, book=full, scenes=full))
+    moves = SessionMoves(SimpleNamespace(service=full, sessions=full, scenes=full))
     await moves.release(NAME, None)
     await moves.thaw(NAME)
     assert full.released == full.thawed == [NAME]

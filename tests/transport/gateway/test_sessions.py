@@ -177,7 +177,7 @@ async def test_calls_may_come_while_a_session_ends(service, api):
     for call in (api.sessions.get(session_id), api.goals.set_goal(late.agent_id, GOAL)):
         with pytest.raises(NotFound):
             await call
-    assert not api._context.book._by_agent
+    assert not api._context.sessions._by_agent
 
 
 async def test_a_session_may_come_again_before_its_end_is_known(service, api):

@@ -281,7 +281,7 @@ async def test_a_stream_keeps_nothing_of_who_has_left(service, api):
     session_id = await crowd(api, 5)
     (agent,) = (await api.agents.list_of(session_id)).agents
     _, messages, _ = await opened_with(api, session_id, interest=TIERS)
-    (place,) = api._context.book.session(session_id).places
+    (place,) = api._context.sessions.session(session_id).places
     levels = place.stream._interest
     async with aclosing(messages):
         specs = [AgentSpec(position=(0.0, y)) for y in (5.0, 100.0)]

@@ -8,7 +8,7 @@ from ipaddress import ip_address
 from typing import Final
 from urllib.parse import urlsplit
 
-from wayfarer.endpoint import Endpoint
+from wayfarer.endpoint import Endpoint, bracketed
 
 _ORIGIN: Final = re.compile(r"https?://([\w.-]+|\[[0-9A-Fa-f:.]+\])(?::\d{1,5})?")
 
@@ -64,7 +64,7 @@ def places_of(nodes: Iterable[Endpoint], host: str) -> list[str]:
         own = urlsplit(f"//{host}").hostname or ""
     except ValueError:
         own = ""
-    return [f"{_bracketed(node.host or own)}:{node.http_port}" for node in nodes]
+    return [f"{bracketed(node.host or own)}:{node.http_port}" for node in nodes]
 
 
 def machines_of(places: Iterable[str], later: Iterable[str] = ()) -> list[str]:
@@ -81,10 +81,6 @@ def is_page_of(origin: str, machines: Collection[str]) -> bool:
     return host in machines or any(
         machine.startswith("*.") and host.endswith(machine[1:]) for machine in machines
     )
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
 
 
 def own_names() -> frozenset[str]:

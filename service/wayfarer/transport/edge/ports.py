@@ -2,8 +2,8 @@
 
 import socket
 
+from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable
-from wayfarer.transport.grpc_server import bracketed
 
 
 def bind(host: str, http_port: int, grpc_port: int) -> socket.socket:

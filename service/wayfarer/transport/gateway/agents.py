@@ -28,13 +28,13 @@ class AgentApi:
     async def create(self, session_id: str, request: schema.NewAgents) -> schema.Agents:
         """Creates all or none. Raises NotFound, InvalidArgument, ResourceExhausted, Aborted."""
         self._context.require_ready()
-        self._context.book.session(session_id)
+        self._context.sessions.session(session_id)
         return await self._context.replies.once(
             request.request_id, (session_id, request), lambda: self._create(session_id, request)
         )
 
     async def _create(self, session_id: str, request: schema.NewAgents) -> schema.Agents:
-        session = self._context.book.session(session_id)
+        session = self._context.sessions.session(session_id)
         most, count = self._context.limits.agents_per_call, len(request.agents)
         if count > most:
             raise InvalidArgument(f"1 to {most} agents per call, not {count}", "agents")
@@ -45,9 +45,9 @@ class AgentApi:
                 # made before, and the reply is lost: with the node's life, or by a restart
                 get = self._context.service.get_agent
                 return await self._described(session, [await get(name) for name in known])
-        with self._context.book.agent_room(current_caller(), count):
+        with self._context.sessions.agent_room(current_caller(), count):
             made = await self._made(session, request, names)
-            self._context.book.enter_agents(session, made)
+            self._context.sessions.enter_agents(session, made)
         await self._context.residence.copied(session_id)
         return await self._described(session, made)
 
@@ -83,7 +83,7 @@ class AgentApi:
     @implements("ListAgents")
     async def list_of(self, session_id: str) -> schema.Agents:
         """Describes all agents of a session. Raises NotFound."""
-        session = self._context.book.session(session_id)
+        session = self._context.sessions.session(session_id)
         infos = await self._context.service.list_agents(session_id)
         return await self._described(session, infos)
 
@@ -106,7 +106,7 @@ class AgentApi:
         if alias is None:  # a person of a crowd
             alias = (await self._context.service.get_agent(agent_id)).alias
         await self._context.service.delete_agent(agent_id)
-        self._context.book.remove_agent(session, agent_id, alias)
+        self._context.sessions.remove_agent(session, agent_id, alias)
         await self._context.residence.copied(session.session_id)
 
     async def _described(self, session: OpenSession, infos: Sequence[AgentInfo]) -> schema.Agents:

@@ -60,7 +60,7 @@ class GatewayContext:
     limits: Limits
     clock: Callable[[], float]
     residence: Residence = field(default_factory=Residence)
-    book: SessionRegistry = field(init=False)
+    sessions: SessionRegistry = field(init=False)
     scenes: SceneAccess = field(init=False)
     replies: IdempotencyCache = field(init=False)
     encoder: PoseEncoder = field(default_factory=PoseEncoder)
@@ -71,7 +71,7 @@ class GatewayContext:
     )
 
     def __post_init__(self) -> None:
-        self.book = SessionRegistry(self.limits, self.clock, self.residence)
+        self.sessions = SessionRegistry(self.limits, self.clock, self.residence)
         self.scenes = SceneAccess(self.limits, self.clock, self.residence)
         self.replies = IdempotencyCache(self.clock)
 
@@ -98,11 +98,11 @@ class GatewayContext:
         and are not in the registry.
         """
         try:
-            return self.book.session_of(agent_id)
+            return self.sessions.session_of(agent_id)
         except NotFound as error:
             try:
                 info = await self.service.get_agent(agent_id)
-                return self.book.session(info.session_id)
+                return self.sessions.session(info.session_id)
             except NotFound:
                 raise error from None
 

@@ -93,7 +93,7 @@ class Gateway:
     @property
     def streams(self) -> int:
         """Number of open streams."""
-        return self._context.book.streams
+        return self._context.sessions.streams
 
     def nodes(self) -> Sequence[Endpoint]:
         """See `Ownership`."""
@@ -122,7 +122,7 @@ class Gateway:
     def end_streams_of_revoked(self, is_good: Callable[[Caller], bool]) -> None:
         """Ends the streams of callers whose credentials are no longer valid. Called regularly."""
         revoked = Unauthenticated("the API key of this stream has been taken back")
-        if ended := self._context.book.end_streams(revoked, lambda caller: not is_good(caller)):
+        if ended := self._context.sessions.end_streams(revoked, lambda caller: not is_good(caller)):
             log.info("streams of revoked keys ended", streams=ended)
 
     async def drain(self, grace: float) -> None:
@@ -131,5 +131,5 @@ class Gateway:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(grace):
                 while self.streams:
-                    self._context.book.end_streams(Unavailable(SHUTDOWN), of=lambda _: True)
+                    self._context.sessions.end_streams(Unavailable(SHUTDOWN), of=lambda _: True)
                     await asyncio.sleep(0.01)

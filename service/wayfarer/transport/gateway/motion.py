@@ -64,7 +64,7 @@ class MotionApi:
                 "max_message_bytes",
             )
         usual = convert.stream_format(request.format)
-        session = self._context.book.session(request.session_id)
+        session = self._context.sessions.session(request.session_id)
         interest = _levels(request.interest, usual, session.basis)
         formats = [ring.pose_format for ring in interest.rings] if interest else [usual]
         writers = [self._context.writer(session.basis, each) for each in formats]
@@ -124,12 +124,12 @@ class MotionApi:
         Raises NotFound, InvalidArgument, FailedPrecondition.
         """
         context = self._context
-        session = context.book.session(session_id)
+        session = context.sessions.session(session_id)
         steps, most = request.steps or 1, context.limits.steps_per_call
         if steps > most:
             raise InvalidArgument(f"1 to {most} primitives per call, not {steps}", "steps")
         writer = self._context.writer(session.basis, convert.pose_format(request.format))
-        with context.book.held(session):
+        with context.sessions.held(session):
             published = await context.service.step_session(session_id, steps)
             infos = {info.alias: info for info in await context.service.list_agents(session_id)}
         new = [set(p.chunks.alias[p.chunks.seq == 0].tolist()) & infos.keys() for p in published]
@@ -155,14 +155,14 @@ class MotionApi:
         context = self._context
         context.require_ready()
         caller = current_caller()
-        session = context.book.session(request.session_id)
+        session = context.sessions.session(request.session_id)
         if len(request.agent_ids) > context.limits.agents_per_session:
             raise InvalidArgument(
                 f"{context.limits.agents_per_session} agents at most", "agent_ids"
             )
         since = Progress.read(request.resume_token)
         followed = filter_mark(request.agent_ids)
-        with context.book.place(caller, session) as place:
+        with context.sessions.place(caller, session) as place:
             subscription = await context.service.subscribe(
                 request.session_id,
                 StreamOptions(

@@ -58,7 +58,7 @@ class SessionMoves:
     @property
     def sessions(self) -> list[str]:
         """Ids of all sessions."""
-        return self._context.book.ids()
+        return self._context.sessions.ids()
 
     @property
     def scenes(self) -> list[str]:
@@ -72,7 +72,7 @@ class SessionMoves:
         """
         if is_scene(name):
             return name in self.scenes
-        scene = self._context.book.scene_of(name)
+        scene = self._context.sessions.scene_of(name)
         return scene is not None and (not scene or group_of(scene) == group_of(name))
 
     # The content of a scene: it is large and is sent ahead of the scene
@@ -149,7 +149,7 @@ class SessionMoves:
         if to is not None:
             self._context.residence.left(name, to)
             error = misdirected(name, to)
-        self._context.book.forget(name)
+        self._context.sessions.forget(name)
         self._context.scenes.forget(name)
         service = self._context.service
         home = service.scenes if is_scene(name) else service.moves
@@ -173,7 +173,7 @@ class SessionMoves:
     def _open(self, arrival: Arrival) -> None:
         info = arrival.info
         if isinstance(info, SessionInfo):
-            self._context.book.open(info, arrival.agents).crowd = arrival.crowd
+            self._context.sessions.open(info, arrival.agents).crowd = arrival.crowd
             self._context.residence.came(info.session_id)
         else:
             self._context.scenes.open(info)

@@ -191,7 +191,7 @@ class SceneApi:
         ResourceExhausted beyond the caller's quota.
         """
         self._context.require_ready()
-        session = self._context.book.session(session_id)
+        session = self._context.sessions.session(session_id)
         if not session.scene:
             raise FailedPrecondition(
                 "the session is in no scene; name one when you create it, as `scene`"
@@ -206,7 +206,7 @@ class SceneApi:
 
     async def _populate(self, session: OpenSession, crowd: Crowd) -> CrowdState:
         more = max(crowd.count - session.crowd, 0)
-        with self._context.book.agent_room(current_caller(), more):
+        with self._context.sessions.agent_room(current_caller(), more):
             try:
                 with convert.in_basis(session.basis.axes):
                     state = await self._context.service.scenes.populate(session.session_id, crowd)

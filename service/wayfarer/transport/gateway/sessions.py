@@ -43,23 +43,23 @@ class SessionApi:
             avoid=request.avoid,
             attributes=attributes(request, LEASE_S, self._context.limits),
         )
-        with self._context.book.session_room(caller):
+        with self._context.sessions.session_room(caller):
             info = await self._context.service.create_session(spec)
-            made = self._context.book.open(info).describe(info)
+            made = self._context.sessions.open(info).describe(info)
         await self._context.residence.claimed(made.session_id)
         return made
 
     @implements("GetSession")
     async def get(self, session_id: str) -> schema.Session:
         """Describes a session. Raises NotFound."""
-        session = self._context.book.session(session_id)
+        session = self._context.sessions.session(session_id)
         return session.describe(await self._context.service.get_session(session_id))
 
     @implements("ListSessions")
     async def list_own(self) -> schema.Sessions:
         """The caller's sessions, oldest first; an admin sees all. Renews no lease."""
         infos = {info.session_id: info for info in await self._context.service.list_sessions()}
-        owned = self._context.book.owned(current_caller())
+        owned = self._context.sessions.owned(current_caller())
         return schema.Sessions(
             sessions=tuple(
                 session.describe(infos[session.session_id])
@@ -71,13 +71,13 @@ class SessionApi:
     @implements("RenewSession")
     async def renew(self, session_id: str) -> schema.Renewal:
         """Restarts the lease. Raises NotFound."""
-        session = self._context.book.session(session_id)
+        session = self._context.sessions.session(session_id)
         return schema.Renewal(expires_at_us=convert.microseconds(session.expires_at))
 
     @implements("DeleteSession")
     async def delete(self, session_id: str) -> None:
         """Ends a session, its agents and its streams. Raises NotFound, Unavailable."""
-        await finish(self._end(self._context.book.session(session_id)))
+        await finish(self._end(self._context.sessions.session(session_id)))
         await self._context.residence.copied(session_id)
 
     async def end_expired(self) -> list[str]:
@@ -86,7 +86,7 @@ class SessionApi:
         Sessions that cannot be ended now are tried again at the next call.
         """
         ended: list[str] = []
-        for session in self._context.book.expired():
+        for session in self._context.sessions.expired():
             try:
                 await finish(self._end(session))
             except Unavailable:
@@ -107,7 +107,7 @@ class SessionApi:
             agents = await self._context.service.list_agents(info.session_id)
             try:
                 self._context.residence.require_own(info.session_id)
-                self._context.book.open(info, agents)
+                self._context.sessions.open(info, agents)
             except (InvalidArgument, Misdirected) as error:
                 log.error("session not taken over", session_id=info.session_id, reason=str(error))
                 await self._context.service.delete_session(info.session_id)
@@ -126,6 +126,6 @@ class SessionApi:
         try:
             await self._context.service.delete_session(session.session_id)
         except NotFound:
-            self._context.book.close(session)
+            self._context.sessions.close(session)
             raise
-        self._context.book.close(session)
+        self._context.sessions.close(session)

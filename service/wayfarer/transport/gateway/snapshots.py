@@ -28,7 +28,7 @@ class SnapshotApi:
     @implements("ExportSession")
     async def export_session(self, session_id: str) -> bytes:
         """The state of a session. Raises NotFound."""
-        self._context.book.session(session_id)
+        self._context.sessions.session(session_id)
         return await self._context.service.export_session(session_id)
 
     @implements("ImportSession")
@@ -42,15 +42,15 @@ class SnapshotApi:
 
     async def _import(self, snapshot: bytes) -> schema.Session:
         caller, service = current_caller(), self._context.service
-        with self._context.book.session_room(caller):
+        with self._context.sessions.session_room(caller):
             info = await service.import_session(snapshot, {"owner": caller.name})
             try:
                 self._context.residence.require_own(info.session_id)
                 if info.spec.scene:
                     self._context.scenes.scene(info.spec.scene)
-                with self._context.book.agent_room(caller, len(info.agent_ids)):
+                with self._context.sessions.agent_room(caller, len(info.agent_ids)):
                     agents = await service.list_agents(info.session_id)
-                    made = self._context.book.open(info, agents).describe(info)
+                    made = self._context.sessions.open(info, agents).describe(info)
             except BaseException:
                 with contextlib.suppress(NotFound):
                     await service.delete_session(info.session_id)
@@ -61,7 +61,7 @@ class SnapshotApi:
     @implements("ExportLog")
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
-        session = self._context.book.session(session_id)
+        session = self._context.sessions.session(session_id)
         log = await self._context.service.export_log(session_id)
         return MARK + session.basis.value.encode() + b"\n" + log
 
@@ -74,7 +74,7 @@ class SnapshotApi:
         context, service, limits = self._context, self._context.service, self._context.limits
         context.require_ready()
         options = convert.file_options(request.file)
-        session = context.book.session(session_id)
+        session = context.sessions.session(session_id)
         if request.seconds > limits.clip_s:
             raise InvalidArgument(
                 f"a file has {limits.clip_s:g} s at most, not {request.seconds:g}", "seconds"
@@ -84,7 +84,7 @@ class SnapshotApi:
         if not request.seconds:
             made = service.replay(await service.export_log(session_id))
             return await motion_file(made, options, body, "session", scene)
-        with context.book.place(current_caller(), session):
+        with context.sessions.place(current_caller(), session):
             made = live_motion(service, session_id, request.seconds)
             return await motion_file(made, options, body, "session", scene)
 

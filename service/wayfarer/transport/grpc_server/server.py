@@ -8,6 +8,7 @@ from grpc_health.v1 import health, health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection
 
 from wayfarer.config.limits import Limits
+from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable
 from wayfarer.transport.contract import FILES
 from wayfarer.transport.edge.grpc_guard import ErrorInterceptor, OpenStreamsInterceptor
@@ -92,8 +93,3 @@ class GrpcServer:
     async def stop(self, grace: float) -> None:
         """Waits up to `grace` seconds for calls to end, then stops."""
         await self._server.stop(grace)
-
-
-def bracketed(host: str) -> str:
-    """An IPv6 address in the form for URLs."""
-    return f"[{host}]" if ":" in host else host
