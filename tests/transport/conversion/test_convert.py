@@ -13,7 +13,6 @@ from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.publications import SlowReader
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
-from wayfarer.transport.contract import FILES
 from wayfarer.transport.conversion import convert, wire
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.conversion.bodies import BodyLibrary
@@ -32,20 +31,6 @@ from wayfarer.world.agents.heading import facing_at
 from wayfarer.world.events import EventKind
 
 BODIES = BodyLibrary("anny52")
-
-TWINS = [
-    (twin, message)
-    for file in FILES
-    for name, message in vars(file).items()
-    if isinstance(message, type) and (twin := getattr(schema, name, None))
-    if twin.__module__ != schema.Goal.__module__
-]
-"""Schemas that are written by hand, and messages of the same name; the others are generated."""
-
-
-@pytest.mark.parametrize(("twin", "proto"), TWINS, ids=lambda t: t.__name__)
-def test_twins_have_the_same_fields(twin, proto):
-    assert list(twin.model_fields) == [field.name for field in proto.DESCRIPTOR.fields]
 
 
 @pytest.mark.parametrize(
