@@ -22,8 +22,9 @@ from wayfarer_client.bone_map import BoneMap, map_bones
 from wayfarer_client.character import Character
 from wayfarer_client.joints import LEGS
 from wayfarer_client.quaternions import inverse, multiply, rotate
-from wayfarer_client.retarget import Retarget, Sole
+from wayfarer_client.retarget import Retarget
 from wayfarer_client.rig import BONES, PARENTS
+from wayfarer_client.soles import Sole
 
 Array = np.ndarray
 LIMBS = ((1, 4), (4, 7), (2, 5), (5, 8), (16, 18), (18, 20), (17, 19), (19, 21))

@@ -15,7 +15,7 @@ from .bones_by_name import SIDES
 from .joints import LEGS, alignment, lowest_joint, middle, stands
 from .quaternions import IDENTITY, Array, arc, inverse, multiply, rotate
 from .rig import BONES, PARENTS
-from .soles import Soles
+from .soles import Sole, Soles
 
 REACH: Final = 0.999
 """Largest stretch of a leg, as a share of its length."""
@@ -32,10 +32,6 @@ FLEX: Final = 0.5
 """Most that toes turn up where a shoe is longer than the agent's foot: radians."""
 BEND: Final = 0.1
 """Share of the thigh's length; a knee that bends less than this bends forwards."""
-HEEL: Final = 0.34
-"""Distance of the heel behind the ankle, as a share of the way from ankle to ball."""
-TIP: Final = 0.38
-"""Distance of the tip of the toes before the ball, as a share of that way."""
 ARMS: Final = tuple(
     tuple(BONES.index(f"{side}_{bone}") for bone in ("shoulder", "elbow", "wrist"))
     for side in SIDES
@@ -56,17 +52,6 @@ class CharacterPose:
     def hips(self) -> Array:
         """[3] of the hips' node, relative to its parent."""
         return self.moved[0]
-
-
-@dataclass(frozen=True)
-class Sole:
-    """A foot in the T-pose: what of it touches the ground, relative to the ankle joint."""
-
-    ball: Array  # [3] on the ground, below the joint of the toes
-    heel: Array  # [3] on the ground
-    joint: Array  # [3] about which `toes` turn
-    fixed: Array  # [N, 3] points that turn with the ankle
-    toes: Array  # [M, 3] points that turn with the toes, relative to `joint`
 
 
 class Retarget:
@@ -187,13 +172,13 @@ class Retarget:
         """Farthest and lowest reach of each foot's toes [3], from their joint."""
         for k, (_, _, ankle, toe) in enumerate(LEGS):
             ball = source[toe] - source[ankle]
-            self.source_foot.append(self._sole(ball, source[ankle] @ up))
+            self.source_foot.append(Sole.of_joints(ball, source[ankle] @ up, self.basis))
             own = scale * ball  # where a foot of this size would have it
             if toe in place:
                 own = rotate(correct[ankle], place[toe] - place[ankle])
             height = float(place[ankle] @ up) - floor
             high += height / len(LEGS)
-            foot = self._sole(own, height)
+            foot = Sole.of_joints(own, height, self.basis)
             if soles is not None:
                 fixed, toes = (
                     np.array([rotate(correct[ankle], point) for point in part]).reshape(-1, 3)
@@ -217,16 +202,6 @@ class Retarget:
         self.origin = self.basis.level(middle(place)) + floor * up
         """The point of the ground below the character at rest [3], upright in the basis."""
 
-    def _sole(self, toe: Array, height: float) -> Sole:
-        """A foot of which only the joints are known: the toes' [3] from the ankle, which is at this
-        height.
-        """
-        up = self.basis.up
-        ahead = self.basis.level(toe)
-        ball, heel = ahead - height * up, -HEEL * ahead - height * up
-        under = ball - toe
-        return Sole(ball, heel, toe, np.stack([heel, ball]), np.stack([under, under + TIP * ahead]))
-
     def pose(self, hips: Array, rotations: Array, ground: float | None = None) -> CharacterPose:
         """A frame of the stream (hips [3], local rotations [22, 4]) on the character.
 
@@ -235,8 +210,8 @@ class Retarget:
         basis, up = self.basis, self.basis.up
         turns, places = self._source_pose(np.asarray(hips, float), np.asarray(rotations, float))
         lows = [
-            self._lowest(points, turns, bones)[0]
-            for bones, points in zip(LEGS, self.source_foot, strict=True)
+            sole.lowest(turns[ankle], turns[toe], up)
+            for (_, _, ankle, toe), sole in zip(LEGS, self.source_foot, strict=True)
         ]
         clear = [float(places[bones[2]] @ up) + low for bones, low in zip(LEGS, lows, strict=True)]
         if ground is None:
@@ -281,36 +256,24 @@ class Retarget:
                 places.append(places[parent] + rotate(turns[parent], self.offsets[b]))
         return turns, places
 
-    def _lowest(
-        self, sole: Sole, turns: list[Array], bones: tuple[int, ...]
-    ) -> tuple[float, Array]:
-        """Height of the lowest point of a foot over its ankle, and the ball from the ankle [3]."""
-        *_, ankle, toe = bones
-        up = self.basis.up
-        low = float((sole.fixed @ rotate(inverse(turns[ankle]), up)).min(initial=np.inf))
-        if len(sole.toes):
-            joint = float(rotate(turns[ankle], sole.joint) @ up)
-            low = min(low, joint + float((sole.toes @ rotate(inverse(turns[toe]), up)).min()))
-        return low, rotate(turns[ankle], sole.ball)
-
     def _put(self, world: dict[int, Array], places: dict[int, Array]) -> None:
         for b in self.nodes:
             if b:
                 a = self.above[b]
                 places[b] = places[a] + rotate(world[a], self._offset[b])
 
-    def _goal(self, leg: int, turns: list[Array], source: list[Array], sole: float) -> Array:
+    def _goal(self, leg: int, turns: list[Array], source: list[Array], high: float) -> Array:
         """Where the ankle goes [3]: ball over the same point as the agent's, sole at a height."""
         basis, up = self.basis, self.basis.up
-        bones = LEGS[leg]
-        ankle = bones[2]
+        _, _, ankle, toe = LEGS[leg]
+        sole = self.foot[leg]
         ahead = basis.level(rotate(turns[ankle], basis.forward))
         if np.linalg.norm(ahead) < 0.1:  # it points straight down
             ahead = basis.level(rotate(turns[0], basis.forward))
-        low, ball = self._lowest(self.foot[leg], turns, bones)
+        low, ball = sole.lowest(turns[ankle], turns[toe], up), rotate(turns[ankle], sole.ball)
         print_at = source[ankle] + rotate(turns[ankle], self.source_foot[leg].ball)
         beside = rotate(arc(basis.forward, ahead), self.stance[leg])
-        return np.asarray(basis.level(print_at + beside - ball) + (sole - low) * up)
+        return np.asarray(basis.level(print_at + beside - ball) + (high - low) * up)
 
     def _flexed(self, leg: int, low: float, ankle: Array, toe: Array) -> Array:
         """The turn [4] of toes that a long shoe bends up, so that the ankle is as high over where

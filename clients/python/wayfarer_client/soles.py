@@ -8,13 +8,48 @@ import numpy as np
 from .bases import BASES, Basis
 from .bone_map import BoneMap
 from .joints import LEGS, alignment
-from .quaternions import Array, rotate
+from .quaternions import Array, inverse, rotate
 from .rig import BONES
 
 STEEP: Final = (0.0, 45.0, 75.0)
 """Outermost points are looked for in these directions: degrees off straight down."""
 ROUND: Final = 8
 """Number of directions around the vertical, for each of these angles."""
+
+
+HEEL: Final = 0.34
+"""Distance of the heel behind the ankle, as a share of the way from ankle to ball."""
+TIP: Final = 0.38
+"""Distance of the tip of the toes before the ball, as a share of that way."""
+
+
+@dataclass(frozen=True)
+class Sole:
+    """A foot in the T-pose: what of it touches the ground, relative to the ankle joint."""
+
+    ball: Array  # [3] on the ground, below the joint of the toes
+    heel: Array  # [3] on the ground
+    joint: Array  # [3] about which `toes` turn
+    fixed: Array  # [N, 3] points that turn with the ankle
+    toes: Array  # [M, 3] points that turn with the toes, relative to `joint`
+
+    @classmethod
+    def of_joints(cls, toe: Array, height: float, basis: Basis) -> "Sole":
+        """A foot of which only the joints are known: the toes' [3] from the ankle, which is at this
+        height.
+        """
+        ahead = basis.level(toe)
+        ball, heel = ahead - height * basis.up, -HEEL * ahead - height * basis.up
+        under = ball - toe
+        return cls(ball, heel, toe, np.stack([heel, ball]), np.stack([under, under + TIP * ahead]))
+
+    def lowest(self, ankle: Array, toe: Array, up: Array) -> float:
+        """Height of its lowest point over the ankle, when ankle and toes are turned [4]."""
+        low = float((self.fixed @ rotate(inverse(ankle), up)).min(initial=np.inf))
+        if len(self.toes):
+            joint = float(rotate(ankle, self.joint) @ up)
+            low = min(low, joint + float((self.toes @ rotate(inverse(toe), up)).min()))
+        return low
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,21 @@
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from math import acos
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.engines.models import LoadedModels
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, AgentState
 from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Session
+from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Float, Index, Int8
 from wayfarer.world.stepping.due import Due
 
 Names = NDArray[np.object_]
@@ -97,8 +100,10 @@ class WorldObserver(Protocol):
 class Observers:
     """The observers of a world. Their errors become faults of the sessions or agents concerned."""
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: Faults, slots: Slots, models: LoadedModels) -> None:
         self._faults = faults
+        self._slots = slots
+        self._models = models
         self._observers: list[WorldObserver] = []
 
     def __bool__(self) -> bool:
@@ -121,6 +126,31 @@ class Observers:
             except Exception as error:
                 for session_id in (*session_ids, *self._faults.sessions_of(agent_ids)):
                     self._faults.session(session_id, Stage.RECORD, error)
+
+    def planned(self, rows: Index, seqs: Index, candidates: int) -> None:
+        """Reports chunks that were planned for agents; see `WorldObserver`."""
+        if not self:
+            return
+        numbers = self._slots.model[rows].tolist()
+        stamps = {number: self._models.numbered(number).stamp for number in set(numbers)}
+        models = [stamps[number] for number in numbers]
+        names = self._slots.agent_id[rows]
+        self.tell(lambda o: o.planned(names, seqs, candidates, models), agent_ids=names)
+
+    def fell(self, rows: Index, modes: Int8, upright: Float, hips: Float) -> None:
+        """Reports agents that get up."""
+        if not self:
+            return
+        slots = self._slots
+        falls = [
+            Fall(slots.agent_id[row], seq, Mode(mode).state, acos(min(cosine, 1.0)), height)
+            for row, seq, mode, cosine, height in zip(
+                rows.tolist(), slots.planned_chunks[rows].tolist(), modes.tolist(),
+                upright.tolist(), hips.tolist(), strict=True,
+            )
+        ]  # fmt: skip
+        names = [fall.agent_id for fall in falls]
+        self.tell(lambda observer: observer.fell(falls), agent_ids=names)
 
     def stood(self, agents: Sequence[Agent]) -> None:
         """Reports where agents stand, except those that sit recording out."""

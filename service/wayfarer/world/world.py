@@ -7,7 +7,6 @@ offline use). The same calls give the same motion. Not thread-safe, except `plac
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from math import acos
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.records import LiveRows
 from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.reservations import Reservation
-from wayfarer.world.agents.slots import Mode, Motion, SlotTable
+from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.agents.views import agent_info, distant_by_gender
 from wayfarer.world.events import Event
@@ -41,9 +40,9 @@ from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership
-from wayfarer.world.observer import Fall, Observers, WorldObserver
+from wayfarer.world.observer import Observers, WorldObserver
 from wayfarer.world.output.footlock import leg_shares
-from wayfarer.world.rows import Float, Index, Int8
+from wayfarer.world.rows import Index
 from wayfarer.world.scenes.context import SceneContext
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.populate import Crowds
@@ -89,7 +88,7 @@ class World:
         table = SlotTable(settings.limits.agents)
         self.slots = table.rows
         self.faults = Faults(self.slots, self.registry, report and self._noted(report))
-        self._observers = Observers(self.faults)
+        self._observers = Observers(self.faults, self.slots, self.models)
         self._playback = Playback(self.slots, settings.lead)
         # A plan may be one goal ahead of the sent motion for each of its chunks; a wandering agent
         # has one goal more.
@@ -129,8 +128,8 @@ class World:
             models=self.models,
             settings=settings,
             reset=self._population.stand_again,
-            planned=self._planned,
-            fell=self._fell,
+            planned=self._observers.planned,
+            fell=self._observers.fell,
             guide=self._scene_context.guide,
             mirrors=has_mirror_image(bodies.values()),
             shares=leg_shares(next(iter(bodies.values())).marker_names),
@@ -465,28 +464,6 @@ class World:
                 self._observers.strayed(fault.session_id, fault.agent_id)
 
         return noted
-
-    def _planned(self, rows: Index, seqs: Index, candidates: int) -> None:
-        if not self._observers:
-            return
-        numbers = self.slots.model[rows].tolist()
-        stamps = {number: self.models.numbered(number).stamp for number in set(numbers)}
-        models = [stamps[number] for number in numbers]
-        names = self.slots.agent_id[rows]
-        self._observers.tell(lambda o: o.planned(names, seqs, candidates, models), agent_ids=names)
-
-    def _fell(self, rows: Index, modes: Int8, upright: Float, hips: Float) -> None:
-        if not self._observers:
-            return
-        falls = [
-            Fall(self.slots.agent_id[row], seq, Mode(mode).state, acos(min(cosine, 1.0)), height)
-            for row, seq, mode, cosine, height in zip(
-                rows.tolist(), self.slots.planned_chunks[rows].tolist(), modes.tolist(),
-                upright.tolist(), hips.tolist(), strict=True,
-            )
-        ]  # fmt: skip
-        names = [fall.agent_id for fall in falls]
-        self._observers.tell(lambda observer: observer.fell(falls), agent_ids=names)
 
     def _info(self, agent: Agent) -> AgentInfo:
         return agent_info(agent, self.slots, self.models)
