@@ -126,12 +126,18 @@ def _without_spare_corners(area: shapely.Geometry, neighbours: Array) -> shapely
     """
     shared = set(map(tuple, neighbours.reshape(-1, 2).tolist()))
 
+    def are_shared(spots: Array) -> NDArray[np.bool_]:
+        return np.array([spot in shared for spot in map(tuple, spots.tolist())], bool)
+
     def needed(ring: shapely.LinearRing) -> Array:
         spots = shapely.get_coordinates(ring)[:-1]
+        # of corners that coincide one stays: beside another each of them would look straight
+        apart = np.linalg.norm(spots - np.roll(spots, 1, 0), axis=1) > _STRAIGHT
+        spots = spots[apart | are_shared(spots)]
         before, after = spots - np.roll(spots, 1, 0), np.roll(spots, -1, 0) - spots
         across = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
         bends = across > _STRAIGHT * np.linalg.norm(before, axis=1)
-        return spots[bends | [spot in shared for spot in map(tuple, spots.tolist())]]
+        return spots[bends | are_shared(spots)]
 
     polygons = [part for part in shapely.get_parts(area) if part.area > 0]
     rings = [[needed(ring) for ring in (p.exterior, *p.interiors)] for p in polygons]
