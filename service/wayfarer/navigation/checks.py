@@ -48,8 +48,8 @@ WALKABLE: Final = {
 UNIT: Final = (1e-4, 1e3)
 """Metres per unit of a mesh."""
 
-Kind = Callable[[float], object]
-"""Of a quantity: how a value is written."""
+Writer = Callable[[float], object]
+"""Writes a value: a number, or a length in the client's unit."""
 
 REASON: Final = re.compile(r"(.+)\[(\S+) (\S+)\]")
 """Why and where an outline is not simple, from shapely's explanation."""
@@ -188,7 +188,7 @@ def _check_mesh(mesh: MeshFile) -> None:
 
 def _check_walkable(walkable: Walkable) -> None:
     for name, (low, high) in WALKABLE.items():
-        kind: Kind = "{:g}".format if name == "slope_deg" else Metres
+        kind: Writer = "{:g}".format if name == "slope_deg" else Metres
         _within(getattr(walkable, name), low, high, f"walkable.{name}", kind)
     if walkable.step_height >= walkable.height:
         raise InvalidArgument(
@@ -201,7 +201,7 @@ def _within(
     low: float,
     high: float,
     field: str,
-    kind: Kind = "{:g}".format,
+    kind: Writer = "{:g}".format,
 ) -> None:
     _finite(value, field)
     if not low <= value <= high:
