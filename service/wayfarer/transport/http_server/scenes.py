@@ -64,6 +64,15 @@ def scene_endpoints(gateway: Gateway) -> Special:
     }
 
 
+def _walkable(name: str) -> Any:
+    """The query parameter of a field of createScene's `walkable`."""
+    low, high = WALKABLE[name]
+    if name == "slope_deg":
+        return Query(ge=low, le=high, description=f"as walkable.{name} of createScene")
+    extra = schema.bounds(low, high)
+    return Query(json_schema_extra=extra, description=f"as walkable.{name} of createScene")
+
+
 async def mesh_scene(
     format: Annotated[schema.MeshFormat, Query(description="of the file")] = schema.MeshFormat.GLB,
     basis: Annotated[Basis, Query(description="of all calls on the scene")] = Basis.GLTF,
@@ -75,34 +84,10 @@ async def mesh_scene(
         Number, Query(ge=UNIT[0], le=UNIT[1], description="metres per unit of the file")
     ] = None,
     name: Annotated[str, Query(max_length=64, description="to show; need not be unique")] = "",
-    radius: Annotated[
-        Number,
-        Query(
-            description="as walkable.radius of createScene",
-            json_schema_extra=schema.bounds(*WALKABLE["radius"]),
-        ),
-    ] = None,
-    step_height: Annotated[
-        Number,
-        Query(
-            description="as walkable.step_height",
-            json_schema_extra=schema.bounds(*WALKABLE["step_height"]),
-        ),
-    ] = None,
-    slope_deg: Annotated[
-        Number,
-        Query(
-            ge=WALKABLE["slope_deg"][0],
-            le=WALKABLE["slope_deg"][1],
-            description="as walkable.slope_deg",
-        ),
-    ] = None,
-    height: Annotated[
-        Number,
-        Query(
-            description="as walkable.height", json_schema_extra=schema.bounds(*WALKABLE["height"])
-        ),
-    ] = None,
+    radius: Annotated[Number, _walkable("radius")] = None,
+    step_height: Annotated[Number, _walkable("step_height")] = None,
+    slope_deg: Annotated[Number, _walkable("slope_deg")] = None,
+    height: Annotated[Number, _walkable("height")] = None,
     entry: Annotated[
         list[Annotated[str, Query(json_schema_extra={"pattern": PLACE})]] | None,
         Query(max_length=64, description="as entries: x,y,z; may be repeated"),
