@@ -12,7 +12,7 @@ const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, PATIENCE = 2
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
-const ASKS = Math.fround(1.2), SIGHT = 2.5, CLOSES = 0.5, STEP_ASIDE = 0.8, APART = 0.46, HOME = 0.25, RETURNS = 1, COASTS = 0.35;
+const SIGHT = 2.5, CLOSES = 0.5, STEP_ASIDE = 0.8, APART = 0.46, HOME = 0.25, RETURNS = 1, COASTS = 0.35, BEFORE_ONE = 0.6;
 const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
 const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
@@ -59,7 +59,7 @@ export class Company {
     const { memory } = walker, aside = memory.yields > 0;
     if (ahead.given && (ahead.heading || Math.hypot(...minus(hips, aims.asked)) >= FARTHEST)) return;
     const home = aside ? aims.spot : hips, others = people.filter((other) => other !== self);
-    const comes = others.filter((other) => other.walks && (aside || (self.stands && other.aims.barred > ASKS))).map((other) => {
+    const comes = others.filter((other) => other.walks && (aside || (self.stands && other.aims.barred > PATIENCE))).map((other) => {
       const way = unit(other.memory.preferred), to = minus(home, other.position);
       return { way, on: dot(to, way), left: way[0] * to[1] - way[1] * to[0], goes: Math.hypot(...minus(other.aims.spot, other.position)) };
     }).filter(({ on, left, goes }) => on > 0 && on < Math.min(SIGHT, goes) && Math.abs(left) < CLOSES);
@@ -71,13 +71,13 @@ export class Company {
       aims.spot = home;
       retreat = step;
     }
-    const seconds = comes.length ? RETURNS : Math.fround(Math.max(memory.yields - STEP_SECONDS, 0.01)), returns = seconds < STEP_SECONDS;
+    const seconds = comes.length ? RETURNS : Math.fround(Math.max(memory.yields - STEP_SECONDS, 0.01)), returns = seconds < STEP_SECONDS / 2;
     const done = returns && Math.hypot(...minus(home, hips)) < HOME;
     walker.memory = { ...memory, retreat, yields: done ? 0 : seconds };
     if (done) return;
-    const place = returns ? home : plus(home, times(STEP_ASIDE, retreat)), mine = stop(self);
-    const close = others.map((other) => minus(stop(other), mine)).some((gap) => Math.hypot(...gap) < APART && dot(gap, minus(place, hips)) > 0);
-    row.ahead = { ...ahead, place, given: !close, through: false, strafe: true, radius: Math.fround(0.1), speed: Math.fround(0.8), heading: gait.stopFacing };
+    const place = returns ? home : plus(home, times(STEP_ASIDE, retreat)), mine = stop(self), on = unit(minus(place, hips));
+    const close = others.map((other) => minus(stop(other), mine)).some((gap) => Math.hypot(...gap) < APART && dot(gap, on) > BEFORE_ONE * Math.hypot(...gap));
+    row.ahead = { ...ahead, place, given: !close, through: false, strafe: true, radius: Math.fround(0.1), speed: Math.fround(0.8), heading: close ? null : gait.stopFacing };
   }
 
   /** The direction from a place, `left` of a way, to a free one beside it. @param {Point} home @param {{ way: Point, left: number }} asker @param {Seen[]} others */

@@ -43,7 +43,8 @@ SHUFFLE: Final = 0.3
 """Metres added to the stopping distance of an agent that stands: it stays where it came to rest."""
 
 PATIENCE: Final = 2.5
-"""Seconds without progress after which an agent near its goal stops where it is."""
+"""Seconds without progress after which an agent near its goal stops where it is, or asks people who
+stand in its way to make way."""
 
 BEFORE: Final = np.array([0.1, 0.4, 0.7, 1.0])
 """Metres along its way at which an agent measures the width of the way."""
@@ -54,13 +55,15 @@ TURNED: Final = 0.25
 GOAL_MOVES: Final = 0.3
 """Metres between the goal and the end of a way around others, from which that way is dropped."""
 
-ASKS, RETURNS = 1.2, 1.0
-"""Seconds for which standing people must close an agent's way before it asks them to make way, and
-for which they remain aside once their places are in nobody's way."""
+RETURNS: Final = 1.0
+"""Seconds for which people that made way remain aside once their places are in nobody's way."""
 
 SIGHT, CLOSES, ASIDE, APART, HOME = 2.5, 0.5, 0.8, 0.46, 0.25
-"""Metres: ahead of it within which they do, to either side of its way that they leave free, of a
-step aside, from others, and from one's place within which one has returned."""
+"""Metres ahead of an agent within which people make way for it, metres to either side of its way
+that they leave free, of a step aside, from others, and to a place that count as being there."""
+
+BEFORE_ONE: Final = 0.6
+"""Cosine from which a person is ahead of one that steps aside, and stops it."""
 
 SIDES: Final = np.radians([75.0, 45.0, 105.0, 135.0])
 """Directions of a step aside, from that of the way to the side on which the person stands."""
@@ -103,7 +106,7 @@ class Company:
         """Makes rows [A] that `stays`, and face no heading, step aside where they close a way."""
         slots, crowd = self._slots, self._avoidance.crowd
         people, aims, memory = crowd.people, slots.aims, slots.memory
-        asks = people.walks & (people.aims.barred > ASKS)
+        asks = people.walks & (people.aims.barred > PATIENCE)
         stops = people.position + COASTS * people.velocity
         memory.yields[rows[stays & (gait.mode == Mode.WALKING)]] = 0.0  # it made way as it walked
         aside = memory.yields[rows] > 0
@@ -131,13 +134,17 @@ class Company:
             elif not aside[row]:
                 continue
             seconds = RETURNS if comes.any() else max(memory.yields[slot] - STEP_SECONDS, 0.01)
-            returns = seconds < STEP_SECONDS
+            returns = seconds < STEP_SECONDS / 2
             done = returns and np.linalg.norm(home - here) < HOME
             memory.yields[slot] = 0.0 if done else seconds
             if not done:
                 place = home + (not returns) * ASIDE * memory.retreat[slot]
-                gaps = others - stops[me]
-                close = (np.linalg.norm(gaps, axis=-1) < APART) & (gaps @ (place - here) > 0)
+                gaps, on = (
+                    others - stops[me],
+                    (place - here) / max(np.linalg.norm(place - here), 1e-6),
+                )
+                far = np.linalg.norm(gaps, axis=-1)
+                close = (far < APART) & (gaps @ on > BEFORE_ONE * far)
                 ahead.given[row], ahead.through[row], ahead.strafe[row] = (
                     not close.any(),
                     False,
