@@ -12,7 +12,7 @@ const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, PATIENCE = 2
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
-const SIGHT = 2.5, CLOSES = 0.5, STEP_ASIDE = 0.8, APART = 0.46, HOME = 0.25, RETURNS = 1, COASTS = 0.35, BEFORE_ONE = 0.6;
+const SIGHT = 2.5, CLOSES = 0.5, STEP_ASIDE = 0.8, APART = 0.46, HOME = 0.25, RETURNS = 1, COASTS = 0.35, BODY = 0.37;
 const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
 const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
@@ -76,7 +76,10 @@ export class Company {
     walker.memory = { ...memory, retreat, yields: done ? 0 : seconds };
     if (done) return;
     const place = returns ? home : plus(home, times(STEP_ASIDE, retreat)), mine = stop(self), on = unit(minus(place, hips));
-    const close = others.map((other) => minus(stop(other), mine)).some((gap) => Math.hypot(...gap) < APART && dot(gap, on) > BEFORE_ONE * Math.hypot(...gap));
+    const close = others.map((other) => minus(stop(other), mine)).some((gap) => {
+      const far = Math.hypot(...gap), along = dot(gap, on);
+      return along > 0 && far < APART && far ** 2 - along ** 2 < BODY ** 2;
+    });
     row.ahead = { ...ahead, place, given: !close, through: false, strafe: true, radius: Math.fround(0.1), speed: Math.fround(0.8), heading: close ? null : gait.stopFacing };
   }
 

@@ -58,12 +58,10 @@ GOAL_MOVES: Final = 0.3
 RETURNS: Final = 1.0
 """Seconds for which people that made way remain aside once their places are in nobody's way."""
 
-SIGHT, CLOSES, ASIDE, APART, HOME = 2.5, 0.5, 0.8, 0.46, 0.25
+SIGHT, CLOSES, ASIDE, APART, BODY, HOME = 2.5, 0.5, 0.8, 0.46, 0.37, 0.25
 """Metres ahead of an agent within which people make way for it, metres to either side of its way
-that they leave free, of a step aside, from others, and to a place that count as being there."""
-
-BEFORE_ONE: Final = 0.6
-"""Cosine from which a person is ahead of one that steps aside, and stops it."""
+that they leave free, of a step aside, to others at its end, and beside it, and to a place that
+count as being there."""
 
 SIDES: Final = np.radians([75.0, 45.0, 105.0, 135.0])
 """Directions of a step aside, from that of the way to the side on which the person stands."""
@@ -137,21 +135,16 @@ class Company:
             returns = seconds < STEP_SECONDS / 2
             done = returns and np.linalg.norm(home - here) < HOME
             memory.yields[slot] = 0.0 if done else seconds
-            if not done:
-                place = home + (not returns) * ASIDE * memory.retreat[slot]
-                gaps, on = (
-                    others - stops[me],
-                    (place - here) / max(np.linalg.norm(place - here), 1e-6),
-                )
-                far = np.linalg.norm(gaps, axis=-1)
-                close = (far < APART) & (gaps @ on > BEFORE_ONE * far)
-                ahead.given[row], ahead.through[row], ahead.strafe[row] = (
-                    not close.any(),
-                    False,
-                    True,
-                )
-                ahead.radius[row], ahead.speed[row], ahead.tread[row] = 0.1, 0.8, 0.0
-                ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
+            if done:
+                continue
+            place = home + (not returns) * ASIDE * memory.retreat[slot]
+            gaps, on = others - stops[me], place - here
+            far, along = np.linalg.norm(gaps, axis=-1), gaps @ on / max(np.linalg.norm(on), 1e-6)
+            before = (along > 0) & (far**2 - along**2 < BODY**2)  # such a person stops it
+            ahead.given[row] = not (before & (far < APART)).any()
+            ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
+            ahead.radius[row], ahead.speed[row] = 0.1, 0.8
+            ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
 
     def bar(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
@@ -276,8 +269,7 @@ class Company:
         places = home + ASIDE * steps
         free = (clear(places) >= room) & (np.abs(left + ASIDE * np.sin(sides)) >= CLOSES)
         free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
-        found: Array = steps[free]
-        return found
+        return np.asarray(steps[free])
 
     def _settle(self, rows: Index, hips: Float, barred: Flags, through: Flags) -> None:
         """Stops rows [A] that are near their goals and make no progress where they are."""
