@@ -118,6 +118,21 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
         assert off < (1.0 if who > 1 else 0.5)  # two of them share a goal
 
 
+def test_people_in_the_way_step_aside_as_on_the_server(exported, tmp_path):
+    """Three close a corridor; one lets a walker pass, and returns."""
+    places = [(0, -3), (-0.6, 0), (0, 0), (0.6, 0)]
+    specs = [AgentSpec(position=place, noise_seed=80 + k) for k, place in enumerate(places)]
+    commands = [(0.5, 0, [{"x": 0, "y": 3}])]
+    scene = write_scene(SceneSpec((Floor(rectangle(-1, -5, 1, 5)),)), tmp_path / "scene")
+    told = traced(specs, commands, scene, seconds=12.0)
+    (trace := tmp_path / "trace.json").write_text(json.dumps(told))
+    found = json.loads(node("local_trace.js", exported, trace, tmp_path / "scene"))
+    assert max(person["hips"] for person in found["people"]) < 1e-3
+    ways = [np.array([c["translation"][-3:-1] for c in chunks]) for chunks in told["chunks"]]
+    off = np.linalg.norm(ways[2], axis=-1)
+    assert ways[0][-1, 1] > 2.5 and off.max() > 0.6 and off[-1] < 0.4
+
+
 class _Quiet(SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
         pass

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.goals.gait_rules import GoalArrays
@@ -201,9 +200,3 @@ def pass_through(ahead: GoalColumns, rows: Index, way: Array) -> None:
     ahead.heading[rows] *= ahead.strafe[rows, None]
     ahead.bend[rows] = 0.0
     ahead.onward[rows] = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-
-
-def angle_between_ways(a: Array, b: Array) -> Array:
-    """Angle [A] between vectors [A, 2] of any length."""
-    long = [v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6) for v in (a, b)]
-    return angle_between(long[0], long[1])

@@ -124,8 +124,10 @@ class Detours:
         points = low + CELL * corners[:count, ::-1]
         points[0], points[-1] = place, back
         length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        direct = min(AROUND, float(self._left(row, place[None], goal[None])[0]))
-        if length > LONGER * direct + BIT:
+        route, straight = self._slots.route, float(np.linalg.norm(goal[:2] - place))
+        led = self._routes.is_led(row)[0]
+        direct = float(route.length[slot] - route.progress[slot]) if led else straight
+        if length > LONGER * min(AROUND, direct) + BIT:
             return False
         self._lay(slot, points, goal)
         return True
@@ -153,11 +155,3 @@ class Detours:
             whole = np.concatenate([whole, rest])
         waypoint = int(slots.planned.gait.waypoint[slot])
         self._routes.lay(slot, whole, int(slots.goal_revision[slot]), waypoint)
-
-    def _left(self, rows: Index, hips: Array, goals: Array) -> Array:
-        """Metres of the rows' ways that lie ahead [A]."""
-        route = self._slots.route
-        straight = np.linalg.norm(goals[:, :2] - hips, axis=-1)
-        return np.where(
-            self._routes.is_led(rows), route.length[rows] - route.progress[rows], straight
-        )

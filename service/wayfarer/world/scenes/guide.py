@@ -8,15 +8,12 @@ from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.velocity import moving
 from wayfarer.world.rows import Flags, Index
-from wayfarer.world.scenes.collision_avoidance import (
-    CollisionAvoidance,
-    angle_between_ways,
-    pass_through,
-)
+from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
@@ -153,6 +150,7 @@ class SceneGuide:
             some, places = rows[led], hips[led]
             self.company.lead_on_floor(some, places, led, goals, ahead)
             self._go_among_others(some, places, led, goals, ahead)
+        self.company.make_way(rows, hips, gait, ~wanted, ahead)
         return NextTarget(ahead, goals)
 
     def _go_among_others(
@@ -183,6 +181,7 @@ class SceneGuide:
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
             self._go_among_others(rows[led], hips[led], led, goals, ahead)
+        self.company.make_way(rows, hips, gait, ~wanted, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:
@@ -201,7 +200,9 @@ class SceneGuide:
         ahead.position[passing, :2] = target[~ends]
         pass_through(ahead, passing, on)
         into, out = points[:, -2, :2] - hips, points[:, -1, :2] - points[:, -2, :2]
-        bend = np.where(np.linalg.norm(out, axis=-1) > 0.1, angle_between_ways(into, out), 0.0)
+        size = [np.linalg.norm(way, axis=-1, keepdims=True) for way in (into, out)]
+        turn = angle_between(into / np.maximum(size[0], 1e-6), out / np.maximum(size[1], 1e-6))
+        bend = np.where(size[1][:, 0] > 0.1, turn, 0.0)
         most = np.minimum(
             np.interp(bend, BENDS, CORNER_SPEED), np.interp(room, NARROW, NARROW_SPEED)
         )
