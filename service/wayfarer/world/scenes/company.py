@@ -108,7 +108,8 @@ class Company:
         stops = people.position + COASTS * people.velocity
         memory.yields[rows[stays & (gait.mode == Mode.WALKING)]] = 0.0  # it made way as it walked
         aside = memory.yields[rows] > 0
-        which = stays & slots.avoids[rows] & (aside | asks.any())
+        gaps = np.linalg.norm(hips[:, None] - people.position[asks], axis=-1)
+        which = stays & slots.avoids[rows] & (aside | (gaps < SIGHT + CLOSES).any(1))
         which &= ~(ahead.given & ahead.heading.any(-1)) & (slots.feeding[rows] != Feeding.EACH_STEP)
         which &= ~ahead.given | (np.linalg.norm(hips - aims.asked[rows], axis=-1) < FARTHEST)
         for row in np.flatnonzero(which).tolist():
