@@ -207,10 +207,10 @@ async function welcome() {
 
 function onEvent(event) {
   const person = crowd.members.get(event.alias);
-  if (event.kind === "goal_moved" && person?.wanders) return; // it chose the place itself
+  if (event.agentId && !person) return; // it has not come yet
   if (person && person === drive.driven) return; // the user drives it
-  const goals = person ? person.passed + person.ahead.length : 0;
-  if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // this happens all the time
+  const goals = person && !person.wanders ? person.passed + person.ahead.length : 0;
+  if (/^goal_/.test(event.kind) && !goals) return; // it chose the place itself, or another user did
   const text = eventText(event, person?.agent.name || "somebody", goals);
   if (text) mention(text, event.kind);
 }
