@@ -63,7 +63,7 @@ export class Arrivals {
     try {
       const came = await this.#roam(count, near);
       if (came === count) return;
-      mention(comeText(came, count));
+      mention(comeText(came, count), "come");
       this.#roamLater(count - came, near).catch(() => {}); // errors are not shown
     } finally {
       this.coming = false;

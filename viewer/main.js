@@ -303,7 +303,10 @@ function toggleWander() {
 
 // ---- controls
 
-byId("more-people").onclick = attempt(() => arrivals.roamers(MORE));
+byId("more-people").onclick = attempt(() => {
+  mention(`${MORE} people are coming`, "come"); // a busy server takes seconds to answer
+  return arrivals.roamers(MORE);
+});
 byId("more").onclick = () => {
   disclose(byId("rest").hidden);
   tools.hint();
