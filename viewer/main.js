@@ -398,7 +398,7 @@ let last = clock();
 /** Shows the present state, once per picture. */
 function show() {
   const now = clock();
-  const { player } = session;
+  const player = crowd.members.size ? session.player : null; // before, its clock would start by messages that came while the page was made
   if (player) history.note(player.clock.advance(now), crowd.people); // before: tracks never go back
   player?.advance(now);
   const moment = timeline.advance(now - last);
