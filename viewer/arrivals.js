@@ -81,6 +81,7 @@ export class Arrivals {
         for (const agent of made) this.#fetchBody(agent); // after their commands, since a browser sends six requests at a time
         await Promise.all(told);
       } catch (error) {
+        if (error.status === 503) break; // too busy even to refuse some of them
         if (error.status !== 429) throw error;
         some = Math.floor(some / 2);
       }
