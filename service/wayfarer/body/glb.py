@@ -78,7 +78,7 @@ class GlbFile:
         text = json.dumps(_plain(self.document), separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
         header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(self._blob))
-        chunks = [(text, b"JSON"), (self._blob, b"BIN\0")]
+        chunks = [(text, b"JSON"), (bytes(self._blob), b"BIN\0")]
         return header + b"".join(
             struct.pack("<I4s", len(data), kind) + data for data, kind in chunks
         )

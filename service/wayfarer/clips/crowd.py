@@ -12,7 +12,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.examples import EXAMPLES, rectangle
 from wayfarer.navigation.scene_spec import Floor, MeshFile, MeshFormat, SceneSpec
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import MotionChunk, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, MotionChunk, SessionSpec
 from wayfarer.world.scenes.messages import Crowd
 from wayfarer.world.world import World
 
@@ -56,7 +56,7 @@ def crowd_clips(
     session_id = world.create_session(SessionSpec(scene=scene_id), now=0.0).session_id
     world.crowds.set(session_id, crowd, 0.0)
     chunks: dict[str, list[MotionChunk]] = {}
-    specs = {}
+    specs: dict[str, AgentSpec] = {}
     for now in np.arange(0.0, seconds + BEFORE, TICK).tolist():
         for chunk in world.tick(now):
             chunks.setdefault(chunk.agent_id, []).append(chunk)

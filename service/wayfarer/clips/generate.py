@@ -217,8 +217,8 @@ def generate(
     options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
     if people > 1 or scene:
-        alone = {"goal": goal, "character": character, "gender": gender, "height": height}
-        alone |= {"outfit": outfit, "speed": speed, "loop": loop, "search": beam}
+        alone: dict[str, object] = {"goal": goal, "character": character, "gender": gender}
+        alone |= {"height": height, "outfit": outfit, "speed": speed, "loop": loop, "search": beam}
         if given := [name for name, value in alone.items() if value]:
             raise InvalidArgument(f"--{given[0]} is for one person without a --scene", given[0])
         crowd = Crowd(people, seed)
