@@ -77,8 +77,11 @@ export class Arrivals {
       try {
         const made = await this.create(some, {}, near, 0);
         came += some;
-        const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
-        for (const agent of made) this.#fetchBody(agent); // after their commands, since a browser sends six requests at a time
+        const told = made.map((agent) => {
+          const sent = this.errands.roamAgent(agent.agent_id, near);
+          this.#fetchBody(agent); // in turn with the commands, since a browser sends six requests at a time
+          return sent;
+        });
         await Promise.all(told);
       } catch (error) {
         if (error.status === 503) break; // too busy even to refuse some of them
