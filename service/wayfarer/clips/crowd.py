@@ -49,7 +49,7 @@ def crowd_clips(
     seconds: float,
     watch: Callable[[float], None] = lambda done: None,
 ) -> list[Performance]:
-    """The first `seconds` of a crowd; who comes later stands in its first frame until then.
+    """The first `seconds` of a crowd. A latecomer stands in its first frame until it comes.
 
     Raises InvalidArgument, and NotFound without the scene.
     """
