@@ -63,7 +63,7 @@ export class Arrivals {
     try {
       const came = await this.#roam(count, near);
       if (came === count) return;
-      mention(comeText(came, count));
+      mention(comeText(came, count), "come");
       this.#roamLater(count - came, near).catch(() => {}); // errors are not shown
     } finally {
       this.coming = false;
@@ -77,10 +77,14 @@ export class Arrivals {
       try {
         const made = await this.create(some, {}, near, 0);
         came += some;
-        const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
-        for (const agent of made) this.#fetchBody(agent); // after their commands, since a browser sends six requests at a time
+        const told = made.map((agent) => {
+          const sent = this.errands.roamAgent(agent.agent_id, near);
+          this.#fetchBody(agent); // in turn with the commands, since a browser sends six requests at a time
+          return sent;
+        });
         await Promise.all(told);
       } catch (error) {
+        if (error.status === 503) break; // too busy even to refuse some of them
         if (error.status !== 429) throw error;
         some = Math.floor(some / 2);
       }

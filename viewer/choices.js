@@ -129,7 +129,7 @@ export function eventText({ kind, waypoint, detail }, name, goals) {
   return {
     goal_reached: `${name} has reached ${place}`,
     path_done: "",
-    gap: "some motion was skipped: the connection is slow",
+    gap: `some motion was skipped: ${isLocal() ? "this computer is busy" : "the connection is slow"}`,
     draining: "the server is about to stop",
     unreachable: `${name} waits: no way leads to ${place}`,
     blocked: `${name} waits: the way to ${place} is closed`,
@@ -166,8 +166,12 @@ function normal(random) {
 
 /** The text when fewer people have come than were requested. */
 export function comeText(came, count) {
-  const local = /^(localhost|127\.|\[::1\])/.test(globalThis.location?.hostname ?? "localhost");
-  return `${came} of ${count} people came; ${local ? "this computer" : "the server"} is busy`;
+  return `${came} of ${count} people came; ${isLocal() ? "this computer" : "the server"} is busy`;
+}
+
+/** Whether the server is on the visitor's own machine. */
+function isLocal() {
+  return /^(localhost|127\.|\[::1\])/.test(globalThis.location?.hostname ?? "localhost");
 }
 
 /** A sentence about the people that come, made from the answer of `Api.populate`. */

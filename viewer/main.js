@@ -207,10 +207,10 @@ async function welcome() {
 
 function onEvent(event) {
   const person = crowd.members.get(event.alias);
-  if (event.kind === "goal_moved" && person?.wanders) return; // it chose the place itself
+  if (event.agentId && !person) return; // it has not come yet
   if (person && person === drive.driven) return; // the user drives it
-  const goals = person ? person.passed + person.ahead.length : 0;
-  if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // this happens all the time
+  const goals = person && !person.wanders ? person.passed + person.ahead.length : 0;
+  if (/^goal_/.test(event.kind) && !goals) return; // it chose the place itself, or another user did
   const text = eventText(event, person?.agent.name || "somebody", goals);
   if (text) mention(text, event.kind);
 }
@@ -303,7 +303,10 @@ function toggleWander() {
 
 // ---- controls
 
-byId("more-people").onclick = attempt(() => arrivals.roamers(MORE));
+byId("more-people").onclick = attempt(() => {
+  mention(`${MORE} people are coming`, "come"); // a busy server takes seconds to answer
+  return arrivals.roamers(MORE);
+});
 byId("more").onclick = () => {
   disclose(byId("rest").hidden);
   tools.hint();
@@ -395,7 +398,7 @@ let last = clock();
 /** Shows the present state, once per picture. */
 function show() {
   const now = clock();
-  const { player } = session;
+  const player = crowd.members.size ? session.player : null; // before, its clock would start by messages that came while the page was made
   if (player) history.note(player.clock.advance(now), crowd.people); // before: tracks never go back
   player?.advance(now);
   const moment = timeline.advance(now - last);

@@ -149,8 +149,9 @@ export class Stage {
 
   /** Looks at a level from so near that people are recognised. Returns how many should walk there, and where: { count, area }. */
   approach(level) {
-    const tall = this.canvas.clientWidth < this.canvas.clientHeight; // the camera's aspect comes with the first picture
-    const { eye, target, area, count } = vantageOf(level, level.extent, tall);
+    const { clientWidth: width, clientHeight: height } = this.canvas; // the camera's aspect comes with the first picture
+    const tall = width < height, up = Math.tan((OPENING[tall ? "tall" : "wide"] * Math.PI) / 360);
+    const { eye, target, area, count } = vantageOf(level, level.extent, { opening: (up * width) / Math.max(1, height), tall });
     this.glide(eye, target, 1);
     return { area, count };
   }

@@ -57,6 +57,7 @@ export class SceneBook {
     this.on = on;
     this.id = "";
     this.version = -1;
+    this.opening = false;
     this.obstacles = new Map(); // name → block, as shown
     this.refreshing = new Latest((id) => this.#refresh(id), (error) => this.#failed(error));
     this.moving = new Map(); // name → Latest
@@ -69,13 +70,18 @@ export class SceneBook {
     this.version = -1;
     this.obstacles = new Map();
     this.moving.clear();
-    if (id) await this.#refresh(id);
+    this.opening = true; // a poll would ask for the same outlines again
+    try {
+      if (id) await this.#refresh(id);
+    } finally {
+      this.opening = false;
+    }
   }
 
   /** Looks for changes by others. */
   async poll() {
     const { id } = this;
-    if (!id || this.moving.size) return;
+    if (!id || this.moving.size || this.opening) return;
     try {
       const { version } = await this.api.scene(id);
       if (id === this.id && version !== this.version) await this.refreshing.push(id);

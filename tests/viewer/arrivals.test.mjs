@@ -47,6 +47,23 @@ test("as many people come as there is room for, and the page says how many", asy
   assert.equal(made.nobody, "Add people first");
 });
 
+test("people come later to a server that was too busy to answer at all", async (context) => {
+  context.mock.timers.enable({ apis: ["setTimeout"] });
+  globalThis.fetch = async () => ({ arrayBuffer: async () => null });
+  const lines = shown();
+  const { made, asked, walking } = arrivals(8, 503);
+  const { createAgents } = made.api;
+  made.mesh = () => ["http://x/", {}];
+  made.api.createAgents = () => Promise.reject(Object.assign(new Error("busy"), { status: 503 }));
+  await made.roamers(8);
+  assert.deepEqual(lines, ["0 of 8 people came; this computer is busy"]);
+  made.api.createAgents = createAgents;
+  context.mock.timers.tick(4000);
+  await new Promise(setImmediate);
+  assert.deepEqual(asked, [[8, 0]]);
+  assert.equal(walking.length, 8);
+});
+
 test("another refusal is told as it is", async () => {
   const { made, asked } = arrivals(0, 400);
   const adding = made.roamers(8);

@@ -97,7 +97,7 @@ test("events are told in a sentence, or not where the picture tells", () => {
   assert.equal(eventText(reached, "Ada", 3), "Ada has reached goal 2");
   assert.equal(eventText({ ...reached, waypoint: 0 }, "Ada", 1), "Ada has reached the goal");
   assert.equal(eventText({ kind: "path_done", detail: "x" }, "Ada", 3), "");
-  assert.match(eventText({ kind: "gap", detail: "3 publications" }, "", 0), /^some motion was skipped: the connection is slow$/);
+  assert.match(eventText({ kind: "gap", detail: "3 publications" }, "", 0), /^some motion was skipped: this computer is busy$/);
   assert.match(eventText({ kind: "draining", detail: "" }, "", 0), /about to stop/);
   assert.equal(eventText({ kind: "unknown", detail: "of a later version" }, "", 0), "of a later version");
 });

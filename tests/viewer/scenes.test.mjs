@@ -152,6 +152,26 @@ test("what others change is seen, what nobody changed is not asked for", async (
   assert.equal(told.gone, 1);
 });
 
+test("a scene that opens slowly is asked for once, and after a failure again", async () => {
+  const server = new FakeServer();
+  const { sceneOutlines } = server;
+  const asked = [];
+  let fail;
+  server.sceneOutlines = () => new Promise((_, reject) => {
+    asked.push("outlines");
+    fail = reject;
+  });
+  const book = new SceneBook(server, { changed() {}, failed() {} });
+  const opening = book.open("s");
+  await book.poll();
+  assert.deepEqual(asked, ["outlines"]);
+  fail(new Error("no answer"));
+  await assert.rejects(opening, /no answer/);
+  server.sceneOutlines = sceneOutlines;
+  await book.poll();
+  assert.equal(book.version, 0);
+});
+
 test("an answer about a scene that was left is not shown", async () => {
   const { server, book, told } = await opened();
   const before = told.changed.length;

@@ -110,6 +110,26 @@ def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
     page.wait_for(f"{covered} < 0.3", 10)  # the timeline goes with the next picture
 
 
+@pytest.mark.parametrize("size", [*SIZES, (320, 640)])
+def test_a_dialog_scrolls_as_one_if_at_all_on(page: Page, size: tuple[int, int]):
+    page.resize(*size)
+    page.evaluate(
+        "document.querySelector('#share-seconds').textContent ="
+        " 'the last 6.7 s before, as you saw them (52,000 characters more)'"
+    )
+    scrolled = """[...document.querySelectorAll("dialog[open], dialog[open] *")].filter((one) =>
+      one.matches("dialog, dl, form, p, label, div") && (one.scrollWidth > one.clientWidth + 1
+      || (!one.matches("dialog") && one.clientHeight && one.scrollHeight > one.clientHeight + 1)))
+      .map((one) => one.id || one.tagName)"""
+    for begin in (
+        "document.querySelector('#help').click()",
+        "document.querySelector('#share-link').showModal()",
+    ):
+        page.evaluate(begin)
+        assert page.evaluate(scrolled) == []
+        page.evaluate("document.querySelector('dialog[open]').close()")
+
+
 def test_a_thumb_walks_somebody(page: Page):
     page.call("Emulation.setTouchEmulationEnabled", enabled=True)
     for size in SIZES[1:]:

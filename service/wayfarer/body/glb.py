@@ -6,6 +6,8 @@ its bind pose; the inverse bind matrices hold bind → rest, so skinning equals 
 Pose blend shapes (SMPL-X) have no place in glTF and are left out.
 """
 
+import json
+import struct
 from collections.abc import Sequence
 from typing import Any
 
@@ -70,10 +72,32 @@ class GlbFile:
         return len(document.accessors) - 1
 
     def to_bytes(self) -> bytes:
-        """The finished file."""
+        """The finished file. pygltflib would take longer than all the rest of a body."""
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
         self.document.buffers = [gltf.Buffer(byteLength=len(self._blob))]
-        self.document.set_binary_blob(bytes(self._blob))
-        return b"".join(self.document.save_to_bytes())
+        text = json.dumps(_plain(self.document), separators=(",", ":"), allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(self._blob))
+        chunks = [(text, b"JSON"), (bytes(self._blob), b"BIN\0")]
+        return header + b"".join(
+            struct.pack("<I4s", len(data), kind) + data for data, kind in chunks
+        )
+
+
+def _plain(value: Any) -> Any:
+    """A part of a glTF document for JSON, without what is None or empty, except in extensions."""
+    if isinstance(value, list):
+        numbers = bool(value) and isinstance(value[0], (int, float))
+        return value if numbers else [_plain(item) for item in value]
+    named = value if isinstance(value, dict) else getattr(value, "__dict__", None)
+    if named is None:
+        return value
+    parts = {
+        name: part if name == "extensions" else _plain(part)
+        for name, part in named.items()
+        if not name.startswith("_")
+    }
+    return {name: part for name, part in parts.items() if part not in (None, [], {}, "")}
 
 
 def body_glb(body: BodyModel, betas: Array, style: int = 0, outfit: str = "") -> bytes:

@@ -13,6 +13,7 @@ from wayfarer.body.outfit import OUTFIT_TEXT, check_outfit
 from wayfarer.body.phenotype import betas_from_phenotype
 from wayfarer.characters.character import Character
 from wayfarer.clips.clip import Clip, join_chunks
+from wayfarer.clips.crowd import crowd_clips, scene_of
 from wayfarer.clips.files import (
     BodyDetail,
     BoneNames,
@@ -20,6 +21,7 @@ from wayfarer.clips.files import (
     FileUnit,
     RootMotion,
     check_target,
+    encode,
     format_of,
     write_clip,
 )
@@ -27,11 +29,15 @@ from wayfarer.clips.on_character import body_of, on_character, read_character
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
+from wayfarer.navigation.ground.ground import triangles
+from wayfarer.navigation.scene import bake
 from wayfarer.runtime.walk import walk
 from wayfarer.spec import BETAS, FPS
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.world import World
 
@@ -147,6 +153,16 @@ def generate(
     keep: Annotated[
         int | None, typer.Option(help="With beam: primitives kept at every step; default 4.")
     ] = None,
+    people: Annotated[
+        int, typer.Option(help="More than one: they walk about by themselves, in one file.", min=1)
+    ] = 1,
+    scene: Annotated[
+        str,
+        typer.Option(
+            help="Where several people walk, and in the file with them: an example's name such as "
+            "town_square, or a level's file; default an empty field."
+        ),
+    ] = "",
     hard: Annotated[
         bool,
         typer.Option("--hard", help="With beam: reject motions whose feet slide, float or sink."),
@@ -191,6 +207,8 @@ def generate(
     wayfarer generate walk.glb --goal 3,2 --goal -1,4
 
     wayfarer generate cycle.glb --goal 0,12 --seconds 8 --loop --root in_place --fps 30
+
+    wayfarer generate square.glb --people 8 --scene town_square --seconds 10
     """
     check_target(target)
     check_outfit(outfit)
@@ -198,6 +216,14 @@ def generate(
         raise InvalidArgument("--outfit dresses the shipped body, not a --character", "outfit")
     options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
+    if people > 1 or scene:
+        alone: dict[str, object] = {"goal": goal, "character": character, "gender": gender}
+        alone |= {"height": height, "outfit": outfit, "speed": speed, "loop": loop, "search": beam}
+        if given := [name for name, value in alone.items() if value]:
+            raise InvalidArgument(f"--{given[0]} is for one person without a --scene", given[0])
+        crowd = Crowd(people, seed)
+        _generate_crowd(target, crowd, scene, seconds or NOBODY_GOES, options, model, threads)
+        return
     own = None if character is None else read_character(character, options)
     gender, betas, scale = _body(gender, height, own)
     pace = math.sqrt(scale)  # times of a character of this scale by those of a person
@@ -237,6 +263,28 @@ def generate(
     kept = ", of which the file has one cycle" if loop else ""
     size = f", for a character of {scale:.2f} times a person's size" if scale != 1.0 else ""
     typer.echo(f"{target}: {clip.frames} frames, {pace * clip.seconds:.1f} s{reached}{kept}{size}")
+
+
+def _generate_crowd(
+    target: Path,
+    crowd: Crowd,
+    scene: str,
+    seconds: float,
+    options: FileOptions,
+    model: Path,
+    threads: int,
+) -> None:
+    """Writes the file of several people. Raises InvalidArgument."""
+    spec, scenes = scene_of(scene), SceneRegistry()
+    scene_id = scenes.add(bake(spec)).scene_id
+    world = open_bundle(model, threads).world(crowd.count, Steering(), scenes)
+    with Progress(transient=True) as progress:
+        task = progress.add_task("generating", total=seconds)
+        clips = crowd_clips(
+            world, scene_id, crowd, seconds, lambda done: progress.update(task, completed=done)
+        )
+    target.write_bytes(encode(clips, options, target.stem, triangles(spec)))
+    typer.echo(f"{target}: {len(clips)} of {crowd.count} people, {seconds:.1f} s")
 
 
 def _body(

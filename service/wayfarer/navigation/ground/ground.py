@@ -175,7 +175,9 @@ def _barriers_of_flat(spec: SceneSpec, level: float, free: shapely.Geometry) -> 
     tops = [solid.bottom + solid.height - level for solid in spec.solids]
     low = any(LOWEST * walkable.height <= room < walkable.height for room in above)
     high = any(walkable.step_height < top <= HIGHEST for top in tops)
-    if not low and not (high and shapely.get_num_geometries(free) > 1):
+    areas = shapely.area(shapely.get_parts(free))
+    parted = (areas >= ISLAND_SHARE * areas.max(initial=0.0)).sum() > 1
+    if not low and not (high and parted):
         return ()
     corners, _ = _corners_of(spec)
     grid = _grid_over(corners)
