@@ -134,7 +134,7 @@ class Directory:
         self._version = 0
         self._nodes_version = 0
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
-        self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
+        self._placed: OrderedDict[str, str] = OrderedDict()  # group → node
         self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
         self._came: set[int] = set()  # numbers of the nodes that have ever come
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
@@ -290,17 +290,23 @@ class Directory:
 
     # ---- new sessions
 
-    def place(self, request: str = "") -> NodeInfo:
+    def place(self, group: str = "") -> NodeInfo:
         """The node for a new session or scene: the freer of two drawn at random.
 
-        `request`: a digest of the client's request id and name; the same one gets the same node.
-        Raises Unavailable.
+        `group`: that of a request with an id, which may have been sent before: what it made is
+        found, and until then the same node is given. Raises Unavailable.
         """
         self.expire()
         now = self._clock()
-        known = self._nodes.get(self._placed.get(request, ""))
-        if request and known is not None:
-            return known.info
+        if group and not self._settled():
+            raise Unavailable("not all nodes have come back to the directory; ask again")
+        entry, placed = self._groups.get(group), self._nodes.get(self._placed.get(group, ""))
+        if entry is not None:
+            if entry.owner not in self._nodes or self._is_adopted(group):
+                raise Unavailable(f"the node of group {group} has ended; ask again")
+            return self._nodes[entry.owner].info
+        if placed is not None and not placed.draining:
+            return placed.info
         able = self._able(now)
         if not able:
             raise Unavailable(
@@ -311,8 +317,8 @@ class Directory:
         chosen = min(drawn, key=lambda node: self._burden(node, mean, now))
         chosen.placed.append((now, chosen.load.sessions))
         self.counters["placed"] += 1
-        if request:
-            _remember(self._placed, request, chosen.info.name)
+        if group:
+            _remember(self._placed, group, chosen.info.name)
         return chosen.info
 
     def _able(self, now: float) -> list[_Node]:

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import hashlib
 import random
 import time
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from wayfarer.cluster.group_map import GroupMap
 from wayfarer.cluster.messages import DirectoryLink, NodeInfo, Status
 from wayfarer.cluster.routes import Subject
 from wayfarer.errors import Unavailable, WayfarerError
+from wayfarer.ids import request_group
 from wayfarer.transport.grpc_server import bracketed
 
 log = structlog.get_logger(__name__)
@@ -100,8 +100,8 @@ class NodeFinder:
                 raise Unavailable("the server is shutting down")
             if self.away:
                 raise Unavailable("the cluster's directory is away: nothing new is made until then")
-            digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
-            placed: NodeInfo = await self._directory.call("place", digest)
+            group = request_group(caller, text) if text else ""
+            placed: NodeInfo = await self._directory.call("place", group)
             return placed
         if kind == "named":
             await self._while_adopted(text)
