@@ -164,7 +164,8 @@ class NodeAgent:
         given = await self._decision("claim", group, owner, epoch, own) if came else 0
         if not given:
             await self._leave(group, came)
-            return Aborted(f"{owner} does not give group {group} away any more")
+            gone = NotFound(f"nothing of group {group} has come", "group", group)
+            return Aborted(f"{owner} does not give group {group} away any more") if came else gone
         self._tenancy.decided(group, given)
         self._replicas.drop(group)
         try:
@@ -289,6 +290,8 @@ class NodeAgent:
         states = {name: one.state for name, one in kept.items() if not name.endswith(CONTENT)}
         ends = now() + ADOPT_S
         while refusal := await self._come(group, own, order.epoch, states, orphan=True):
+            if isinstance(refusal, Aborted):  # another node is to adopt it
+                return
             full = isinstance(refusal, Unavailable | ResourceExhausted) and now() < ends
             to = await self._hand_on(kept) if full else ""
             if to or not full:
