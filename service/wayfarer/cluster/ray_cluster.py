@@ -196,7 +196,7 @@ def _end_processes(failure: Exception) -> None:
     for frame, _ in traceback.walk_tb(failure.__traceback__):
         made = frame.f_locals.get("self")
         if isinstance(made, ray._private.node.Node):
-            made.kill_all_processes(check_alive=False, allow_graceful=False)
+            made.kill_all_processes(check_alive=False, allow_graceful=True)  # with what it began
 
 
 def _folder() -> tempfile.TemporaryDirectory[str]:
