@@ -22,14 +22,21 @@ def new_group() -> str:
     return secrets.token_hex(6)
 
 
-def session_id(group: str) -> str:
-    """A new session's id in this group."""
-    return _id("session", group)
+def request_group(caller: str, request_id: str) -> str:
+    """The group of what a request makes that has an id: always the same, so that one that is sent
+    again finds it, also on another node or after a restart.
+    """
+    return _digest(f"{caller}\n{request_id}")
 
 
-def scene_id(group: str) -> str:
-    """A new scene's id in this group."""
-    return _id("scene", group)
+def session_id(group: str, request: str = "") -> str:
+    """A new session's id in this group, or that of the session that a request makes there."""
+    return _id("session", group, request)
+
+
+def scene_id(group: str, request: str = "") -> str:
+    """As `session_id`, of a scene."""
+    return _id("scene", group, request)
 
 
 def agent_id(session_id: str) -> str:
@@ -38,12 +45,9 @@ def agent_id(session_id: str) -> str:
 
 
 def agent_ids(session_id: str, request: str, count: int) -> list[str]:
-    """The ids of the agents of a request in the session: always the same for the same request, so
-    that one that is sent again finds them, also on another node or after a restart.
-    """
-    start = f"agent-{group_of(session_id)}"
-    digest = sha256(f"{session_id}\n{request}".encode()).hexdigest()
-    return [start + sha256(f"{digest} {i}".encode()).hexdigest()[:12] for i in range(count)]
+    """The ids of the agents that a request makes in the session."""
+    group = group_of(session_id)
+    return [_id("agent", group, f"{session_id}\n{request} {i}") for i in range(count)]
 
 
 def group_of(name: str) -> str:
@@ -52,5 +56,9 @@ def group_of(name: str) -> str:
     return found[1] if found else NO_ID
 
 
-def _id(kind: str, group: str) -> str:
-    return f"{kind}-{group}{secrets.token_hex(6)}"
+def _id(kind: str, group: str, request: str = "") -> str:
+    return f"{kind}-{group}{_digest(request) if request else secrets.token_hex(6)}"
+
+
+def _digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()[:12]

@@ -5,6 +5,7 @@ import contextlib
 import shutil
 import time
 from pathlib import Path
+from uuid import uuid4
 
 import httpx
 import numpy as np
@@ -60,6 +61,8 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
         async def change():
             """Each kind, on the node with the scene; what is called later: nothing is lost."""
             made = [await client.create_session(lease=900, scene=field.scene_id) for _ in "123"]
+            requested = [(path, str(uuid4())) for path in CREATES]
+            replies = [await created(*one, field.scene_id, cluster.entry) for one in requested]
             kept, empty, gone = made
             stays, goes = await kept.create_agents(AgentSpec(name="stays"), AgentSpec())
             await gone.delete()
@@ -77,6 +80,8 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
                 assert (there.agent_id, there.name) == (stays.agent_id, "stays")
                 with pytest.raises(NotFound):
                     await client.session(gone.session_id)
+                for one, reply in zip(requested, replies, strict=True):
+                    assert await created(*one, field.scene_id, cluster.entry) == reply, one
                 await put()  # with the version after the last one
                 await asyncio.gather(kept.delete(), empty.delete())
 
@@ -111,6 +116,26 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
         await restart_entry(cluster, watched)
         for one in watched:
             await one.close()
+
+
+CREATES = ("/v1/sessions", "/v1/sessions?inside", "/v1/scenes/examples/corridor")
+
+
+async def created(path, key, scene, entry):
+    """The id of what a request with this key makes, or has made."""
+    path, _, inside = path.partition("?")
+    body, headers = (
+        {"lease_s": 900} | ({"scene": scene} if inside else {}),
+        {"Idempotency-Key": key},
+    )
+    async with httpx.AsyncClient(timeout=30) as http:
+        answer = await http.post(entry.http_url + path, json=body, headers=headers)
+        while answer.status_code == 421:
+            there = answer.json()["endpoint"]
+            url = f"http://{there['host']}:{there['http_port']}{path}"
+            answer = await http.post(url, json=body, headers=headers)
+    told = answer.raise_for_status().json()
+    return told.get("session_id") or told["scene_id"]
 
 
 JAVASCRIPT = """

@@ -124,6 +124,23 @@ def test_a_create_sent_twice_goes_to_the_same_node():
     assert len({bench.directory.place("digest").name for _ in range(9)}) == 1
 
 
+def test_a_create_sent_again_goes_to_the_owner_of_what_it_has_made():
+    bench = Bench(["n0", "n1", "n2"])
+    group = bench.new_session("n1")
+    bench.beat()
+    assert {bench.directory.place(group).name for _ in range(9)} == {"n1"}
+    bench.directory.ended("n1")
+    with pytest.raises(Unavailable, match="ended; ask again"):
+        bench.directory.place(group)
+    heir = bench.owner(group)
+    bench.adopt(heir, bench.beat(heir)[heir].orders[0])
+    assert {bench.directory.place(group).name for _ in range(9)} == {heir}
+    again = Bench(["n0"], settled=False)
+    assert again.directory.place().name == "n0"
+    with pytest.raises(Unavailable, match="come back"):
+        again.directory.place(group)  # its owner may still tell
+
+
 def test_nothing_is_placed_where_nothing_is_taken():
     bench = Bench()
     with pytest.raises(Unavailable, match="none is registered"):

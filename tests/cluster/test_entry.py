@@ -17,7 +17,7 @@ from tests.transport.samples import MODEL
 from wayfarer import errors
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
-from wayfarer.cluster.messages import LeaseRenewal
+from wayfarer.cluster.messages import SILENT_S, LeaseRenewal
 from wayfarer.cluster.node_agent import NodeAgent
 from wayfarer.config.settings import Settings
 from wayfarer.ids import session_id
@@ -35,8 +35,8 @@ class Rig:
         self.link = Link(LeaseRules(600.0))
         self.link.directory._settled_at = 0.0
         self.nodes = [await self.node(name) for name in ("n1", "n2")]
-        for node in self.nodes:
-            self.link.directory.renew(LeaseRenewal(name=node.name, count=1, node=node))
+        self.stopped_nodes = set()
+        self._renewing = asyncio.create_task(self._renew())
         settings = Settings(http_port=0, grpc_port=0, drain_s=0.2)
         self.stopped = asyncio.Event()
         self.entry = Entry(settings, self.link, self, self.stopped.set)
@@ -45,18 +45,28 @@ class Rig:
         await until(lambda: self.entry.finder.ready)
         return self
 
+    async def _renew(self):
+        count, told = 0, {node.name: {"node": node} for node in self.nodes}
+        while True:
+            for name in told.keys() - self.stopped_nodes:
+                self.link.directory.renew(LeaseRenewal(name=name, count=count + 1, **told[name]))
+                told[name] = {}
+            count += 2  # `owned` has the numbers between
+            await asyncio.sleep(0.1)
+
     async def node(self, name):
         """Nobody listens at its ports, unless a test starts something there."""
         return info(name)
 
     async def __aexit__(self, *_):
+        self._renewing.cancel()
         await self.http.aclose()
         await self.entry.stop()
 
     async def owned(self, node):
         """Id of a session of this node."""
-        told = LeaseRenewal(name=node.name, count=2, held={GROUP: 0})
-        self.link.directory.renew(told)
+        count = self.link.directory._nodes[node.name].count + 1
+        self.link.directory.renew(LeaseRenewal(name=node.name, count=count, held={GROUP: 0}))
         return session_id(GROUP)
 
 
@@ -253,6 +263,26 @@ async def test_who_may_not_is_told_nothing(tmp_path):
             assert (await http.request(verb, path)).status_code == 401
         assert (await http.post("/v1/cluster/nodes/n1/drain")).status_code == 401
     await entry.stop()
+
+
+async def test_nobody_is_sent_to_a_silent_node():
+    """A call waits until it renews its lease; if it does not, the call fails within seconds."""
+    async with Rig() as rig:
+        stopped, other = rig.nodes
+        name = await rig.owned(stopped)
+        rig.stopped_nodes.add(stopped.name)
+        await asyncio.sleep(SILENT_S + 0.5)
+        asked = asyncio.create_task(rig.http.get(f"/v1/sessions/{name}"))
+        new = [await rig.http.post("/v1/sessions", json={}) for _ in range(8)]
+        assert {one.json()["endpoint"]["http_port"] for one in new} == {other.http_port}
+        assert not asked.done()
+        rig.stopped_nodes.clear()
+        answer = await asked
+        assert answer.json()["endpoint"]["http_port"] == stopped.http_port
+        rig.stopped_nodes.add(stopped.name)
+        await asyncio.sleep(SILENT_S + 0.5)
+        answer = await rig.http.get(f"/v1/sessions/{name}", timeout=30)
+        assert answer.status_code == 503 and "is silent" in answer.text
 
 
 async def test_a_call_about_what_is_being_adopted_waits_for_the_node_that_gets_it():

@@ -10,7 +10,7 @@ from tests.cluster.nodes import Bench
 from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
 from wayfarer.cluster.replicas import Replicas
-from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
+from wayfarer.errors import Aborted, InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.ids import group_of
 
 
@@ -157,7 +157,7 @@ def test_who_has_withdrawn_an_offer_keeps_the_session_though_all_of_it_has_come(
     n1, n2 = pair.bench.nodes.values()
     epoch = n1.epoch(pair.name)
     pair.bench.directory.claim(pair.group, "n1", epoch, "n1")
-    with pytest.raises(Unavailable, match="does not give"):
+    with pytest.raises(Aborted, match="does not give"):
         virtual_time.run(pair.agents["n2"].take("n1", pair.group, epoch, {pair.name: b"live"}))
     assert pair.moves["n2"].taken and not pair.moves["n2"].frozen and not n2.epoch(pair.name)
 

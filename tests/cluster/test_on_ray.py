@@ -311,6 +311,23 @@ async def test_a_node_that_cannot_start_is_told_at_once():
         await asyncio.wait_for(made.until_ready(), 5)
 
 
+def test_a_start_of_ray_that_fails_leaves_no_process(monkeypatch):
+    """As on a machine that is too busy for it: its head runs by then."""
+    from wayfarer.cluster import ray_cluster
+
+    others, begun = processes(), []
+
+    def fail(self):
+        begun.append(len(processes()) - len(others))
+        raise RuntimeError("timed out")
+
+    monkeypatch.setattr(ray_cluster.ray._private.node.Node, "start_ray_processes", fail)
+    with pytest.raises(errors.Unavailable, match="no Ray cluster at this machine: timed out"):
+        ray_cluster.RayCluster()
+    assert len(begun) == ray_cluster.TRIES and min(begun) > 0
+    assert not [one for one in processes() if one not in others and lives(one)]
+
+
 def test_ray_calls_nobody():
     code = "import wayfarer.cluster.ray_settings, os; print(os.environ['RAY_USAGE_STATS_ENABLED'])"
     told = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}

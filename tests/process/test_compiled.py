@@ -4,6 +4,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -48,6 +49,29 @@ def test_code_is_kept_where_the_environment_says_and_for_one_text(tmp_path, monk
     other = loaded(tmp_path / "rule.py", 2)
     assert other(1) == 3 and not other.stats.cache_hits
     assert len(list((tmp_path / "kept").glob("wayfarer-*"))) == 2
+
+
+def test_processes_that_start_together_compile_a_rule_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
+    first, second = (loaded(tmp_path / "rule.py", 1) for _ in range(2))
+    told, begun, go_on = [], threading.Event(), threading.Event()
+
+    def info(event, **_):
+        told.append(event)
+        begun.set()
+        go_on.wait(10)
+
+    monkeypatch.setattr(compiled, "log", SimpleNamespace(info=info))
+    threads = [threading.Thread(target=compiled.warm, args=(rule, 1)) for rule in (first, second)]
+    threads[0].start()
+    assert begun.wait(10)
+    threads[1].start()
+    threads[1].join(0.2)
+    assert threads[1].is_alive() and not second.stats.cache_misses, "it waits"
+    go_on.set()
+    for thread in threads:
+        thread.join(30)
+    assert len(told) == 1 and first.stats.cache_misses and second.stats.cache_hits
 
 
 def test_code_is_made_anew_when_a_rule_or_a_number_changes_that_it_takes_from_another_file(

@@ -31,10 +31,10 @@ class FakeScenes:
         self.people: list[str] = []  # ids of agents that came without a call
         self._scenes: dict[str, tuple[SceneSource, Scene]] = {}
 
-    async def create_scene(self, source: SceneSource) -> SceneInfo:
+    async def create_scene(self, source: SceneSource, scene_id: str = "") -> SceneInfo:
         scene = await asyncio.to_thread(bake, source.spec)
         self.sources.append(source)
-        scene_id = self.new_scene_id()
+        scene_id = scene_id or self.new_scene_id()
         self._scenes[scene_id] = source, scene
         return await self.get_scene(scene_id)
 

@@ -31,6 +31,7 @@ from typing import Final, TypeVar
 
 from wayfarer.cluster.messages import (
     ADOPTED,
+    SILENT_S,
     Answer,
     Changes,
     LeaseRenewal,
@@ -81,7 +82,7 @@ class LeaseRules:
 class _Node:
     info: NodeInfo
     load: NodeLoad
-    lease_until: float
+    heard_at: float  # its last renewal
     has_ended: Callable[[], bool]  # its process, as far as that can be seen
     count: int = 0  # of the last message
     used: set[str] = field(default_factory=set)  # groups
@@ -89,6 +90,10 @@ class _Node:
     draining: bool = False
     placed: deque[tuple[float, int]] = field(default_factory=deque)
     """When a session was placed here, and how many the node had reported then."""
+
+    def is_silent(self, now: float) -> bool:
+        """It may be stopped."""
+        return now - self.heard_at > SILENT_S
 
     def sessions(self, now: float) -> int:
         """That it has, or will have once the clients have called to whom it was given."""
@@ -128,13 +133,14 @@ class Directory:
         self._watch = watch
         self.counters: Counter[str] = Counter()
         self._generation = self._epoch = generation
-        self._settled_at = clock() + rules.lease_s * DRIFT
+        self._lease_s = rules.lease_s * DRIFT
+        self._settled_at = clock() + self._lease_s
         self._nodes: dict[str, _Node] = {}
         self._groups: dict[str, _Entry] = {}
         self._version = 0
         self._nodes_version = 0
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
-        self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
+        self._placed: OrderedDict[str, str] = OrderedDict()  # group → node
         self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
         self._came: set[int] = set()  # numbers of the nodes that have ever come
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
@@ -214,8 +220,8 @@ class Directory:
         """Fence the nodes whose lease has ended, or whose process has."""
         for name in [name for name, node in self._nodes.items() if node.has_ended()]:
             self.ended(name)
-        now = self._clock()
-        for node in [n for n in self._nodes.values() if n.lease_until <= now]:
+        over = self._clock() - self._lease_s
+        for node in [n for n in self._nodes.values() if n.heard_at <= over]:
             self.counters["expired"] += 1
             self._end(self._nodes.pop(node.info.name))
 
@@ -290,49 +296,47 @@ class Directory:
 
     # ---- new sessions
 
-    def place(self, request: str = "") -> NodeInfo:
+    def place(self, group: str = "") -> NodeInfo:
         """The node for a new session or scene: the freer of two drawn at random.
 
-        `request`: a digest of the client's request id and name; the same one gets the same node.
-        Raises Unavailable.
+        `group`: that of a request with an id, which may have been sent before: what it made is
+        found, and until then the same node is given. Raises Unavailable.
         """
         self.expire()
         now = self._clock()
-        known = self._nodes.get(self._placed.get(request, ""))
-        if request and known is not None:
-            return known.info
+        if group and not self._settled():
+            raise Unavailable("not all nodes have come back to the directory; ask again")
+        entry, placed = self._groups.get(group), self._nodes.get(self._placed.get(group, ""))
+        if entry is not None:
+            if entry.owner not in self._nodes or self._is_adopted(group):
+                raise Unavailable(f"the node of group {group} has ended; ask again")
+            return self._nodes[entry.owner].info
+        if placed is not None and not placed.draining:
+            return placed.info
         able = self._able(now)
         if not able:
-            raise Unavailable(
-                "no node takes new sessions: " + (self._why_none(now) or "none is registered")
+            why = Counter(
+                "draining" if n.draining else "starting or full" for n in self._nodes.values()
             )
+            told = ", ".join(f"{count} {what}" for what, count in why.items())
+            raise Unavailable(f"no node takes new sessions: {told or 'none is registered'}")
         drawn = self._random.sample(able, min(2, len(able)))
         mean = self._mean_session(able)
         chosen = min(drawn, key=lambda node: self._burden(node, mean, now))
         chosen.placed.append((now, chosen.load.sessions))
         self.counters["placed"] += 1
-        if request:
-            _remember(self._placed, request, chosen.info.name)
+        if group:
+            _remember(self._placed, group, chosen.info.name)
         return chosen.info
 
     def _able(self, now: float) -> list[_Node]:
-        found = [
-            node
-            for node in self._nodes.values()
-            if node.load.ready and not node.draining and node.lease_until > now
-        ]
+        ready = [n for n in self._nodes.values() if n.load.ready and not n.draining]
+        found = [node for node in ready if not node.is_silent(now)] or ready
         # of several kinds the one with the most nodes: in a rolling change new nodes become
         # the majority once old ones drain
         kinds = Counter(node.info.fingerprint for node in found)
         kind = kinds.most_common(1)[0][0] if kinds else ""
         return [node for node in found if node.info.fingerprint == kind]
-
-    def _why_none(self, now: float) -> str:
-        found: Counter[str] = Counter()
-        for node in self._nodes.values():
-            silent = node.lease_until <= now
-            found["draining" if node.draining else "silent" if silent else "starting or full"] += 1
-        return ", ".join(f"{count} {what}" for what, count in found.items())
 
     def _mean_session(self, nodes: Iterable[_Node]) -> float:
         loads = [node.load for node in nodes]
@@ -357,7 +361,7 @@ class Directory:
         epochs: dict[str, int],
     ) -> Answer:
         now = self._clock()
-        node.lease_until = now + self.rules.lease_s * DRIFT
+        node.heard_at = now
         self._choose_keeper(node)
         return Answer(
             lease_s=self.rules.lease_s,
@@ -420,7 +424,8 @@ class Directory:
                 node=node.info,
                 load=node.load,
                 groups=len(node.used),
-                lease_left_s=max(0.0, node.lease_until - now),
+                lease_left_s=max(0.0, node.heard_at + self._lease_s - now),
+                silent_s=now - node.heard_at,
                 draining=node.draining,
                 neighbour=node.keepers[0] if node.keepers else "",
             )

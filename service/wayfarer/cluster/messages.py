@@ -13,6 +13,10 @@ from wayfarer.config.settings import Settings
 ADOPTED: Final = "?"
 """In place of an owner: a group is being adopted. No node has this name."""
 
+SILENT_S: Final = 1.5
+"""Seconds without a renewal after which nobody is sent to a node: its process may be stopped, and
+then its clients would wait there, or come back, until its lease ends."""
+
 CALL_S: Final = 10.0
 """How long a node's answer is waited for."""
 
@@ -129,6 +133,7 @@ class NodeState(ClusterMessage):
     load: NodeLoad
     groups: int  # in use
     lease_left_s: float
+    silent_s: float  # since its last renewal
     draining: bool
     neighbour: str
 

@@ -133,55 +133,73 @@ class NodeAgent:
         """
         if group in self._tenancy.lost or self._is_busy(group):
             raise Unavailable(f"group {group} is busy on this node; try again")
-        taking = asyncio.create_task(self._take(owner, group, epoch, live), name="take")
-        self._busy[group] = taking
+        coming = self._come(group, owner, epoch, live)
+        taking = self._busy[group] = asyncio.create_task(coming, name="take")
         # if the caller waits no more, the directory is asked all the same: it may have decided
         if (refusal := await asyncio.shield(taking)) is not None:
             raise refusal
 
-    async def _take(
-        self, owner: str, group: str, epoch: int, live: dict[str, bytes]
+    async def _come(
+        self, group: str, owner: str, epoch: int, states: dict[str, bytes], orphan: bool = False
     ) -> WayfarerError | None:
-        """Returns the reason if it has not come: the caller may have gone."""
-        self._tenancy.coming(group)
-        came, kept = dict[str, Arrival](), self._replicas.of(group)
+        """All that lives in a group comes to this node, is frozen, and resumes if the directory
+        gives the group to this node. `orphan`: these are copies, and nobody else has it. Returns
+        the reason if it does not come: the caller may have gone.
+        """
+        self._tenancy.coming(group, epoch if orphan else 0)
+        found, kept = dict[str, Arrival | None](), self._replicas.of(group)
         try:
             await _together(
-                lambda name: self._moves.take(name, live[name], _content(kept, name)), live, came
+                lambda name: self._arrival(name, states[name], _content(kept, name), orphan),
+                states,
+                found,
             )
         except BaseException as error:
-            await self._leave(group, came)
+            await self._leave(group, found)
             if isinstance(error, WayfarerError):
                 return error
             raise
-        return await self._enter(owner, group, epoch, came)
-
-    async def _enter(
-        self, owner: str, group: str, epoch: int, came: dict[str, Arrival]
-    ) -> WayfarerError | None:
-        """Resumes a group that is completely here, frozen, if the directory gives it to this node.
-        Returns the reason if not.
-        """
-        given = await self._decision("claim", group, owner, epoch, self._tenancy.node.name)
+        came = {name: one for name, one in found.items() if one is not None}
+        own = self._tenancy.node.name
+        given = await self._decision("claim", group, owner, epoch, own) if came else 0
         if not given:
             await self._leave(group, came)
-            return Unavailable(f"{owner} does not give group {group} away any more")
+            gone = NotFound(f"nothing of group {group} has come", "group", group)
+            return Aborted(f"{owner} does not give group {group} away any more") if came else gone
         self._tenancy.decided(group, given)
         self._replicas.drop(group)
         try:
-            await self._resume(came, owner, given)
+            for arrival in came.values():
+                with contextlib.suppress(NotFound):
+                    await self._moves.enter(arrival)
         finally:
             self._tenancy.came(group)
+        log.info("sessions came", sessions=list(came), of=owner, epoch=given, at=boot_clock())
         return None
 
-    async def _resume(self, came: dict[str, Arrival], owner: str, epoch: int) -> None:
-        for arrival in came.values():
-            with contextlib.suppress(NotFound):
-                await self._moves.enter(arrival)
-        log.info("sessions came", sessions=list(came), of=owner, epoch=epoch, at=boot_clock())
+    async def _arrival(
+        self, name: str, state: bytes, content: bytes, orphan: bool
+    ) -> Arrival | None:
+        """A session or scene, taken. An orphan waits for room; without it the whole group does not
+        come. None: an orphan that is refused for good, and that the others do not wait for.
+        """
+        now = asyncio.get_running_loop().time
+        ends = now() + HAND_ON_S
+        while True:
+            try:
+                return await self._moves.take(name, state, content, orphan)
+            except Exception as error:
+                full = isinstance(error, Unavailable | ResourceExhausted)
+                if not orphan or (full and now() > ends):
+                    raise
+                if not full:
+                    fault = None if isinstance(error, WayfarerError) else error
+                    log.error("not adopted", name=name, reason=str(error), exc_info=fault)
+                    return None
+                await asyncio.sleep(RENEW_S)
 
-    async def _leave(self, group: str, came: dict[str, Arrival]) -> None:
-        for name in reversed(came):  # another node continues with all of them
+    async def _leave(self, group: str, came: Iterable[str]) -> None:
+        for name in reversed(list(came)):  # another node continues with all of them
             await self._moves.release(name, None)
         self._tenancy.decided(group, 0)
 
@@ -264,49 +282,23 @@ class NodeAgent:
         self._tenancy.released(group)
 
     async def _adopt(self, order: NodeOrder) -> None:
-        """Resumes the sessions whose replicas are on this node, each at once. Without room the
-        whole group waits, or another node resumes it.
+        """Resumes what lives in a group, from the copies on this node. Without room it waits, or
+        another node resumes it.
         """
-        self._tenancy.coming(order.group, order.epoch)
-        try:
-            await self._adopt_all(order)
-        finally:
-            self._tenancy.came(order.group)
-
-    async def _adopt_all(self, order: NodeOrder) -> None:
-        group, epoch, own, to = order.group, order.epoch, self._tenancy.node.name, ""
-        came, kept = dict[str, Arrival](), self._replicas.of(group)
-        names = [name for name in kept if not name.endswith(CONTENT)]
-        now = asyncio.get_running_loop().time
-        ends, offer_at = now() + ADOPT_S, now() + HAND_ON_S
-        for name in sorted(names, key=is_scene, reverse=True):  # first what sessions need
-            while name not in came and not to and self._tenancy.epoch(name) == epoch:
-                try:
-                    state, content = kept[name].state, _content(kept, name)
-                    came[name] = await self._moves.take(name, state, content, orphan=True)
-                except WayfarerError as error:
-                    if not isinstance(error, Unavailable | ResourceExhausted) or now() > ends:
-                        log.error("session not adopted", session_id=name, reason=str(error))
-                        break
-                    if now() > offer_at:
-                        to, offer_at = await self._hand_on(kept), now() + HAND_ON_S
-                    await asyncio.sleep(RENEW_S)
-                except Exception:  # the others are adopted all the same
-                    log.exception("session not adopted", session_id=name)
-                    break
-            if name in came and epoch == order.epoch:  # the first: is it still this node's?
-                epoch = await self._decision("claim", group, own, epoch, own)
-                if not epoch:
-                    await self._leave(group, came)
-                    return
-                self._tenancy.decided(group, epoch)
-            if name in came:
-                await self._resume({name: came[name]}, own, epoch)
-        if to or not came:
-            log.warning("group not adopted", group=group, to=to)
-            await self._leave(group, came)
-            await self._decision("decline", group, own, epoch, to)
-        self._replicas.drop(group)
+        group, own, to = order.group, self._tenancy.node.name, ""
+        kept, now = self._replicas.of(group), asyncio.get_running_loop().time
+        states = {name: one.state for name, one in kept.items() if not name.endswith(CONTENT)}
+        ends = now() + ADOPT_S
+        while refusal := await self._come(group, own, order.epoch, states, orphan=True):
+            if isinstance(refusal, Aborted):  # another node is to adopt it
+                return
+            full = isinstance(refusal, Unavailable | ResourceExhausted) and now() < ends
+            to = await self._hand_on(kept) if full else ""
+            if to or not full:
+                log.warning("group not adopted", group=group, to=to, reason=str(refusal))
+                await self._decision("decline", group, own, order.epoch, to)
+                self._replicas.drop(group)
+                return
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
         """Leave these replicas with the node that has the most room; its name, or "" for none."""

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import hashlib
 import random
 import time
 from collections.abc import Iterator
@@ -13,10 +12,11 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from wayfarer.cluster.group_map import GroupMap
-from wayfarer.cluster.messages import DirectoryLink, NodeInfo, Status
+from wayfarer.cluster.messages import SILENT_S, DirectoryLink, NodeInfo, Status
 from wayfarer.cluster.routes import Subject
 from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable, WayfarerError
+from wayfarer.ids import request_group
 
 log = structlog.get_logger(__name__)
 
@@ -24,7 +24,7 @@ LOOK_S: Final = 0.25
 """Between looks at the directory."""
 
 HOLD_S: Final = 5.0
-"""Seconds that a call waits for a node to adopt what it is about."""
+"""Seconds that a call waits for a node that has what it is about, and answers."""
 
 AGAIN_S: Final = 0.1
 """Between looks while calls wait."""
@@ -39,6 +39,7 @@ class NodeFinder:
     def __init__(self, directory: DirectoryLink) -> None:
         self._directory = directory
         self._view = GroupMap()
+        self._silent: set[str] = set()  # names of nodes
         self._looking = asyncio.Lock()
         self._looked_at = float("-inf")
         self.closing = False
@@ -67,6 +68,8 @@ class NodeFinder:
                 status, changes = await self._directory.call("look", self._view.seen)
                 self._view.take(changes)
                 self.status = status
+                told = {one.node.name: one.silent_s for one in status.nodes}
+                self._silent = {name for name, silent_s in told.items() if silent_s > SILENT_S}
                 self._heard_at = time.monotonic()
 
     @property
@@ -100,29 +103,37 @@ class NodeFinder:
                 raise Unavailable("the server is shutting down")
             if self.away:
                 raise Unavailable("the cluster's directory is away: nothing new is made until then")
-            digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
-            placed: NodeInfo = await self._directory.call("place", digest)
+            group = request_group(caller, text) if text else ""
+            placed: NodeInfo = await self._directory.call("place", group)
             return placed
         if kind == "named":
-            await self._while_adopted(text)
-        if kind == "named" and self._view.owner(text) is None:
+            await self._until_it_answers(text)
+        if kind == "named" and self._owner(text) is None:
             if self.away:  # it may live all the same
                 raise Unavailable("the cluster's directory is away: what is new is not found yet")
             await self._look()  # it may have been made a moment ago
         if not self.nodes:
             raise Unavailable("no node of the cluster runs; they are starting or stopping")
-        found = self._view.node_for(text) if kind == "named" else random.choice(self.nodes)
+        heard = [node for node in self.nodes if node.name not in self._silent] or self.nodes
+        found = self._view.node_for(text) if kind == "named" else random.choice(heard)
         assert found is not None
         return found
 
-    async def _while_adopted(self, name: str) -> None:
-        """Waits while a node adopts the group of this id: a caller that had to call again would do
-        so later than needed.
+    def _owner(self, name: str) -> NodeInfo | None:
+        """As the view's; raises Unavailable also while that node is silent."""
+        owner = self._view.owner(name)
+        if owner is not None and owner.name in self._silent:
+            raise Unavailable(f"node {owner.name}, which has {name!r}, is silent; try again")
+        return owner
+
+    async def _until_it_answers(self, name: str) -> None:
+        """Waits while a node adopts the group of this id, or its node is silent: a caller that had
+        to call again would do so later than needed.
         """
         ends_at = time.monotonic() + HOLD_S
         while not self.away and time.monotonic() < ends_at:
             with contextlib.suppress(Unavailable):
-                self._view.owner(name)
+                self._owner(name)
                 return
             await asyncio.sleep(AGAIN_S)
             await self._look()

@@ -7,6 +7,7 @@ import socket
 import sys
 import tempfile
 import threading
+import traceback
 from typing import Any, Final
 
 import structlog
@@ -66,6 +67,7 @@ class RayCluster:
                 self._init(address)
                 break
             except Exception as error:  # many kinds: also of tokens, and of slow machines
+                _end_processes(error)
                 self._folder.close()
                 if not tries_left:
                     where, told = address or "this machine", (str(error).splitlines() or [""])[-1]
@@ -187,6 +189,14 @@ class RayCluster:
         """Options of an actor: it needs no core, is started again, and is one of its name."""
         life = {} if self._own else {"lifetime": "detached"}
         return {"num_cpus": 0, "max_restarts": FOREVER, "get_if_exists": True, **life}
+
+
+def _end_processes(failure: Exception) -> None:
+    """Ends what a start that failed has left: Ray itself does so at the end of this process."""
+    for frame, _ in traceback.walk_tb(failure.__traceback__):
+        made = frame.f_locals.get("self")
+        if isinstance(made, ray._private.node.Node):
+            made.kill_all_processes(check_alive=False, allow_graceful=True)  # with what it began
 
 
 def _folder() -> tempfile.TemporaryDirectory[str]:

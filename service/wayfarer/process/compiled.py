@@ -17,6 +17,7 @@ from typing import Any, Final
 import numba
 import numpy as np
 import structlog
+from filelock import FileLock
 from numba.core.dispatcher import Dispatcher
 
 log = structlog.get_logger(__name__)
@@ -46,12 +47,19 @@ def inner(rule: Callable[..., Any]) -> Any:
 
 
 def warm(rule: Any, *arguments: Any) -> None:
-    """Calls a compiled rule once before it is needed, and logs it if that takes seconds."""
+    """Calls a compiled rule once before it is needed, and logs it if that takes seconds. Of the
+    processes that start together one compiles it, and the others wait for its code.
+    """
     folder = rule.stats.cache_path
     if folder is None:
         log.info("compiling a rule; no folder can keep it: set NUMBA_CACHE_DIR", rule=rule.__name__)
     elif not _has_code(rule):
-        log.info("compiling a rule for this machine, once", rule=rule.__name__, kept_in=folder)
+        with FileLock(Path(folder).parent / f"{rule.__name__}.lock"):
+            if not _has_code(rule):  # else another process has compiled it meanwhile
+                told = {"rule": rule.__name__, "kept_in": folder}
+                log.info("compiling a rule for this machine, once", **told)
+            rule(*arguments)
+        return
     rule(*arguments)
 
 

@@ -7,7 +7,7 @@ none blocks it.
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import asynccontextmanager, nullcontext
 from dataclasses import replace
 from typing import Final
 
@@ -75,9 +75,7 @@ class MotionService:
         self._offline = Offline(worlds.settings.limits.offline_jobs)
         self._model_loader = ModelLoader(worlds.models, open_model)
         self._gates = SessionGates()
-        self._creation_lock = (
-            asyncio.Lock()
-        )  # two sessions of one id must not enter different worlds
+        self._entering = set[str]()  # ids of sessions that are being put into a world
         self._world = worlds.live()
         meter, inbox, world = meter or MetricsSink(), Inbox(INBOX), self._world
         self._thread = MotionThread(
@@ -141,13 +139,9 @@ class MotionService:
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
         """Opens a session. Raises AlreadyExists, ResourceExhausted."""
-        async with self._gates.through(spec.scene) if spec.scene else nullcontext():
-            if spec.session_id is None:  # it gets a new id, so there is nothing to wait for
-                made = await self._create_session(spec)
-            else:
-                async with self._creation_lock:
-                    await self._refuse_taken(spec.session_id)
-                    made = await self._create_session(spec)
+        async with self._entered(spec.scene, spec.session_id):
+            with self._homes.opening(spec) as home:
+                made = await home.create_session(spec, self._clock())
             return await self._persistence.durable(made)
 
     async def get_session(self, session_id: str) -> SessionInfo:
@@ -304,9 +298,7 @@ class MotionService:
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
         record = await self._archive.read_session(snapshot, attributes or {})
-        scene = record.spec.scene
-        async with self._gates.through(scene) if scene else nullcontext(), self._creation_lock:
-            await self._refuse_taken(record.session_id)
+        async with self._entered(record.spec.scene, record.session_id):
             with self._homes.opening(record.spec, record) as home:
                 made = await home.put_session(record)
             return await self._persistence.durable(made)
@@ -317,14 +309,25 @@ class MotionService:
 
     # Private
 
-    async def _create_session(self, spec: SessionSpec) -> SessionInfo:
-        with self._homes.opening(spec) as home:
-            return await home.create_session(spec, self._clock())
-
-    async def _refuse_taken(self, session_id: str) -> None:
-        is_live = await self._live.ask(lambda world, _: session_id in world.registry.sessions)
-        if is_live or self._homes.is_stepped(session_id):
-            raise AlreadyExists(f"session {session_id!r} exists already")
+    @asynccontextmanager
+    async def _entered(self, scene: str, session_id: str | None) -> AsyncGenerator[None]:
+        """A session is put into a world meanwhile: two of one id must not enter different worlds.
+        `session_id`: None where it gets a new one. Raises AlreadyExists.
+        """
+        async with self._gates.through(scene) if scene else nullcontext():
+            if session_id is None:
+                yield
+                return
+            taken = AlreadyExists(f"session {session_id!r} exists already")
+            if session_id in self._entering or self._homes.is_stepped(session_id):
+                raise taken
+            self._entering.add(session_id)
+            try:
+                if await self._live.ask(lambda w, _: session_id in w.registry.sessions):
+                    raise taken
+                yield
+            finally:
+                self._entering.remove(session_id)
 
     def _wake(self, warm_up: Callable[[World], None]) -> None:
         """Warms up, then restores the journal. Runs on the motion thread, before its first turn;

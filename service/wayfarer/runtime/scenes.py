@@ -68,13 +68,14 @@ class SceneService:
         """Drops calls that have not started."""
         self._workers.shutdown(wait=False, cancel_futures=True)
 
-    async def create_scene(self, source: SceneSource) -> SceneInfo:
-        """Bakes it, off the motion thread; equal content is baked once.
+    async def create_scene(self, source: SceneSource, scene_id: str = "") -> SceneInfo:
+        """Bakes it, off the motion thread; equal content is baked once. `scene_id`: empty for a
+        new one.
 
-        Raises InvalidArgument that names the field, ResourceExhausted if too many scenes are kept
-        or being baked, or this one is too costly.
+        Raises InvalidArgument that names the field, AlreadyExists, ResourceExhausted if too
+        many scenes are kept or being baked, or this one is too costly.
         """
-        made = await self._work(lambda: self._registry.create(source, self._clock()))
+        made = await self._work(lambda: self._registry.create(source, self._clock(), scene_id))
         return await self._persistence.durable(made)
 
     async def get_scene(self, scene_id: str) -> SceneInfo:

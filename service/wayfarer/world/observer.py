@@ -4,7 +4,6 @@ import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import acos
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +36,9 @@ class Fall:
     hips: float  # their height, relative to that in a stand
 
 
-class WorldObserver(Protocol):
-    """Called on the world's thread, after each change. Must neither block nor raise.
+class WorldObserver:
+    """Called on the world's thread, after each change. Must neither block nor raise. By default a
+    report is ignored.
 
     `seq` is the number of the first chunk to which a change applies: a command applies from the
     planning of that chunk on, a change of an agent from its sending on.
@@ -46,27 +46,21 @@ class WorldObserver(Protocol):
 
     def opened(self, session: Session) -> None:
         """A session was opened, still without agents."""
-        ...
 
     def closed(self, session: Session) -> None:
         """A session has ended; its agents were deleted before."""
-        ...
 
     def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
         """Agents were created, each from its start."""
-        ...
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
         """A goal command was carried out, with its goals moved to reachable places."""
-        ...
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
         """An agent was changed."""
-        ...
 
     def deleted(self, agent: Agent, seq: int) -> None:
         """An agent is about to be removed. Its chunks from `seq` on are not sent."""
-        ...
 
     def planned(
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
@@ -76,25 +70,20 @@ class WorldObserver(Protocol):
         `models` are the stamps of the models that move them. An earlier plan of a chunk with the
         same number is void.
         """
-        ...
 
     def fell(self, falls: Sequence[Fall]) -> None:
         """Agents get up in the chunks that are planned next."""
-        ...
 
     def sent(self, due: Due) -> None:
         """Chunks of a session were taken to be sent."""
-        ...
 
     def stood(self, agents: Sequence[Agent]) -> None:
         """These agents may have moved since they were last reported; see `World.checkpoint`."""
-        ...
 
     def strayed(self, session_id: str, agent_id: str) -> None:
         """After a fault, the agent's motion no longer follows from the reports; without an id, that
         of all agents of the session.
         """
-        ...
 
 
 class Observers:

@@ -8,8 +8,14 @@ from tests.transport.fakes import opened
 from tests.transport.gateway.calls import called_by, caller, session
 from tests.transport.samples import NOW
 from tests.world.fakes import ManualClock
-from wayfarer.errors import Aborted, ResourceExhausted
+from wayfarer.config.limits import Limits
+from wayfarer.endpoint import Endpoint
+from wayfarer.errors import Aborted, Misdirected, ResourceExhausted
+from wayfarer.ids import group_of
+from wayfarer.ownership import SingleNode
 from wayfarer.transport import schema
+from wayfarer.transport.conversion.bodies import BodyLibrary
+from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.idempotency import KEPT, IdempotencyCache
 
 REQUEST = schema.NewSession(request_id="a", basis="unity")
@@ -39,6 +45,39 @@ async def test_agents_that_a_server_made_before_its_end_are_found_and_not_made_a
         for one in (*made.agents, *(await again.agents.create(session_id, other)).agents)
     }
     assert len(ids) == 4
+
+
+async def test_what_a_server_made_before_its_end_is_found_and_not_made_again(service, api):
+    corridor = "corridor", schema.NewExampleScene(request_id="b")
+    alone, scene = await api.sessions.create(REQUEST), await api.scenes.create_example(*corridor)
+    inside = REQUEST.model_copy(update={"request_id": "c", "scene": scene.scene_id})
+    within = await api.sessions.create(inside)
+    assert group_of(within.session_id) == group_of(scene.scene_id) != group_of(alone.session_id)
+    after = await opened(service)  # after a restart, or on the node that has adopted them
+    assert await after.sessions.create(REQUEST) == alone
+    assert (await after.scenes.create_example(*corridor)).scene_id == scene.scene_id
+    assert await after.sessions.create(inside) == within
+    await after.sessions.delete(alone.session_id)
+    again = await opened(service)
+    assert (await again.sessions.create(REQUEST)).created_at_us, "what has ended is made again"
+    assert len(service.scenes.sources) == 1 and service.created == 3
+    with called_by(caller("bob")):
+        assert (await again.sessions.create(REQUEST)).session_id != alone.session_id
+
+
+async def test_a_request_that_another_node_has_answered_is_sent_there(service):
+    there = Endpoint(1, 1001, 2001, "10.0.0.2")
+
+    class Ownership(SingleNode):
+        def endpoint_of(self, name):
+            return there if name.startswith("session-") else None
+
+    bodies = BodyLibrary("anny52")
+    api = Gateway(service, bodies, Limits(), ManualClock(NOW), lambda: None, Ownership())
+    await api.take_over()
+    with pytest.raises(Misdirected) as error:
+        await api.sessions.create(REQUEST)
+    assert error.value.endpoint == there and not service.created
 
 
 async def test_without_an_id_each_is_another(api):
@@ -98,7 +137,7 @@ async def test_replies_are_forgotten_after_ten_minutes(service, clock, api):
 async def test_replies_of_a_caller_are_bounded():
     done = []
 
-    async def act() -> int:
+    async def act(digest: str) -> int:
         done.append(None)
         return len(done)
 

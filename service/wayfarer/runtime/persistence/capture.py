@@ -21,9 +21,7 @@ from wayfarer.world.agents.registry import Session
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.behaviours import known_behaviour
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.observer import Fall, Names, Start
-from wayfarer.world.rows import Index
-from wayfarer.world.stepping.due import Due
+from wayfarer.world.observer import Start, WorldObserver
 from wayfarer.world.world import World
 
 
@@ -69,8 +67,11 @@ def capture_planned(world: World, session_id: str) -> CapturedSession:
     )
 
 
-class JournalObserver:
-    """Puts what changes in a world into the journal. A `WorldObserver`."""
+class JournalObserver(WorldObserver):
+    """Puts what changes in a world into the journal.
+
+    Planned chunks that are not sent are made again after a restart.
+    """
 
     def __init__(self, journal: Journal, world: World) -> None:
         self._journal = journal
@@ -101,20 +102,6 @@ class JournalObserver:
     def deleted(self, agent: Agent, seq: int) -> None:
         """Forgets the agent."""
         self._journal.put(no_agents([agent.agent_id]))
-
-    def planned(
-        self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
-    ) -> None:
-        """Planned chunks that are not sent are made again after a restart."""
-
-    def fell(self, falls: Sequence[Fall]) -> None:
-        """Where agents stand tells as much."""
-
-    def sent(self, due: Due) -> None:
-        """Places are kept by `stood`, less often than chunks are sent."""
-
-    def strayed(self, session_id: str, agent_id: str) -> None:
-        """Where agents stand is kept as before."""
 
     def stood(self, agents: Sequence[Agent]) -> None:
         """Keeps where agents stand."""

@@ -19,7 +19,7 @@ from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Session
 from wayfarer.world.behaviours import Behaviour, Routine
 from wayfarer.world.goals.commands import Append, GoalCommand, Path
-from wayfarer.world.observer import Fall, Names, Start
+from wayfarer.world.observer import Names, Start, WorldObserver
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.due import Due
 
@@ -151,8 +151,8 @@ class CommandLog:
     overflowed: bool = False
 
 
-class Recordings:
-    """The logs of recorded sessions. A `WorldObserver` of any number of worlds.
+class Recordings(WorldObserver):
+    """The logs of recorded sessions, of any number of worlds.
 
     A log belongs to one session, and so to the thread of its world.
     """
@@ -233,12 +233,6 @@ class Recordings:
             if found := self._tracks.get(agent_id):
                 log, track = found
                 self._grow(log, track.plan(ChunkRun(seq, candidates, model)))
-
-    def fell(self, falls: Sequence[Fall]) -> None:
-        """Follows from what is noted."""
-
-    def stood(self, agents: Sequence[Agent]) -> None:
-        """A log holds no places."""
 
     def strayed(self, session_id: str, agent_id: str) -> None:
         """Their tracks end here: what follows could not be played again."""

@@ -30,17 +30,21 @@ class AgentApi:
         self._context.require_ready()
         self._context.sessions.session(session_id)
         return await self._context.replies.once(
-            request.request_id, (session_id, request), lambda: self._create(session_id, request)
+            request.request_id,
+            (session_id, request),
+            lambda digest: self._create(session_id, request, digest),
         )
 
-    async def _create(self, session_id: str, request: schema.NewAgents) -> schema.Agents:
+    async def _create(
+        self, session_id: str, request: schema.NewAgents, digest: str
+    ) -> schema.Agents:
         session = self._context.sessions.session(session_id)
         most, count = self._context.limits.agents_per_call, len(request.agents)
         if count > most:
             raise InvalidArgument(f"1 to {most} agents per call, not {count}", "agents")
         names = list[str]()
-        if request.request_id:
-            names = agent_ids(session_id, request.model_dump_json(), count)
+        if digest:
+            names = agent_ids(session_id, digest, count)
             if known := [name for name in names if name in session.aliases]:
                 # made before, and the reply is lost: with the node's life, or by a restart
                 get = self._context.service.get_agent

@@ -37,7 +37,7 @@ async def finish(work: Coroutine[Any, Any, Reply]) -> Reply:
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    request: bytes  # SHA-256 of the request
+    request: str  # SHA-256 of the request
     outcome: asyncio.Task[Any]
     until: float
 
@@ -53,22 +53,24 @@ class IdempotencyCache:
         self,
         request_id: str,
         request: tuple[str, BaseModel],
-        act: Callable[[], Coroutine[Any, Any, Reply]],
+        act: Callable[[str], Coroutine[Any, Any, Reply]],
     ) -> Reply:
-        """The outcome of `act()`, or that of the same request under the same id before.
+        """The outcome of `act`, or that of the same request under the same id before. `act` gets a
+        digest of the caller and the request, or an empty text for a request without an id.
 
         `request` is the address and the content of the request. A duplicate of a request in
         progress waits for it; a request that failed may be tried again. A caller that disconnects
         does not cancel its request. Raises Aborted if the id belonged to another request.
         """
         if not request_id:
-            return await finish(act())
+            return await finish(act(""))
         kept = self._of_caller()
         where, what = request
-        digest = sha256(f"{where}\n{what.model_dump_json()}".encode()).digest()
+        told = f"{current_caller().name}\n{where}\n{what.model_dump_json()}"
+        digest = sha256(told.encode()).hexdigest()
         known = kept.get(request_id)
         if known is None:
-            outcome = asyncio.get_running_loop().create_task(act())
+            outcome = asyncio.get_running_loop().create_task(act(digest))
             known = kept[request_id] = _Kept(digest, outcome, self._clock() + KEPT_S)
             outcome.add_done_callback(lambda done: _forget_failed(kept, request_id, done))
             while len(kept) > KEPT:

@@ -17,6 +17,8 @@ from wayfarer.errors import (
     NotFound,
     Unavailable,
 )
+from wayfarer.ids import request_group
+from wayfarer.ids import scene_id as new_scene_id
 from wayfarer.navigation.examples import EXAMPLES
 from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
 from wayfarer.transport import schema
@@ -51,10 +53,10 @@ class SceneApi:
         """Makes a scene. Raises InvalidArgument, Aborted, ResourceExhausted, Unavailable."""
         self._context.require_ready()
 
-        async def make() -> schema.Scene:
+        async def make(digest: str) -> schema.Scene:
             with scene_convert.fields_named(request.solids):
                 return await self._create(
-                    request, request.name, lambda: scene_convert.scene_spec(request)
+                    request, request.name, lambda: scene_convert.scene_spec(request), digest
                 )
 
         return await self._context.replies.once(request.request_id, ("CreateScene", request), make)
@@ -73,10 +75,10 @@ class SceneApi:
             def mesh() -> MeshFile:
                 return scene_convert.mesh_file(request.mesh, scene.basis, data)
 
-            async def make() -> schema.Scene:
+            async def make(known_as: str) -> schema.Scene:
                 with scene_convert.fields_named(scene.solids):
                     return await self._create(
-                        scene, scene.name, lambda: scene_convert.scene_spec(scene, mesh())
+                        scene, scene.name, lambda: scene_convert.scene_spec(scene, mesh()), known_as
                     )
 
             where = f"CreateMeshScene {digest}"
@@ -102,17 +104,24 @@ class SceneApi:
         return await self._context.replies.once(
             request.request_id,
             (f"CreateExampleScene {name}", request),
-            lambda: self._create(request, name, EXAMPLES[name]),
+            lambda digest: self._create(request, name, EXAMPLES[name], digest),
         )
 
     async def _create(
-        self, request: NewScene, name: str, spec: Callable[[], SceneSpec]
+        self, request: NewScene, name: str, spec: Callable[[], SceneSpec], digest: str
     ) -> schema.Scene:
+        scene_id = ""
+        if digest:
+            group = request_group(current_caller().name, request.request_id)
+            scene_id = new_scene_id(group, digest)
+            if scene_id in self._context.scenes.ids():  # made before, and the reply is lost
+                return await self.get(scene_id)
+            self._context.residence.require_own(scene_id)
         kept = attributes(request, SCENE_LEASE_S, self._context.limits)
         with self._context.scenes.room(current_caller()):
             source = SceneSource(await asyncio.to_thread(spec), name, kept)
             with convert.in_basis(request.basis.axes):
-                info = await self._context.service.scenes.create_scene(source)
+                info = await self._context.service.scenes.create_scene(source, scene_id)
             made = self._context.scenes.open(info).describe(info)
         await self._context.residence.claimed(made.scene_id)
         return made

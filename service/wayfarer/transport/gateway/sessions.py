@@ -5,6 +5,7 @@ import secrets
 import structlog
 
 from wayfarer.errors import InvalidArgument, Misdirected, NotFound, Unavailable
+from wayfarer.ids import group_of, request_group, session_id
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.edge.caller import current_caller
@@ -28,14 +29,24 @@ class SessionApi:
         """Opens a session. Raises InvalidArgument, NotFound, Aborted, ResourceExhausted."""
         self._context.require_ready()
         return await self._context.replies.once(
-            request.request_id, ("CreateSession", request), lambda: self._create(request)
+            request.request_id,
+            ("CreateSession", request),
+            lambda digest: self._create(request, digest),
         )
 
-    async def _create(self, request: schema.NewSession) -> schema.Session:
-        caller = current_caller()
+    async def _create(self, request: schema.NewSession, digest: str) -> schema.Session:
+        caller, name = current_caller(), ""
         if request.scene:
             self._context.scenes.scene(request.scene)
+        if digest:
+            alone = request_group(caller.name, request.request_id)
+            name = session_id(group_of(request.scene) if request.scene else alone, digest)
+            await self.end_expired()
+            if self._context.sessions.scene_of(name) is not None:  # made before; the reply is lost
+                return await self.get(name)
+            self._context.residence.require_own(name)
         spec = SessionSpec(
+            session_id=name or None,
             seed=secrets.randbits(32) if request.seed is None else request.seed,
             lock_step=request.lock_step,
             record=request.record,

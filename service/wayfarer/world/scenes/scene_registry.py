@@ -110,16 +110,18 @@ class SceneRegistry:
 
     # Life of a scene
 
-    def create(self, source: SceneSource, now: float) -> SceneInfo:
-        """Bakes it, unless there is one of equal content. Takes time.
+    def create(self, source: SceneSource, now: float, scene_id: str = "") -> SceneInfo:
+        """Bakes it, unless there is one of equal content. Takes time. `scene_id`: empty for a new
+        one.
 
-        Raises InvalidArgument that names the field, ResourceExhausted.
+        Raises InvalidArgument that names the field, AlreadyExists, ResourceExhausted.
         """
         check_name(source.name, "name", least=0)
         self._check_room()
         started = time.perf_counter()
         scene = self._alike(source.spec) or self._baked(source.spec)
-        return self._add(source, scene, now, time.perf_counter() - started)
+        scene_id = scene_id or new_scene_id(self._new_group())
+        return self._add(scene_id, source, scene, now, time.perf_counter() - started)
 
     def prepare(self, spec: SceneSpec) -> None:
         """Bakes a scene for a later `restore`. Takes time. Raises as `create`."""
@@ -157,7 +159,8 @@ class SceneRegistry:
 
     def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
         """Keeps a scene that has been baked already. Raises ResourceExhausted."""
-        return self._add(SceneSource(scene.spec, name), scene, now, 0.0)
+        scene_id = new_scene_id(self._new_group())
+        return self._add(scene_id, SceneSource(scene.spec, name), scene, now, 0.0)
 
     def delete(self, scene_id: str) -> None:
         """Raises NotFound, FailedPrecondition while sessions are in it."""
@@ -263,8 +266,10 @@ class SceneRegistry:
         finally:
             self._queue.release()
 
-    def _add(self, source: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
-        entry = SceneEntry(new_scene_id(self._new_group()), source, scene, scene, now, bake_s)
+    def _add(
+        self, scene_id: str, source: SceneSource, scene: Scene, now: float, bake_s: float
+    ) -> SceneInfo:
+        entry = SceneEntry(scene_id, source, scene, scene, now, bake_s)
         with self._lock:
             self._check_room()
             self._enter(entry)
