@@ -6,6 +6,8 @@ import websockets
 from grpc_health.v1 import health_pb2_grpc
 
 from tests.transport.fakes import FakeService, gateway
+from tests.transport.samples import NOW
+from tests.world.fakes import ManualClock
 from wayfarer.config.limits import Limits
 from wayfarer.transport.server import Server
 from wayfarer.v1 import (
@@ -29,7 +31,8 @@ class Rig:
 
     def __init__(self) -> None:
         self.service = FakeService()
-        self.gateway = gateway(self.service, LIMITS)
+        self.clock = ManualClock(NOW)
+        self.gateway = gateway(self.service, LIMITS, self.clock)
         self.server = Server(self.gateway, "127.0.0.1", 0, 0)
 
     async def __aenter__(self) -> "Rig":

@@ -67,6 +67,22 @@ async def test_a_quiet_session_gives_signs_of_life(rig, monkeypatch):
         assert [await anext(blocks) for _ in range(3)] == [[":"]] * 3
 
 
+async def test_a_session_whose_agents_move_without_events_gives_signs_of_life(rig, monkeypatch):
+    monkeypatch.setattr("wayfarer.transport.streams.stream.HEARTBEAT_S", 10.0)
+    session_id, _ = await rig.session()
+    async with reading(rig, session_id) as blocks:
+        assert await anext(blocks) == [":"]
+        rig.clock.now += 10
+        rig.service.emit(session_id)
+        rig.service.emit(session_id, REACHED)
+        assert await anext(blocks) == [":"]
+        assert fields(await anext(blocks))["event"] == "goal_reached"
+        rig.clock.now += 9
+        rig.service.emit(session_id)
+        rig.service.emit(session_id, DONE)
+        assert fields(await anext(blocks))["event"] == "path_done"
+
+
 async def test_events_end_with_their_session(rig):
     session_id, _ = await rig.session()
     async with reading(rig, session_id) as blocks:

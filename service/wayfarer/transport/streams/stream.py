@@ -160,11 +160,13 @@ class MotionStream:
         yield None
         async with aclosing(self._publications()) as publications:
             async for published in publications:
-                if published is None:
-                    yield None
-                    continue
-                for token, event in self._fresh(published)[1]:
+                for token, event in self._fresh(published)[1] if published else []:
+                    self._sent_at = self._clock()
                     yield token, event_message(event, self._axes)
+                # while agents move, publications without events follow each other
+                if published is None or self._clock() - self._sent_at >= HEARTBEAT_S:
+                    self._sent_at = self._clock()
+                    yield None
         if self._error:
             if isinstance(self._error, Unavailable):
                 yield "", event_message(self._draining(), self._axes)
