@@ -25,7 +25,7 @@ _ROUND: Final = 1 / cos(pi / 4 / _ARC)
 _GAP: Final = 1e-3
 """Metres by which a hole is enlarged, so that it leaves no crack."""
 _STRAIGHT: Final = 1e-7
-"""A point that is this close to the line between its neighbours is no corner, metres."""
+"""Metres: a point is no corner if the next one is this close to the line of its incoming edge."""
 MAX_MESH_TRIANGLES: Final = 200_000
 
 
@@ -98,7 +98,8 @@ def repair(
 ) -> NavMesh:
     """The mesh after a change on layer `number`: only triangles that meet the change are replaced.
 
-    opened, closed: grown outlines of removed and added obstacles; others: of those nearby.
+    `opened`, `closed`, `others`: grown outlines of the removed obstacle, of the added one, and of
+    all that stand nearby afterwards.
     """
     change = shapely.buffer(shapely.union(opened, closed), _GAP)
     hit = mesh.touching(change)
@@ -131,7 +132,7 @@ def _without_spare_corners(area: shapely.Geometry, neighbours: Array) -> shapely
 
     def needed(ring: shapely.LinearRing) -> Array:
         spots = shapely.get_coordinates(ring)[:-1]
-        # of corners that coincide one stays: beside another each of them would look straight
+        # One of several corners at one place stays: an edge without length makes all look straight.
         apart = np.linalg.norm(spots - np.roll(spots, 1, 0), axis=1) > _STRAIGHT
         spots = spots[apart | are_shared(spots)]
         before, after = spots - np.roll(spots, 1, 0), np.roll(spots, -1, 0) - spots

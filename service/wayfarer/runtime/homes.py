@@ -101,7 +101,7 @@ class Homes:
     async def create_agents(
         self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
     ) -> list[AgentInfo]:
-        """Implements `MotionService`, as do the methods below."""
+        """See `MotionService`."""
         home = self.of(session_id)
         if home is self.live:
             return await home.create_agents(session_id, specs, names)

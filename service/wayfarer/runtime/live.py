@@ -99,7 +99,7 @@ class LiveMotion:
         self._workshop.shutdown(wait=False, cancel_futures=True)
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
-        """Calls on the thread, with the world and its time. Must be quick.
+        """Runs `call` on the thread, with world and time. `call` must be quick.
 
         Raises Unavailable, or what `call` raises.
         """
@@ -108,9 +108,7 @@ class LiveMotion:
     # Sessions
 
     async def create_session(self, spec: SessionSpec, at: float | None = None) -> SessionInfo:
-        """Implements `MotionService`, as do the methods below. `at`: Unix seconds; None: the time
-        in its world.
-        """
+        """See `MotionService`. `at`: Unix seconds; None: the world's time."""
         with self._counted("create_session"):
             return await self.ask(
                 lambda world, now: world.create_session(spec, now if at is None else at)
@@ -131,7 +129,7 @@ class LiveMotion:
     async def create_agents(
         self, session_id: str, specs: Sequence[AgentSpec], names: Sequence[str] = ()
     ) -> list[AgentInfo]:
-        """Implements `MotionService`."""
+        """See `MotionService`."""
         # A lack of room is reported at once, even if the motion thread is busy. Skinning start
         # poses takes about a millisecond each, so it does not run on the motion thread.
         with (
@@ -146,7 +144,7 @@ class LiveMotion:
             )
 
     async def delete_agent(self, agent_id: str) -> None:
-        """Implements `MotionService`."""
+        """See `MotionService`."""
         await self.ask(lambda *_: self._delete_agent(agent_id))
 
     async def use_model(self, name: str) -> int:
@@ -168,7 +166,7 @@ class LiveMotion:
         )
 
     async def put_live(self, session: SessionCopy, admit: bool) -> SessionInfo:
-        """Enters a session from another server, frozen; see `Membership.put_session`."""
+        """Adds a session from another server, still frozen; see `Membership.put_session`."""
         with self._counted("import_session"):
             await self._off_thread(self._world.members.examine, session.record)
             return await self.ask(lambda world, now: self._put_live(world, session, now, admit))
@@ -176,14 +174,14 @@ class LiveMotion:
     # Streams
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
-        """Implements `MotionService`. A subscription dropped without `close` is forgotten too."""
+        """See `MotionService`. A subscription dropped without `close` is forgotten too."""
         subscription = Subscription(
             session_id, options, self._world.settings.limits, self._meter, self._clock
         )
         await self.ask(lambda _, now: self._subscribe(subscription, now))
         return subscription
 
-    # Private; methods that are not `async` run on the thread
+    # Private
 
     @contextmanager
     def _counted(self, command: str) -> Iterator[None]:
@@ -210,26 +208,23 @@ class LiveMotion:
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._workshop, call, argument)
 
+    # For callers that alone use the world, such as its thread
+
     def await_goal(self, agent_id: str, revision: int, since: float) -> None:
-        """Starts to measure the time until the first chunk of a goal, for callers on the motion
-        thread.
-        """
+        """Starts to measure the time until the first chunk of a goal."""
         session_id = self._world.session_of(agent_id)
         self._publisher.await_goal(session_id, agent_id, revision, since)
 
     def adopt(
         self, record: SessionRecord, admit: bool = True, examined: bool = False
     ) -> SessionInfo:
-        """`put_session` for callers that alone use the world, such as `warm_up`."""
+        """Resumes a session of another server or of the journal; see `Membership.put_session`."""
         session = self._world.members.put_session(record, self._clock(), admit, examined)
         self._publisher.adopt(record)
         return session.info()
 
     def set_aside(self, session_id: str, why: str) -> None:
-        """Removes a session that cannot continue; `why` is one of `SET_ASIDE`.
-
-        Must be called on the motion thread.
-        """
+        """Removes a session that cannot continue; `why` is one of `SET_ASIDE`."""
         log.error("a session is set aside: it cannot go on", session=session_id, why=why)
         self._meter.set_aside(why)
         self._keep_aside(session_id)

@@ -45,7 +45,7 @@ class LoopStats:
     held_steps: int = 0  # agent steps left out for lack of time since the agent idles, since start
     coasted_steps: int = 0  # steps without the model, of agents seen at most as a root, since start
     refused_agents: int = 0  # not created, since they could not be stepped in time, since start
-    mended_steps: int = 0  # agent steps with a joint kept within a body's limits, since start
+    mended_steps: int = 0  # agent steps with a knee kept within its limits, since start
     journal_failing: bool = False  # whether present changes would be lost with the process
 
 

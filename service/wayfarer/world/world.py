@@ -339,7 +339,7 @@ class World:
 
         It uses the degradation level that the load requires, unless `level` is given. If the level
         says so, agents that are seen only as a root coast first, and due agents with nothing to do
-        are held. None: no other agent is due.
+        are held. None: there is no batch to step.
         """
         frame, self.faults.now = self._timeline.frame(now), now
         self._scene_context.refresh()

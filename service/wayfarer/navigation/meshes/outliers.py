@@ -22,11 +22,11 @@ APART: Final = 3.0
 SHARE: Final = 0.01
 """The same, as a share of the scene's extent."""
 WIDER: Final = 1.5
-"""A dome is wider than what lies below it by this factor, either side."""
+"""A dome is wider than the rest by this factor, along both axes."""
 LOOKS_UP: Final = (10.0, 25.0, 45.0, 65.0)
 SEEN: Final = 0.75
-"""A dome is looked for at this elevation (degrees), all around; it covers at least this share of
-the looks, since many domes are open at the top."""
+"""Elevations, in degrees, at which a dome is looked for all around, and the minimum share of these
+looks that meet it: many domes are open at the top."""
 SMALL: Final = 0.05
 """A part that is left out has at most this share of the largest part's level surface."""
 FINE_AREA: Final = 5_000.0
@@ -124,7 +124,7 @@ def _dome_of(
 
 
 def _covers(part: Array, rest: Array) -> bool:
-    """Whether a part is much wider than all else, and is seen from there all around like a sky."""
+    """Whether a part is much wider than the rest and, seen from on top of that, covers the sky."""
     if len(rest) == 0:
         return False
     low, high = part.min((0, 1)), part.max((0, 1))

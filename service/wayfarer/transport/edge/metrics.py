@@ -255,7 +255,7 @@ class _Stand(Collector):
             ("held_steps", "Those left out, the agent being idle", now.held_steps),
             ("coasted_steps", "Those made without the model, seen as a root", now.coasted_steps),
             ("refused_agents", "Agents refused for want of time", now.refused_agents),
-            ("mended_steps", "Those with a joint kept within its limits", now.mended_steps),
+            ("mended_steps", "Those with a knee kept within its limits", now.mended_steps),
             ("agent_resets", "Agents put back to a stand", now.resets),
             ("loop_failures", "Turns of the loop that raised", now.failures),
         ):

@@ -93,7 +93,7 @@ class Stats(Message):
     )
     refused_agents: int = Field(description="agents refused because time was short, since start")
     mended_steps: int = Field(
-        description="agent steps with a joint kept within what bodies can do, since start"
+        description="agent steps with a knee kept within its limits, since start"
     )
     journal_failing: bool = Field(
         description="true: changes cannot be written, and would not survive a restart"

@@ -34,7 +34,7 @@ SHUTDOWN: Final = "the server is shutting down"
 
 
 class MotionStream:
-    """Turns publications into messages and introduces each agent before its first chunk."""
+    """Turns publications into messages. The batch with an agent's first chunk introduces it."""
 
     def __init__(
         self,
@@ -50,8 +50,8 @@ class MotionStream:
     ) -> None:
         """`followed`: see `filter_mark`. `since`: progress of the reader's earlier stream.
 
-        `gone`: aliases of deleted agents that it may still show. `interest`: rings and viewpoints;
-        None: all agents have the same detail. `axes`: of the session's basis.
+        `gone`: aliases of deleted agents that the reader may still show. `interest`: rings and
+        viewpoints; None: all agents have the same detail. `axes`: of the session's basis.
         """
         self._service = service
         self._session_id = session_id
@@ -79,7 +79,7 @@ class MotionStream:
         self._gone.add(alias)
 
     def end(self, error: WayfarerError) -> bool:
-        """Ends it with `error`; returns False if it was ending already."""
+        """Ends the stream with `error`; returns False if it was ending already."""
         if self._error is not None:
             return False
         self._error = error
@@ -112,8 +112,8 @@ class MotionStream:
         encoded StreamMotionResponse.
 
         `writers`: one for each ring, or one alone. `most`: maximum bytes of a message; 0: no limit.
-        Raises the error that it was ended with; Unavailable after an event that says so. Close it
-        with `aclose`.
+        Raises the error of `end`; if that is Unavailable, an event DRAINING comes before it. Close
+        it with `aclose`.
         """
         yield self._response(header=self._header(writers, resume_s))
         portions = PortionWriter(writers, most)
@@ -154,8 +154,8 @@ class MotionStream:
     async def events(self) -> AsyncGenerator[tuple[str, motion_pb2.Event] | None]:
         """Yields only events, each with its resume token; None at once, and as a heartbeat.
 
-        Raises the error that it was ended with; Unavailable after an event that says so. Close it
-        with `aclose`.
+        Raises the error of `end`; if that is Unavailable, an event DRAINING comes before it. Close
+        it with `aclose`.
         """
         yield None
         async with aclosing(self._publications()) as publications:
@@ -222,7 +222,7 @@ class MotionStream:
     def _progress(self, published: Publication, events: int | None, later: int = 0) -> str:
         """The resume token after `events` events of a publication; None: after all of it.
 
-        `later`: counts from the publication that is this many positions later.
+        `later`: takes the publication that is this many positions later; -1: the one before.
         """
         position = published.position + later
         return Progress(self._subscription.epoch, position, events, self._followed).token()

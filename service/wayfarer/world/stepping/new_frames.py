@@ -54,10 +54,10 @@ def corrected(
     frames: NewFrames,
 ) -> tuple[Flags, Float, Float]:
     """Changes `frames` of A agents by the `acting` ones of `CORRECTIONS`. Returns which of them had
-    a joint beyond a body's limits, and their posture at the end; see `bear_rows`.
+    a knee beyond its limits, and their posture at the end; see `bear_rows`.
 
-    `mode` is theirs during the step, `seed` the frames before it, and `lock` who wants the foot
-    lock [A], and how far markers follow legs (see footlock.py).
+    `mode` is theirs during the step, `seed` the frames before it. `lock`: which agents want the
+    foot lock [A], and how far markers follow legs (see footlock.py).
     """
     acts = tuple(name in acting for name in CORRECTIONS)
     mended, (upright, hips) = np.zeros(len(mode), np.bool_), np.empty((2, len(mode)), np.float32)

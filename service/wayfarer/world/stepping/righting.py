@@ -1,11 +1,9 @@
 """Straightens up leaning bodies, which nothing else does.
 
-The model continues from a person's stand, and nothing in it penalises leaning. Without this rule 16
-and 29 of 48 people that stood for a minute leaned by more than 32 degrees and had to get up (two
-seeds). With it none and one had to, and 95 in 100 lean by less than 13 degrees. Every step removes
-a part of the lean beyond `MOST`, with a rotation of the spine that is spread over the new frames.
-The markers from which the next step starts get the same rotation, and the next primitive follows
-them.
+The model continues from a person's stand, and nothing in it penalises leaning; docs/models.md has
+how many people fell without this rule. Every step removes a part of the lean beyond `MOST`, or
+`MOST_ON_THE_SPOT`, with a rotation of the spine that is spread over the new frames. The markers
+from which the next step starts get the same rotation, and the next primitive follows them.
 
 World space, metres, radians. Pure functions of columns: rows do not influence each other.
 """

@@ -1,6 +1,4 @@
-"""Decides which agents are stepped or held, and when. It handles slots and frames, and ignores the
-meaning of tensors.
-"""
+"""Decides which agents are stepped, and when; their new frames enter playback."""
 
 from collections.abc import Callable
 from functools import partial
@@ -40,10 +38,9 @@ from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.unstepped import Unstepped
 
 PATIENCE: Final = (0.0, 0.375)
-"""Maximum wait of a due agent for others, when time is short: by `Sight`, as a share of the time
-after which its primitive is left out, so that no wait is endless. The others coast.
+"""Maximum wait of a due agent for others while time is short, for the sights NEAR and FAR: a share
+of the time after which its primitive is left out, so that no wait is endless.
 """
-
 
 REPLANNED, ARRIVED, REDUCED, FIRST = (
     np.uint8(flag)
@@ -100,7 +97,7 @@ class Scheduler:
         self._engine_calls = 0  # begun so far
         self.under_way = 0  # calls that are not finished
         self.resets = 0  # rows so far that could not be shown, or had fallen
-        self.mended_steps = 0  # rows with a joint beyond a body's limits
+        self.mended_steps = 0  # rows with a knee that was put back within its limits
         self.reduced_steps = 0  # rows stepped with fewer candidates than requested
         self.unstepped = Unstepped(
             table=table,
@@ -128,11 +125,12 @@ class Scheduler:
     def begin(
         self, frame: float, level: DegradationLevel | None = None, launch: Launch = at_once
     ) -> PendingStep | None:
-        """Starts an engine call for agents due by world frame `frame`; see `schedule`.
+        """Starts an engine call for agents that are due by world frame `frame`, or soon after it;
+        see `schedule`.
 
-        Tries as many candidates as `level` allows, or otherwise as steering requests. None: no
-        agent is due. Until `finish`, agents in the call are not due; the plan of an agent that is
-        replanned or leaves is lost.
+        Tries as many candidates as steering requests, or fewer if `level` allows fewer. None: there
+        is no batch to step. Until `finish`, agents in the call are not due; the plan of an agent
+        that is replanned or leaves is lost.
         """
         ready = self.schedule(frame, level)
         if ready is None:
@@ -167,12 +165,12 @@ class Scheduler:
         """A batch with the agent that is due first, and the agents that fit into it whose next
         chunks are shown first. So a replanned agent, which has less time, goes before others.
 
-        While no call is in progress, a full batch of agents that are due soon need not wait for it.
+        If no call is in progress, agents that are due soon are stepped once they fill a batch.
         """
         slots = self._table.rows
         rows = self._due(frame + self._company)
         if level is not None and level.by_sight:
-            rows = rows[slots.sight[rows] < Sight.ROOT]  # coasting agents that are not due yet
+            rows = rows[slots.sight[rows] < Sight.ROOT]  # the others coast
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any() and (self.under_way or len(rows) < self._full):
             return None
@@ -304,7 +302,7 @@ class Scheduler:
             self._apply(batch.take(some), outputs)
 
     def _try_engine(self, batch: Batch) -> None:
-        """Steps no agent. An error of this is the engine's fault, and no agent's."""
+        """Steps a dummy. If it fails too, it raises: the fault is the engine's, no agent's."""
         inputs = pad(dummy_inputs(1, batch.candidates), self._sizes)
         self._models.numbered(batch.model).engine.step(batch.gender, inputs)
 
@@ -328,9 +326,10 @@ class Scheduler:
     def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
         """The rows of a batch, and how many of them cannot wait.
 
-        Agents that are not near wait for others (`PATIENCE`), and fill their batch: a call with few
-        rows takes half as long as a full one, so small calls would delay everybody. When no other
-        agent is due, they go, a few at a time, and agents that become due meanwhile wait for them.
+        A due agent that is not near waits for agents that cannot wait (`PATIENCE`), and joins their
+        batch: a call with few rows takes half as long as a full one, so small calls would delay
+        everybody. When all due agents can wait, they are stepped all the same, at most `_full` in a
+        call, and agents that become due meanwhile wait for that call.
         """
         is_due, waited = self._playback.is_due(rows, frame), self._playback.waited(rows, frame)
         patience = np.where(is_due, self._patience[self._table.rows.sight[rows]], 0)
