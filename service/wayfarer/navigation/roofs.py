@@ -16,7 +16,7 @@ Array = NDArray[np.floating[Any]]
 SHARE: Final = 0.5
 """An island is a roof if at least this share of its area lies over another one."""
 SAMPLES: Final = 40
-"""Most triangles of an island that are checked, the largest first."""
+"""Maximum number of an island's triangles that are checked, the largest first."""
 
 
 class Roof(NamedTuple):

@@ -31,7 +31,7 @@ class Archive:
         self._limits = worlds.settings.limits
 
     async def export_session(self, home: LiveMotion, session_id: str) -> bytes:
-        """Implements `MotionService`, as do the methods below."""
+        """See `MotionService`."""
         for _ in range(SETTLE_TRIES):
             if await home.ask(lambda world, _: world.members.is_settled(session_id)):
                 break
@@ -60,12 +60,12 @@ class Archive:
         return replace(record, spec=replace(record.spec, attributes=own))
 
     async def export_log(self, home: LiveMotion, session_id: str) -> bytes:
-        """Implements `MotionService`."""
+        """See `MotionService`."""
         log = await home.ask(lambda world, _: self._log(world, session_id))
         return await asyncio.to_thread(encode_log, log, self.origin)
 
     def replay(self, log: bytes) -> Iterator[Publication]:
-        """Implements `MotionService`."""
+        """See `MotionService`."""
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 

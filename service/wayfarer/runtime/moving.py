@@ -127,7 +127,7 @@ class LiveMoves:
 
     async def replica(self, session_id: str) -> bytes:
         """Packs its present state, from which another server resumes it after this one has ended.
-        Its streams and its log are not in it. Raises NotFound.
+        Not in it: its recording and, in real time, the progress of its streams. Raises NotFound.
         """
         home = self._homes.of(session_id)
         if not self._homes.is_stepped(session_id):

@@ -1,7 +1,7 @@
 """Runs engine calls beside the motion thread.
 
-Two calls are in progress at a time, in order. When one is complete the next is already submitted,
-so the engine's threads never wait for Python.
+At most two calls are in progress at a time, and they are taken out in order. While agents are due,
+the next call is submitted before one is complete, so the engine's threads do not wait for Python.
 """
 
 from collections.abc import Callable, Iterator

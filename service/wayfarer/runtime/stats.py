@@ -1,4 +1,4 @@
-"""Figures of the loop over the last seconds."""
+"""Figures of the loop, for dashboards and the viewer."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ LATE_SECONDS: Final = 1 / FPS
 
 @dataclass(frozen=True, slots=True)
 class LoopStats:
-    """Health of the loop over the last few seconds."""
+    """Figures of the loop: now, over the last seconds, or since start."""
 
     agents: int
     sessions: int

@@ -134,7 +134,9 @@ class MotionThread:
 
     @property
     def alive(self) -> bool:
-        """Whether it warms up, or a turn and every engine call ended within the last second."""
+        """Whether it warms up, or has begun a turn within the last second and no engine call takes
+        longer than that.
+        """
         if self._phase is Phase.WARMING:
             return self._thread.is_alive()
         now = self.clock()
@@ -168,7 +170,7 @@ class MotionThread:
     def _turn(self, now: float) -> int:
         """Applies completed engine calls, schedules and runs due steps, publishes.
 
-        Returns how many steps were applied.
+        Returns how many engine calls were applied.
         """
         self._keep_schedule(now)  # first: overdue chunks are rescheduled, not sent late
         self._forget(self._world.crowds.tend(now), now)

@@ -49,7 +49,7 @@ class StreamOptions:
 
     agent_ids: tuple[str, ...] = ()  # empty: all agents of the session, later ones too
     slow_reader: SlowReader = SlowReader.DROP_OLDEST
-    resume: Resume | None = None  # of an earlier subscription to the same agents
+    resume: Resume | None = None  # of an earlier subscription to the session
     hold_s: float = 30.0  # HOLD: longest time that agents wait; the session's lease
     roots: bool = False  # whether publications must have roots
     events_only: bool = False  # it shows no agents

@@ -271,7 +271,9 @@ class Subscription:
         )
 
     def _next(self) -> Publication | None:
-        """The publications that may be yielded now, opening and losses first."""
+        """The next publication that may be yielded now, opening and losses first; None: there is
+        none.
+        """
         if self._opening is not None:
             opening, self._opening = self._opening, None
             return opening

@@ -17,7 +17,7 @@ sight is `hidden`. Between tiers, the sequence numbers continue without a flag.
 * A resumed stream states rings and viewpoints again; the server keeps nothing of the former stream.
 Its first chunk of an agent within the rings has no FIRST, as after every resume; agents outside are
 `hidden`.
-* Packing is shared (`codec/tier_encoder.py`): a chunk is packed once per basis and format, when the
+* Packing is shared (`codec/encoder.py`): a chunk is packed once per basis and format, when the
 first reader needs it in that tier.
 * The motion thread receives how well each agent is seen (`runtime/streams/sights.py`): when time is
 short, it steps agents in the innermost ring first.

@@ -112,8 +112,8 @@ class MotionStream:
         encoded StreamMotionResponse.
 
         `writers`: one for each ring, or one alone. `most`: maximum bytes of a message; 0: no limit.
-        Raises the error of `end`; if that is Unavailable, an event DRAINING comes before it. Close
-        it with `aclose`.
+        Raises the subscription's error, or that of `end`: an event DRAINING comes before the latter
+        if it is Unavailable. Close it with `aclose`.
         """
         yield self._response(header=self._header(writers, resume_s))
         portions = PortionWriter(writers, most)
@@ -154,8 +154,8 @@ class MotionStream:
     async def events(self) -> AsyncGenerator[tuple[str, motion_pb2.Event] | None]:
         """Yields only events, each with its resume token; None at once, and as a heartbeat.
 
-        Raises the error of `end`; if that is Unavailable, an event DRAINING comes before it. Close
-        it with `aclose`.
+        Raises the subscription's error, or that of `end`: an event DRAINING comes before the latter
+        if it is Unavailable. Close it with `aclose`.
         """
         yield None
         async with aclosing(self._publications()) as publications:
