@@ -25,7 +25,7 @@ TRIM_MOST: Final = 0.15
 """Maximum of the trim, in both directions."""
 
 PACE: Final = 0.7
-"""m/s: minimum speed of a walker before its goal, unless a lower one is requested."""
+"""Maximum requested speed, m/s, of which a walker at its goal must keep the share `pausing`."""
 
 GONE_BY: Final = 0.2
 """Metres beyond the radius of a point to pass through, within which it counts as passed once a

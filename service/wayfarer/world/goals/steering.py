@@ -9,8 +9,8 @@ Goals to pass through cause no braking. STRAFING is walking that faces its headi
 model decides how a body sets off, slows down, turns and steps: it receives a place, a speed and a
 facing, from which `motion/trajectory.py` makes the way and the facings of the next second.
 
-These are pure functions of columns, one agent at a time, compiled. All tuned numbers are in the two
-tables at the top.
+These are pure functions of columns, one agent at a time, compiled. Tuned numbers are in the two
+tables at the top, and at the top of gait_rules.py.
 """
 
 from collections.abc import Mapping
