@@ -134,13 +134,9 @@ class Detours:
 
     def _room(self, slot: int, points: Array) -> Array:
         """Metres between a slot and walls, beyond its needs, at points [R, C, 2]. [R, C]"""
-        number = int(self._slots.scene[slot])
-        if number == NOWHERE:
-            return np.full(points.shape[:2], np.inf)
-        scene, floor = self._scenery.scene(number), self._slots.footing.hips[slot]
-        heights = np.full((*points.shape[:2], 1), floor)
-        room: Array = scene.distance(np.concatenate([points, heights], -1))
-        return room.astype(np.float64) - (scene.spec.walkable.radius - SLACK)
+        clear, radius = self._scenery.walls(slot)
+        room = clear(points.reshape(-1, 2)).reshape(points.shape[:2])
+        return room.astype(np.float64) - (radius - SLACK)
 
     def _lay(self, slot: int, points: Array, goal: Array) -> None:
         """Leads a slot through points [P, 2], and then along the rest of its way to `goal`."""

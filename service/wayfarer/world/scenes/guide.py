@@ -16,6 +16,7 @@ from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
+from wayfarer.world.scenes.making_way import MakingWay
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
 from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
@@ -95,6 +96,7 @@ class SceneGuide:
         self._planner = planner
         self.avoidance = CollisionAvoidance(slots, scenery)
         self.company = Company(slots, routes, scenery, self.avoidance, tell)
+        self.making_way = MakingWay(slots, scenery, self.avoidance)
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
@@ -150,7 +152,7 @@ class SceneGuide:
             some, places = rows[led], hips[led]
             self.company.lead_on_floor(some, places, led, goals, ahead)
             self._go_among_others(some, places, led, goals, ahead)
-        self.company.make_way(rows, hips, gait, ~wanted, ahead)
+        self.making_way.update(rows, hips, gait, ~wanted, ahead)
         return NextTarget(ahead, goals)
 
     def _go_among_others(
@@ -181,7 +183,7 @@ class SceneGuide:
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
             self._go_among_others(rows[led], hips[led], led, goals, ahead)
-        self.company.make_way(rows, hips, gait, ~wanted, ahead)
+        self.making_way.update(rows, hips, gait, ~wanted, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:

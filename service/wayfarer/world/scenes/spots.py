@@ -19,6 +19,7 @@ from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Double, Flags, Float, Index, Int, columns
 from wayfarer.world.scenes.people import Gathering
+from wayfarer.world.scenes.world_scenes import Clear
 
 Array = NDArray[np.floating[Any]]
 
@@ -72,9 +73,6 @@ AROUND: Final = RINGS[-1][0] + APART
 """Metres from a goal beyond which people do not take its spots."""
 
 _LINE: Final = np.linspace(0.0, 1.0, 8)[:, None]
-
-Clear = Callable[[Array], Array]
-"""Metres to the nearest wall [P] at points [P, 2] on the agent's storey."""
 
 
 class Claims(NamedTuple):

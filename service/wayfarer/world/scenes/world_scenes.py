@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.scene import Scene
@@ -13,8 +15,13 @@ from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
+Array = NDArray[np.floating[Any]]
+
 NOWHERE = 0
 """Number of the endless flat floor, for sessions that name no scene."""
+
+Clear = Callable[[Array], Array]
+"""Metres to the nearest wall [P] at points [P, 2] on an agent's storey."""
 
 
 class WorldScenes:
@@ -56,6 +63,17 @@ class WorldScenes:
     def scene(self, number: int) -> Scene:
         """The version that the present step sees."""
         return self._scenes[number]
+
+    def walls(self, slot: int) -> tuple[Clear, float]:
+        """The metres to the nearest wall on a slot's storey, as a function, and those it keeps."""
+        number, floor = int(self._slots.scene[slot]), self._slots.footing.hips[slot]
+        if number == NOWHERE:
+            return (lambda points: np.full(len(points), np.inf)), 0.0
+        scene = self.scene(number)
+        return (
+            lambda points: scene.distance(np.column_stack([points, np.full(len(points), floor)])),
+            scene.spec.walkable.radius,
+        )
 
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
         """Applies new versions; returns the slots in scenes that have one.
