@@ -1,9 +1,8 @@
 """The effect of other people on an agent's goal and way: where it stops, and who blocks its way."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import Text
 from wayfarer.spec import STEP_SECONDS
@@ -22,8 +21,6 @@ from wayfarer.world.scenes.planner import Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.spots import FARTHEST, take_spots
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
-
-Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
 """Distance, along its way around others, of the point that an agent on the flat floor heads for."""

@@ -1,10 +1,9 @@
 """The guide of a world: ways around walls, and of people around each other."""
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
@@ -12,7 +11,7 @@ from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.velocity import moving
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Array, Flags, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
@@ -22,8 +21,6 @@ from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.guide import NextTarget
-
-Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
 """Metres along its way to the point that an agent heads for."""

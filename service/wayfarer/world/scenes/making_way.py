@@ -4,23 +4,20 @@
 `Aims.spot` the place that it left. All is in the world's frame, in metres.
 """
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Feeding, Gait, Mode, Slots
-from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.rows import Array, Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import PATIENCE
 from wayfarer.world.scenes.passages import COASTS
 from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.spots import FARTHEST
 from wayfarer.world.scenes.world_scenes import WorldScenes
-
-Array = NDArray[np.floating[Any]]
 
 SIGHT: Final = 2.5
 """Metres ahead of an agent within which people make way for it."""
@@ -76,8 +73,6 @@ class MakingWay:
                     ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
                     ahead.radius[row], ahead.speed[row] = 0.1, 0.8
                     ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
-
-    # Within
 
     def _may_step(self, rows: Index, hips: Float, ahead: GoalColumns) -> Flags:
         """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks.

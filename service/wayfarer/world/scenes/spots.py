@@ -7,21 +7,18 @@ becomes free before the agent has reached its spot.
 from collections.abc import Callable
 from functools import cache
 from math import pi
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import apart
-from wayfarer.world.rows import Double, Flags, Float, Index, Int, columns
+from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int, columns
 from wayfarer.world.scenes.people import Gathering
 from wayfarer.world.scenes.world_scenes import Clear
-
-Array = NDArray[np.floating[Any]]
 
 NEAR: Final = 5.0
 """Metres from its goal within which an agent checks whether the goal is taken."""

@@ -2,20 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Array, Index
 from wayfarer.world.scenes.scene_registry import SceneRegistry
-
-Array = NDArray[np.floating[Any]]
 
 NOWHERE = 0
 """Number of the endless flat floor, for sessions that name no scene."""
