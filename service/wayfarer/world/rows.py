@@ -30,6 +30,9 @@ UInt8 = Annotated[NDArray[np.uint8], np.dtype(np.uint8)]
 UInt64 = Annotated[NDArray[np.uint64], np.dtype(np.uint64)]
 Object = Annotated[NDArray[np.object_], np.dtype(np.object_)]
 
+Array = NDArray[np.floating[Any]]
+"""Numbers of single or double precision."""
+
 Index = NDArray[np.int64]
 """Row numbers."""
 

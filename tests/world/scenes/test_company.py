@@ -85,34 +85,6 @@ def test_before_people_who_leave_no_way_it_waits_is_told_and_goes_on_when_there_
     assert not blocked(world)
 
 
-@pytest.mark.parametrize("placed", [True, False])
-@pytest.mark.parametrize("scene", [True, False])
-def test_people_who_stand_in_the_way_step_aside_and_return(scene, placed):
-    turn = 2 * np.pi * np.arange(12) / 12
-    ring = [
-        (6.0 + 1.35 * x, 8.0 + 1.35 * y) for x, y in zip(np.cos(turn), np.sin(turn), strict=True)
-    ]
-    if scene:
-        world, _, _ = world_in(field())
-        walker, *others = enter(world, (6.0, 3.0), *ring)
-    else:
-        world, (walker, *others) = on_floor((6.0, 3.0), *ring)
-    for agent, (x, y) in zip(others, ring, strict=True):
-        if placed:
-            world.give(agent.agent_id, goal(x, y), 0.0)
-    walked(world, 1.0)
-    world.give(walker.agent_id, goal(6.0, 8.0), 1.0)
-    tracks, arrived = walked(world, 16.0)
-    assert arrived == {walker.agent_id}
-    assert not blocked(world)
-    off = [
-        np.linalg.norm(tracks[agent.agent_id][:, :2] - place, axis=1)
-        for agent, place in zip(others, ring, strict=True)
-    ]
-    assert 1 <= sum(each.max() > 0.5 for each in off) <= 4
-    assert max(each[-1] for each in off) < 0.4
-
-
 def test_who_shares_a_goal_stands_beside_it_and_nobody_circles():
     world, people = on_floor(*((4.0 + k, 4.0) for k in range(5)))
     for agent in people:

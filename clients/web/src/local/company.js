@@ -6,14 +6,13 @@ import { SIDEWAYS, lane } from "./lanes.js";
 import { turn } from "./passages.js";
 import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
 import { FARTHEST, takeSpot } from "./spots.js";
-import { STEP_SECONDS, STRAFING, WALKING, angleBetween, dot, minus, plus, times, unit } from "./steering.js";
+import { STEP_SECONDS, STRAFING, angleBetween, minus, plus, times } from "./steering.js";
 
-const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, PATIENCE = 2.5, WAITS = 0.4, GOAL_MOVES = 0.3;
+const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, WAITS = 0.4, GOAL_MOVES = 0.3;
+export const PATIENCE = 2.5;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
-const SIGHT = 2.5, CLOSES = 0.5, STEP_ASIDE = 0.8, APART = 0.46, HOME = 0.25, RETURNS = 1, COASTS = 0.35, BODY = 0.37;
-const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
 const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
 /** @typedef {import("./scene.js").Point} Point */
@@ -50,50 +49,6 @@ export class Company {
       if (waits) this.#wait(row, people);
       row.goal = { ...row.goal, radius: -1, given: !waits };
     }
-  }
-
-  /** Makes standing people step aside for those whose way they close, and return. @param {Row} row @param {Seen[]} people */
-  makeWay(row, people) {
-    const { hips, gait, ahead, self, walker } = row, { aims } = walker;
-    if (gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
-    const { memory } = walker, aside = memory.yields > 0;
-    if (ahead.given && (ahead.heading || Math.hypot(...minus(hips, aims.asked)) >= FARTHEST)) return;
-    const home = aside ? aims.spot : hips, others = people.filter((other) => other !== self);
-    const comes = others.filter((other) => other.walks && (aside || (self.stands && other.aims.barred > PATIENCE))).map((other) => {
-      const way = unit(other.memory.preferred), to = minus(home, other.position);
-      return { way, on: dot(to, way), left: way[0] * to[1] - way[1] * to[0], goes: Math.hypot(...minus(other.aims.spot, other.position)) };
-    }).filter(({ on, left, goes }) => on > 0 && on < Math.min(SIGHT, goes) && Math.abs(left) < CLOSES);
-    let { retreat } = memory;
-    if (!aside) {
-      if (!comes.length) return;
-      const step = this.#step(home, comes.reduce((a, b) => (b.on < a.on ? b : a)), others);
-      if (!step) return;
-      aims.spot = home;
-      retreat = step;
-    }
-    const seconds = comes.length ? RETURNS : Math.fround(Math.max(memory.yields - STEP_SECONDS, 0.01)), returns = seconds < STEP_SECONDS / 2;
-    const done = returns && Math.hypot(...minus(home, hips)) < HOME;
-    walker.memory = { ...memory, retreat, yields: done ? 0 : seconds };
-    if (done) return;
-    const place = returns ? home : plus(home, times(STEP_ASIDE, retreat)), mine = stop(self), on = unit(minus(place, hips));
-    const close = others.map((other) => minus(stop(other), mine)).some((gap) => {
-      const far = Math.hypot(...gap), along = dot(gap, on);
-      return along > 0 && far < APART && far ** 2 - along ** 2 < BODY ** 2;
-    });
-    row.ahead = { ...ahead, place, given: !close, through: false, strafe: true, radius: Math.fround(0.1), speed: Math.fround(0.8), heading: close ? null : gait.stopFacing };
-  }
-
-  /** The direction from a place, `left` of a way, to a free one beside it. @param {Point} home @param {{ way: Point, left: number }} asker @param {Seen[]} others */
-  #step(home, { way, left }, others) {
-    const side = left >= 0 ? 1 : -1;
-    return SIDES.map((turned) => {
-      const x = Math.cos(turned), y = side * Math.sin(turned);
-      return { y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) };
-    }).find(({ y, step }) => {
-      const place = plus(home, times(STEP_ASIDE, step));
-      return Math.abs(left + STEP_ASIDE * y) >= CLOSES && (!this.clear || this.clear(...place) >= (this.scene?.radius ?? 0))
-        && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART);
-    })?.step;
   }
 
   /** Lead people around others standing in their way, or make them wait. @param {Row[]} rows @param {Seen[]} people */
@@ -231,9 +186,6 @@ export class Company {
     return true;
   }
 }
-
-/** Where a person would come to a stand. @param {Seen} person @returns {Point} */
-const stop = ({ position, velocity }) => plus(position, times(COASTS, velocity));
 
 /** Whether there is a way to a person's present goal. @param {Row} row */
 function isLed({ person, walker: { route } }) {

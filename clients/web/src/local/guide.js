@@ -3,6 +3,7 @@
 
 import { avoid, freshMemory } from "./avoidance.js";
 import { Company } from "./company.js";
+import { MakingWay } from "./making_way.js";
 import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
 import { STEP_SECONDS, WALKING, angleBetween, bounded, minus, plus, times } from "./steering.js";
@@ -45,6 +46,7 @@ export class Guide {
     this.scene = /** @type {import("./scene.js").LocalScene} */ (scene); // methods for rows in a scene rely on it
     this.tell = tell;
     this.company = avoid ? new Company(scene, tell) : null;
+    this.makingWay = avoid ? new MakingWay(scene) : null;
   }
 
   /**
@@ -66,7 +68,7 @@ export class Guide {
     this.company?.bar(led, people);
     this.company?.takeTurns(led, people);
     this.company?.keepLanes(led, people);
-    for (const row of rows) if (!row.walker.aims.wants) this.company?.makeWay(row, people);
+    for (const row of rows) if (!row.walker.aims.wants) this.makingWay?.update(row, people);
     if (this.company && people.length > 1) for (const row of led) if (row.ahead.given) this.#bend(row, people);
     return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }

@@ -59,7 +59,7 @@ const widthsOf = (points, clear) => points.map((point, k) => {
 const first = (those) => those.reduce((a, b) => (b.due < a.due || (b.due === a.due && b.other.number < a.other.number) ? b : a));
 
 /** Where a person would come to a stand. @param {Seen} person @returns {Point} */
-const stop = ({ position, velocity }) => plus(position, times(COASTS, velocity));
+export const stop = ({ position, velocity }) => plus(position, times(COASTS, velocity));
 
 /** Where a person waits: where nobody else stands, or stops sooner. @param {Point} mouth @param {Point} way @param {Point} mine @param {Point[]} mates @param {(x: number, y: number) => number} clear @returns {Point} */
 function freePlace(mouth, way, mine, mates, clear) {

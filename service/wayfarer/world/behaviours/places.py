@@ -1,14 +1,10 @@
 """Places in a scene: drawn at random, and moved to free ground."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point2, Point3
-
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.rows import Array
 
 
 def island_at(scene: Scene, point: Point2 | Point3) -> int:

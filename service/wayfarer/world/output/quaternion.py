@@ -4,12 +4,9 @@ Shapes are [3, ...] and [4, ...] and broadcast: so sums and products run along a
 which is several times faster than numpy's cross products and 3×3 matrices over a short last axis.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.rows import Array
 
 
 def stacked(*components: Array) -> Array:

@@ -6,7 +6,6 @@ from math import acos, sqrt
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
@@ -15,11 +14,9 @@ from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import bounded
-from wayfarer.world.rows import Flags, Float, Index, columns
+from wayfarer.world.rows import Array, Flags, Float, Index, columns
 from wayfarer.world.scenes.people import SessionPeople, crowd_of
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
-
-Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
 """Metres ahead of an agent of the point to which it heads when it leaves its way."""

@@ -1,29 +1,26 @@
 """The effect of other people on an agent's goal and way: where it stops, and who blocks its way."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import Text
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
-from wayfarer.world.agents.slots import Feeding, Gait, Mode, Slots
+from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.detours import AHEAD, STOPS, Detours
 from wayfarer.world.scenes.lanes import SIDEWAYS, lanes
-from wayfarer.world.scenes.passages import COASTS, turns
+from wayfarer.world.scenes.passages import turns
 from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.planner import Tell
 from wayfarer.world.scenes.routes import Routes
-from wayfarer.world.scenes.spots import FARTHEST, Clear, take_spots
+from wayfarer.world.scenes.spots import FARTHEST, take_spots
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
-
-Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
 """Distance, along its way around others, of the point that an agent on the flat floor heads for."""
@@ -55,17 +52,6 @@ TURNED: Final = 0.25
 GOAL_MOVES: Final = 0.3
 """Metres between the goal and the end of a way around others, from which that way is dropped."""
 
-RETURNS: Final = 1.0
-"""Seconds for which people that made way remain aside once their places are in nobody's way."""
-
-SIGHT, CLOSES, ASIDE, APART, BODY, HOME = 2.5, 0.5, 0.8, 0.46, 0.37, 0.25
-"""Metres ahead of an agent within which people make way for it, metres to either side of its way
-that they leave free, of a step aside, to others at its end, and beside it, and to a place that
-count as being there."""
-
-SIDES: Final = np.radians([75.0, 45.0, 105.0, 135.0])
-"""Directions of a step aside, from that of the way to the side on which the person stands."""
-
 
 class Company:
     """The goals and ways of a world's agents among the others of their sessions."""
@@ -93,59 +79,10 @@ class Company:
         slots = self._slots
         if slots.avoids[rows].any():
             waits = take_spots(
-                self._avoidance.crowd, slots, rows, hips, arrived, goals, self._walls
+                self._avoidance.crowd, slots, rows, hips, arrived, goals, self._scenery.walls
             )
             for row in np.flatnonzero(waits).tolist():
                 self._wait(int(rows[row]), self._avoidance.crowd.session(int(rows[row])))
-
-    def make_way(
-        self, rows: Index, hips: Float, gait: Gait, stays: Flags, ahead: GoalColumns
-    ) -> None:
-        """Makes rows [A] that `stays`, and face no heading, step aside where they close a way."""
-        slots, crowd = self._slots, self._avoidance.crowd
-        people, aims, memory = crowd.people, slots.aims, slots.memory
-        asks = people.walks & (people.aims.barred > PATIENCE)
-        stops = people.position + COASTS * people.velocity
-        memory.yields[rows[stays & (gait.mode == Mode.WALKING)]] = 0.0  # it made way as it walked
-        aside = memory.yields[rows] > 0
-        gaps = np.linalg.norm(hips[:, None] - people.position[asks], axis=-1)
-        which = stays & slots.avoids[rows] & (aside | (gaps < SIGHT + CLOSES).any(1))
-        which &= ~(ahead.given & ahead.heading.any(-1)) & (slots.feeding[rows] != Feeding.EACH_STEP)
-        which &= ~ahead.given | (np.linalg.norm(hips - aims.asked[rows], axis=-1) < FARTHEST)
-        for row in np.flatnonzero(which).tolist():
-            slot, me = int(rows[row]), int(crowd.places[rows[row]])
-            some, here = slice(int(crowd.own[0][me]), int(crowd.own[1][me])), hips[row]
-            home = aims.spot[slot] if aside[row] else here
-            to, way = home - people.position[some], people.memory.preferred[some]
-            way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-            on, left = (to * way).sum(-1), way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
-            goes = np.linalg.norm(people.aims.spot[some] - people.position[some], axis=-1)
-            comes = (people.walks if aside[row] else asks & crowd.stand[me])[some] & (on > 0)
-            comes &= (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES)
-            comes &= np.abs(people.height[some] - people.height[me]) < 1.0
-            others = np.delete(stops[some], me - some.start, 0)
-            if comes.any() and not aside[row]:
-                first = int(np.where(comes, on, np.inf).argmin())
-                steps = self._steps(slot, home, way[first], left[first], others)
-                if not len(steps):
-                    continue
-                aims.spot[slot], memory.retreat[slot] = home, steps[0]
-            elif not aside[row]:
-                continue
-            seconds = RETURNS if comes.any() else max(memory.yields[slot] - STEP_SECONDS, 0.01)
-            returns = seconds < STEP_SECONDS / 2
-            done = returns and np.linalg.norm(home - here) < HOME
-            memory.yields[slot] = 0.0 if done else seconds
-            if done:
-                continue
-            place = home + (not returns) * ASIDE * memory.retreat[slot]
-            gaps, on = others - stops[me], place - here
-            far, along = np.linalg.norm(gaps, axis=-1), gaps @ on / max(np.linalg.norm(on), 1e-6)
-            before = (along > 0) & (far**2 - along**2 < BODY**2)  # such a person stops it
-            ahead.given[row] = not (before & (far < APART)).any()
-            ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
-            ahead.radius[row], ahead.speed[row] = 0.1, 0.8
-            ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
 
     def bar(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
@@ -262,16 +199,6 @@ class Company:
         slots = self._slots
         return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
 
-    def _steps(self, slot: int, home: Float, way: Array, left: float, others: Array) -> Array:
-        """Directions [D, 2] from `home`, `left` of a way, to free places beside that way."""
-        clear, room = self._walls(slot)
-        sides = np.concatenate([SIDES, -SIDES]) * (1 if left >= 0 else -1)
-        steps = np.cos(sides)[:, None] * way + np.sin(sides)[:, None] * [-way[1], way[0]]
-        places = home + ASIDE * steps
-        free = (clear(places) >= room) & (np.abs(left + ASIDE * np.sin(sides)) >= CLOSES)
-        free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
-        return np.asarray(steps[free])
-
     def _settle(self, rows: Index, hips: Float, barred: Flags, through: Flags) -> None:
         """Stops rows [A] that are near their goals and make no progress where they are."""
         aims, waited = self._slots.aims, self._slots.memory.waited[rows]
@@ -287,17 +214,6 @@ class Company:
             others = everybody.slots[(gaps < FARTHEST) & everybody.stand]
             self._blocked(slot, others, "stand at the goal and leave no room")
         aims.barred[slot] += STEP_SECONDS
-
-    def _walls(self, slot: int) -> tuple[Clear, float]:
-        """The metres to the nearest wall on a slot's storey, as a function, and those it keeps."""
-        number, floor = int(self._slots.scene[slot]), self._slots.footing.hips[slot]
-        if number == NOWHERE:
-            return (lambda points: np.full(len(points), np.inf)), 0.0
-        scene = self._scenery.scene(number)
-        return (
-            lambda points: scene.distance(np.column_stack([points, np.full(len(points), floor)])),
-            scene.spec.walkable.radius,
-        )
 
     def _blocked(self, slot: int, others: Index, why: str) -> None:
         slots = self._slots

@@ -1,20 +1,18 @@
 """Ways around people in the way, and the people that block if there is no such way."""
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Array, Flags, Index
 from wayfarer.world.scenes.around import stand_before, way_around
 from wayfarer.world.scenes.people import Gathering, SessionPeople
 from wayfarer.world.scenes.planner import RETRY
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
-
-Array = NDArray[np.floating[Any]]
 
 AHEAD: Final = np.arange(0.2, 4.01, 0.2)
 """Metres along its way at which an agent looks for standing people."""
@@ -111,7 +109,9 @@ class Detours:
         low = np.minimum(place, back) - ASIDE
         columns, rows = np.ceil((np.maximum(place, back) + ASIDE - low) / CELL).astype(int)
         x, y = low[0] + CELL * np.arange(columns), low[1] + CELL * np.arange(rows)
-        room = self._room(slot, np.stack(np.meshgrid(x, y), -1))
+        (clear, radius), cells = self._scenery.walls(slot), np.stack(np.meshgrid(x, y), -1)
+        room = clear(cells.reshape(-1, 2)).reshape(rows, columns).astype(np.float64)
+        room -= radius - SLACK
         here = ((people.position > low) & (people.position < [x[-1], y[-1]])).all(-1)
         for spot in people.position[everybody.stand & level & here]:
             apart = np.hypot(x - spot[0], (y - spot[1])[:, None]) - PASSES
@@ -131,16 +131,6 @@ class Detours:
             return False
         self._lay(slot, points, goal)
         return True
-
-    def _room(self, slot: int, points: Array) -> Array:
-        """Metres between a slot and walls, beyond its needs, at points [R, C, 2]. [R, C]"""
-        number = int(self._slots.scene[slot])
-        if number == NOWHERE:
-            return np.full(points.shape[:2], np.inf)
-        scene, floor = self._scenery.scene(number), self._slots.footing.hips[slot]
-        heights = np.full((*points.shape[:2], 1), floor)
-        room: Array = scene.distance(np.concatenate([points, heights], -1))
-        return room.astype(np.float64) - (scene.spec.walkable.radius - SLACK)
 
     def _lay(self, slot: int, points: Array, goal: Array) -> None:
         """Leads a slot through points [P, 2], and then along the rest of its way to `goal`."""

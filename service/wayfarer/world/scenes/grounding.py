@@ -1,19 +1,14 @@
 """Sets sent agents of scenes on the floor there: slots and chunks to `ground.py`."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.faults import check_finite
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.output.ground import Grounded, set_on_ground
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Array, Index
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.playback import Sent
-
-Array = NDArray[np.floating[Any]]
 
 
 def ground(slots: Slots, scenery: WorldScenes, sent: Sent) -> None:

@@ -1,10 +1,9 @@
 """The guide of a world: ways around walls, and of people around each other."""
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
@@ -12,17 +11,16 @@ from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.velocity import moving
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Array, Flags, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
+from wayfarer.world.scenes.making_way import MakingWay
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
 from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.guide import NextTarget
-
-Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
 """Metres along its way to the point that an agent heads for."""
@@ -95,6 +93,7 @@ class SceneGuide:
         self._planner = planner
         self.avoidance = CollisionAvoidance(slots, scenery)
         self.company = Company(slots, routes, scenery, self.avoidance, tell)
+        self.making_way = MakingWay(slots, scenery, self.avoidance)
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
@@ -150,7 +149,7 @@ class SceneGuide:
             some, places = rows[led], hips[led]
             self.company.lead_on_floor(some, places, led, goals, ahead)
             self._go_among_others(some, places, led, goals, ahead)
-        self.company.make_way(rows, hips, gait, ~wanted, ahead)
+        self.making_way.update(rows, hips, gait, ~wanted, ahead)
         return NextTarget(ahead, goals)
 
     def _go_among_others(
@@ -181,7 +180,7 @@ class SceneGuide:
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
             self._go_among_others(rows[led], hips[led], led, goals, ahead)
-        self.company.make_way(rows, hips, gait, ~wanted, ahead)
+        self.making_way.update(rows, hips, gait, ~wanted, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:

@@ -8,16 +8,13 @@ shoulder forward, and so its back to the other: a body drifts to where it faces,
 from collections.abc import Callable
 from functools import cache
 from math import sqrt
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.process.compiled import compiled, warm
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Double, Flags, Float, Index
-
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.rows import Array, Double, Flags, Float, Index
 
 ACROSS: Final = np.arange(-1.2, 1.21, 0.1)
 """Metres to the right of a way at which walls are looked for."""

@@ -1,19 +1,16 @@
 """Obstacles near a body, as inputs of the candidate search: see `StepInputs.obstacles`."""
 
 from functools import cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float
 from wayfarer.navigation.scene import Scene
 from wayfarer.process.compiled import compiled, warm
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.output.turns import apart
-from wayfarer.world.rows import Index
-
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.rows import Array, Index
 
 PROBES: Final = np.array([[0.1, 0.35], [0.1, -0.35], [0.6, 0.35], [0.6, -0.35]])
 """Metres ahead and to the left of the hips at which the nearest wall is looked for."""

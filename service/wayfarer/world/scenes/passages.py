@@ -6,16 +6,13 @@ own, beside the way of those who come out.
 """
 
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Flags, Index, Int
-
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.rows import Array, Flags, Index, Int
 
 BESIDE_WAY: Final = 0.5
 """Metres to either side of a way at which its width is measured."""

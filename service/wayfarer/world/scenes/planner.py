@@ -7,10 +7,9 @@ when its goal has moved.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import Metres, Text, Unreachable, spot
 from wayfarer.navigation.scene_spec import Point3
@@ -19,11 +18,9 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Slots
 from wayfarer.world.events import EventKind
-from wayfarer.world.rows import Flags, Index
+from wayfarer.world.rows import Array, Flags, Index
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import WorldScenes
-
-Array = NDArray[np.floating[Any]]
 
 OFF: Final = 1.2
 """Metres from its way at which an agent looks for another one."""

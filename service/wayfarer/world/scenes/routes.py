@@ -3,17 +3,14 @@
 from collections.abc import Sequence
 from functools import cache
 from math import sqrt
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8
-
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int, Int8
 
 BACK: Final = 0.5
 """Metres that an agent that was pushed or replanned may be behind its former place."""

@@ -7,20 +7,18 @@ becomes free before the agent has reached its spot.
 from collections.abc import Callable
 from functools import cache
 from math import pi
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import apart
-from wayfarer.world.rows import Double, Flags, Float, Index, Int, columns
+from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int, columns
 from wayfarer.world.scenes.people import Gathering
-
-Array = NDArray[np.floating[Any]]
+from wayfarer.world.scenes.world_scenes import Clear
 
 NEAR: Final = 5.0
 """Metres from its goal within which an agent checks whether the goal is taken."""
@@ -72,9 +70,6 @@ AROUND: Final = RINGS[-1][0] + APART
 """Metres from a goal beyond which people do not take its spots."""
 
 _LINE: Final = np.linspace(0.0, 1.0, 8)[:, None]
-
-Clear = Callable[[Array], Array]
-"""Metres to the nearest wall [P] at points [P, 2] on the agent's storey."""
 
 
 class Claims(NamedTuple):

@@ -10,11 +10,14 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Array, Index
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 NOWHERE = 0
 """Number of the endless flat floor, for sessions that name no scene."""
+
+Clear = Callable[[Array], Array]
+"""Metres to the nearest wall [P] at points [P, 2] on an agent's storey."""
 
 
 class WorldScenes:
@@ -56,6 +59,17 @@ class WorldScenes:
     def scene(self, number: int) -> Scene:
         """The version that the present step sees."""
         return self._scenes[number]
+
+    def walls(self, slot: int) -> tuple[Clear, float]:
+        """The metres to the nearest wall on a slot's storey, as a function, and those it keeps."""
+        number, floor = int(self._slots.scene[slot]), self._slots.footing.hips[slot]
+        if number == NOWHERE:
+            return (lambda points: np.full(len(points), np.inf)), 0.0
+        scene = self.scene(number)
+        return (
+            lambda points: scene.distance(np.column_stack([points, np.full(len(points), floor)])),
+            scene.spec.walkable.radius,
+        )
 
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
         """Applies new versions; returns the slots in scenes that have one.

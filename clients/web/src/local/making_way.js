@@ -1,0 +1,83 @@
+// Making way: who stands in the way of a person that asks steps aside, and returns afterwards. It mirrors the server's
+// world/scenes/making_way.py, which explains the rule. World: metres.
+
+import { PATIENCE } from "./company.js";
+import { stop } from "./passages.js";
+import { FARTHEST } from "./spots.js";
+import { STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
+
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, RETURNS = 1, HOME = 0.25;
+const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
+
+/** @typedef {import("./scene.js").Point} Point */
+/** @typedef {import("./company.js").Row} Row */
+/** @typedef {import("./company.js").Seen} Seen */
+/** Somebody's way, and metres from it to a place, to the left. @typedef {{ way: Point, left: number }} Way */
+
+export class MakingWay {
+  /** @param {import("./scene.js").LocalScene | null} scene */
+  constructor(scene) {
+    this.scene = scene;
+  }
+
+  /** Sends a person that stays aside, or back. @param {Row} row @param {Seen[]} people */
+  update(row, people) {
+    const { hips, gait, ahead, self, walker } = row;
+    if (gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
+    if (!mayStep(row)) return;
+    const aside = walker.memory.yields > 0, others = people.filter((other) => other !== self);
+    const comes = comer(others, self, aside ? walker.aims.spot : hips, aside);
+    if (!aside && !(comes && this.#leaves(row, comes, others))) return;
+    const place = nextPlace(row, Boolean(comes));
+    if (!walker.memory.yields) return;
+    const stopped = isStopped(hips, place, stop(self), others);
+    row.ahead = {
+      ...ahead, place, given: !stopped, through: false, strafe: true,
+      radius: Math.fround(0.1), speed: Math.fround(0.8), heading: stopped ? null : gait.stopFacing,
+    };
+  }
+
+  /** Whether a person finds a free place to step to. @param {Row} row @param {Way} comes @param {Seen[]} others */
+  #leaves({ hips, walker }, { way, left }, others) {
+    const side = left >= 0 ? 1 : -1;
+    const sides = SIDES.map((turned) => ({ x: Math.cos(turned), y: side * Math.sin(turned) }));
+    const free = sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
+      const place = plus(hips, times(ASIDE, step));
+      return Math.abs(left + ASIDE * y) >= CLOSES && (!this.scene || this.scene.distance(...place) >= this.scene.radius)
+        && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART);
+    });
+    if (!free) return false;
+    walker.aims.spot = hips;
+    walker.memory = { ...walker.memory, retreat: free.step };
+    return true;
+  }
+}
+
+/** Whether a person faces no heading, and is near its goal. @param {Row} row */
+const mayStep = ({ hips, ahead, walker: { aims } }) => !ahead.given || (!ahead.heading && Math.hypot(...minus(hips, aims.asked)) < FARTHEST);
+
+/** Where a person steps to; counts the seconds since its place was last needed. @param {Row} row @param {boolean} needed @returns {Point} */
+function nextPlace({ hips, walker }, needed) {
+  const { memory, memory: { yields, retreat }, aims: { spot: home } } = walker;
+  const seconds = needed ? RETURNS : Math.fround(Math.max(yields - STEP_SECONDS, 0.01)), returns = seconds < STEP_SECONDS / 2;
+  walker.memory = { ...memory, yields: returns && Math.hypot(...minus(home, hips)) < HOME ? 0 : seconds };
+  return returns ? home : plus(home, times(ASIDE, retreat));
+}
+
+/** The way of the nearest that a person at its place closes. @param {Seen[]} others @param {Seen} self @param {Point} home @param {boolean} aside @returns {Way | null} */
+function comer(others, self, home, aside) {
+  const comes = others.filter(({ walks, aims }) => walks && (aside || (aims.barred > PATIENCE && self.stands))).map((other) => {
+    const way = unit(other.memory.preferred), to = minus(home, other.position);
+    return { way, on: dot(to, way), left: way[0] * to[1] - way[1] * to[0], goes: Math.hypot(...minus(other.aims.spot, other.position)) };
+  }).filter(({ on, left, goes }) => on > 0 && on < Math.min(SIGHT, goes) && Math.abs(left) < CLOSES);
+  return comes.length ? comes.reduce((a, b) => (b.on < a.on ? b : a)) : null;
+}
+
+/** Whether others stand before a person that steps from here to a place. @param {Point} here @param {Point} place @param {Point} stands where it would come to a stand @param {Seen[]} others */
+function isStopped(here, place, stands, others) {
+  const step = unit(minus(place, here));
+  return others.map((other) => minus(stop(other), stands)).some((gap) => {
+    const far = Math.hypot(...gap), along = dot(gap, step);
+    return along > 0 && far < APART && far ** 2 - along ** 2 < BODY ** 2;
+  });
+}

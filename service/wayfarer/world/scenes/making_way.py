@@ -1,0 +1,138 @@
+"""Making way: who stands in the way of an agent that asks steps aside, and returns afterwards.
+
+`Memory.yields` counts the seconds until it returns, `Memory.retreat` is the direction of its step,
+`Aims.spot` the place that it left. All is in the world's frame, in metres.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Feeding, Gait, Mode, Slots
+from wayfarer.world.rows import Array, Flags, Float, Index
+from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
+from wayfarer.world.scenes.company import PATIENCE
+from wayfarer.world.scenes.passages import COASTS
+from wayfarer.world.scenes.people import SessionPeople
+from wayfarer.world.scenes.spots import FARTHEST
+from wayfarer.world.scenes.world_scenes import WorldScenes
+
+SIGHT: Final = 2.5
+"""Metres ahead of an agent within which people make way for it."""
+
+CLOSES: Final = 0.5
+"""Metres to either side of its way within which a person closes it."""
+
+ASIDE: Final = 0.8
+"""Metres of a step aside."""
+
+SIDES: Final = np.radians([75.0, 45.0, 105.0, 135.0])
+"""Directions of that step, from that of the way to the side on which the person stands."""
+
+APART: Final = 0.46
+"""Metres that a step leaves between two people."""
+
+BODY: Final = 0.37
+"""Metres beside the line of a step within which somebody stops it."""
+
+RETURNS: Final = 1.0
+"""Seconds for which people remain aside once their places are in nobody's way."""
+
+HOME: Final = 0.25
+"""Metres from its place within which a person is back."""
+
+
+class MakingWay:
+    """The people of a world that step aside for others."""
+
+    def __init__(self, slots: Slots, scenery: WorldScenes, avoidance: CollisionAvoidance) -> None:
+        self._slots = slots
+        self._scenery = scenery
+        self._avoidance = avoidance
+
+    def update(
+        self, rows: Index, hips: Float, gait: Gait, stays: Flags, ahead: GoalColumns
+    ) -> None:
+        """Writes to `ahead` where rows [A] at `hips` [A, 2] step that `stays`: aside, or back."""
+        spots, memory = self._slots.aims.spot, self._slots.memory
+        memory.yields[rows[stays & (gait.mode == Mode.WALKING)]] = 0.0  # it made way as it walked
+        which = np.flatnonzero(stays & self._may_step(rows, hips, ahead))
+        for mine, them in self._avoidance.sessions(rows, which):
+            stops = them.people.position + COASTS * them.people.velocity
+            for row, me in zip(mine.tolist(), them.rows(rows[mine]).tolist(), strict=True):
+                slot, here, others = int(rows[row]), hips[row], np.delete(stops, me, 0)
+                aside = bool(memory.yields[slot] > 0)
+                comes = comer(them, me, spots[slot] if aside else here, aside)
+                if not aside and not (comes and self._leaves(slot, here, *comes, others)):
+                    continue
+                place = self._next_place(slot, here, comes is not None)
+                if memory.yields[slot] > 0:
+                    ahead.given[row] = not is_stopped(here, place, stops[me], others)
+                    ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
+                    ahead.radius[row], ahead.speed[row] = 0.1, 0.8
+                    ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
+
+    def _may_step(self, rows: Index, hips: Float, ahead: GoalColumns) -> Flags:
+        """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks.
+
+        Who faces a heading, or is far from its goal, may not.
+        """
+        slots, people = self._slots, self._avoidance.crowd.people
+        askers = people.position[people.walks & (people.aims.barred > PATIENCE)]
+        near = (np.linalg.norm(hips[:, None] - askers, axis=-1) < SIGHT + CLOSES).any(1)
+        at_goal = np.linalg.norm(hips - slots.aims.asked[rows], axis=-1) < FARTHEST
+        free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
+        free &= slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
+        return free & (near | (slots.memory.yields[rows] > 0))
+
+    def _leaves(self, slot: int, here: Float, way: Array, left: float, others: Array) -> bool:
+        """Whether a slot finds a free place to step to from `here` [2], `left` of a way [2].
+
+        `others` [N, 2]: where everybody else would come to a stand.
+        """
+        clear, room = self._scenery.walls(slot)
+        sides = np.concatenate([SIDES, -SIDES]) * (1 if left >= 0 else -1)
+        steps = np.cos(sides)[:, None] * way + np.sin(sides)[:, None] * [-way[1], way[0]]
+        places = here + ASIDE * steps
+        free = (clear(places) >= room) & (np.abs(left + ASIDE * np.sin(sides)) >= CLOSES)
+        free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
+        if free.any():
+            self._slots.aims.spot[slot] = here
+            self._slots.memory.retreat[slot] = steps[free.argmax()]
+        return bool(free.any())
+
+    def _next_place(self, slot: int, here: Float, needed: bool) -> Float:
+        """Where a slot steps to [2]; counts the seconds since its place was last `needed`."""
+        memory, home = self._slots.memory, self._slots.aims.spot[slot]
+        seconds = RETURNS if needed else max(memory.yields[slot] - STEP_SECONDS, 0.01)
+        returns = seconds < STEP_SECONDS / 2
+        memory.yields[slot] = 0 if returns and np.linalg.norm(home - here) < HOME else seconds
+        return home if returns else home + ASIDE * memory.retreat[slot]
+
+
+def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> tuple[Array, float] | None:
+    """The nearest whose way person `me` closes at its place `home` [2]: the direction of that way
+    [2], and metres from it to `home`, to the left. It asks, unless `me` has stepped `aside`.
+    """
+    people = them.people
+    to, way = home - people.position, people.memory.preferred
+    way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
+    on, left = (to * way).sum(-1), way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
+    goes = np.linalg.norm(people.aims.spot - people.position, axis=-1)
+    comes = people.walks & (aside | ((people.aims.barred > PATIENCE) & them.stand[me]))
+    comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES)
+    comes &= np.abs(people.height - people.height[me]) < 1.0
+    first = int(np.where(comes, on, np.inf).argmin())
+    return (way[first], left[first]) if comes[first] else None
+
+
+def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
+    """Whether others [N, 2] stand before a person that steps from `here` [2] to a place [2].
+
+    It would come to a stand at `stop` [2].
+    """
+    gaps, step = others - stop, place - here
+    far, along = np.linalg.norm(gaps, axis=-1), gaps @ step / max(np.linalg.norm(step), 1e-6)
+    return bool(((along > 0) & (far**2 - along**2 < BODY**2) & (far < APART)).any())

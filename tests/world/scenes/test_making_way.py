@@ -1,0 +1,55 @@
+"""People who stand in the way make way. The fake engine walks them."""
+
+import numpy as np
+import pytest
+
+from tests.world.scenes.grounds import enter, field, world_in
+from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
+from tests.world.scenes.test_world_scenes import goal, walked
+
+
+@pytest.mark.parametrize("placed", [True, False])
+@pytest.mark.parametrize("scene", [True, False])
+def test_people_who_stand_in_the_way_step_aside_and_return(scene, placed):
+    turn = 2 * np.pi * np.arange(12) / 12
+    ring = [
+        (6.0 + 1.35 * x, 8.0 + 1.35 * y) for x, y in zip(np.cos(turn), np.sin(turn), strict=True)
+    ]
+    if scene:
+        world, _, _ = world_in(field())
+        walker, *others = enter(world, (6.0, 3.0), *ring)
+    else:
+        world, (walker, *others) = on_floor((6.0, 3.0), *ring)
+    for agent, (x, y) in zip(others, ring, strict=True):
+        if placed:
+            world.give(agent.agent_id, goal(x, y), 0.0)
+    walked(world, 1.0)
+    world.give(walker.agent_id, goal(6.0, 8.0), 1.0)
+    tracks, arrived = walked(world, 16.0)
+    assert arrived == {walker.agent_id}
+    assert not blocked(world)
+    off = [
+        np.linalg.norm(tracks[agent.agent_id][:, :2] - place, axis=1)
+        for agent, place in zip(others, ring, strict=True)
+    ]
+    assert 1 <= sum(each.max() > 0.5 for each in off) <= 4
+    assert max(each[-1] for each in off) < 0.4
+
+
+@pytest.mark.parametrize("heading", [None, 0.0])
+def test_who_faces_a_heading_at_its_goal_does_not_make_way(heading):
+    world, _, _ = world_in(CORRIDOR)
+    places = [(0.4, 8.0), (1.0, 8.0), (1.6, 8.0)]
+    walker, *others = enter(world, (1.0, 5.0), *places)
+    for agent, place in zip(others, places, strict=True):
+        world.give(agent.agent_id, goal(*place, heading=heading), 0.0)
+    walked(world, 1.0)
+    world.give(walker.agent_id, goal(1.0, 11.0), 1.0)
+    tracks, arrived = walked(world, 13.0)
+    off = [
+        np.linalg.norm(tracks[agent.agent_id][:, :2] - place, axis=1).max()
+        for agent, place in zip(others, places, strict=True)
+    ]
+    stays = heading is not None
+    assert (walker.agent_id in arrived) != stays
+    assert (max(off) < 0.1) == stays
