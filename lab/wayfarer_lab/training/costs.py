@@ -54,11 +54,13 @@ def costs_of(
     sites: Sites,
     waist_up: Tensor,
     stands: Tensor,
+    walks: Tensor,
 ) -> Costs:
     """Costs of markers: seed [A, S, 67, 3], future [A, F, 67, 3], and the last ones with feet where
     they are locked, landed [A, 67, 3]; canonical frame.
 
-    `waist_up` [A] are heights from `waist_height`; agents of `stands` [A] are asked to stand.
+    `waist_up` [A] are heights from `waist_height`; agents of `stands` [A] are asked to stand,
+    those of `walks` [A] to go ahead, and not slowly.
     """
     last, end = seed[:, -1], future[:, -1]
     waist = sites.left_waist + sites.right_waist
@@ -78,6 +80,8 @@ def costs_of(
     height = soles[:, 1:, :, 2]
     speed, height = speed.unflatten(-1, (2, -1)), height.unflatten(-1, (2, -1))
     on_floor = torch.exp(-((height.clamp(min=0) / NEAR_FLOOR) ** 2))
+    # who walks lifts feet anyway: they should rest, not leave the floor earlier
+    on_floor = torch.where(walks[:, None, None, None], on_floor.detach(), on_floor)
     lowest = height.argmin(-1, keepdim=True)
     rolling = (speed * on_floor).gather(-1, lowest).mean((-1, -2, -3))
     pivoting = (speed * on_floor).mean((-1, -2, -3))  # a foot may turn about one of its points

@@ -1,16 +1,15 @@
 """Teach a cloned policy to follow in closed loop: `wayfarer train policy-follow`.
 
-A cloned policy has seen recorded people only. Left to itself it glides, where two answers of
-recordings mean a standstill between them, and it ends beside its goal. So its own steps, feet
-locked as in the service, are differentiated: the way and the facing that are asked, soles that rest
-while they bear weight, a trunk that stays upright. The divergence from the cloned policy is the
-price, so that people still move as recorded ones do. Slopes flow through the predictor and the
-markers it hands on, not through bodies.
+A cloned policy has seen recorded people only. Left to itself it glides where recordings give two
+answers whose mean is to stand still, and it misses its goal. So it minimises costs of its own
+steps, feet locked as in the service: deviation from the requested way and facing, sliding soles, a
+leaning trunk. Divergence from the policy that it starts from costs, too, so that people still move
+as recorded ones do. Gradients flow through the predictor and its markers, not through bodies.
 
-Later such stages (`configs/policy_alike.toml`) make it steady and alive. Users ask for something
-else before a body has come to its aim, and no recorded person shows what to do then: so a part of
-their agents is asked for something else in nearly every step, and departs from the policy more
-cheaply. The others learn from a critic to move as recorded people do (`likeness.py`).
+A later such stage (`configs/policy_alike.toml`) makes it steady and alive. Users ask for something
+else before a body has come to its aim, and no recorded person shows what to do then. So agents are
+asked for something else after 1 to 100 steps, the first of them in nearly every step; these may
+diverge more cheaply. All learn from a critic to move as recorded people do (`likeness.py`).
 """
 
 import copy
@@ -58,20 +57,24 @@ OWN, OWN_STANDING = (default_searches()[mode].own for mode in (Mode.WALKING, Mod
 """
 
 SLOWEST = 0.25
-"""m/s: a walk off its way costs the more the slower it is, down to this speed: otherwise an agent
-that stands costs least of all."""
+"""m/s: deviation from the way is divided by the requested speed, at least by this one: otherwise an
+agent that stands would cost least."""
+
+ASIDE = 2.5
+"""Weight of the way to the side and backward, in terms of that ahead: few were recorded there, and
+a critic would slow everybody down."""
 
 SLOW_KL = 0.15
-"""Share of the price of the divergence that slow walks pay: the cloned policy knows none."""
+"""Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
 
 ARRIVING = 1.2
-"""Metres to the goal from which on a walk is not judged by a critic of walks."""
+"""Metres to the goal within which a critic of walks alone does not judge."""
 
 WARMING = 300
-"""Steps in which the critic's cost grows to its weight: it begins to learn, too."""
+"""Steps over which the critic's weight grows to the whole: it starts untrained."""
 
 DEAREST = 20.0
-"""Maximum cost of a step: otherwise slopes of freak bodies would drown the rest."""
+"""Maximum cost of a step: otherwise gradients of freak bodies would drown the rest."""
 
 
 class FollowingConfig(BaseModel):
@@ -83,11 +86,11 @@ class FollowingConfig(BaseModel):
     predictor: str = "runs/predictor_2f_rollout"
     regressors: dict[str, str] = {g: f"runs/regressor_{g}" for g in GENDERS}
     steps: int = 1200
-    agents: int = 128  # of both genders, which take turns
+    agents: int = 128  # of each gender; genders take turns
     horizon: int = 4  # steps through which gradients flow
     rate: float = 3e-4
     kl_weight: tuple[float, float] = (4.0, 4.0)  # of the divergence from the policy that it starts
-    # from, per latent dimension: of the most and of the least patient agent
+    # from, per latent dimension: of the first and of the last agent, geometric between them
     way_weight: float = 2.0  # of a m/s off the way that is asked
     facing_weight: float = 1.0  # of 1 - cos(angle off)
     slide_weight: float = 1.5  # of a m/s of soles on the floor
@@ -101,7 +104,7 @@ class FollowingConfig(BaseModel):
     like_sideways: bool = False  # it judges side steps, steps backward and arrivals, too
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
     change: tuple[float, float] = (0.015, 0.015)  # chance at every step that an agent is asked for
-    # something else: of the same two
+    # something else: of the same two agents
     mix: dict[str, float] = {
         "walk": 0.25,
         "run": 0.04,
@@ -179,6 +182,7 @@ class FollowingTrainer:
             asked = asked_of(seed.flatten(2), local, orders.speed, facing)
             waist_up = waist_height(self.bodies[gender], crowd.betas, self.sites)
             stands = ~orders.goes & (facing[:, 1] > ONWARD)
+            walks = orders.walks & ~orders.slow
         with half_precision():
             answer = self.policy.lead(seed.flatten(2), asked, crowd.manner)
             before = self.cloned.lead(seed.flatten(2), asked, crowd.manner)
@@ -195,7 +199,8 @@ class FollowingTrainer:
         predicted = to_world(frame, markers.flatten(1, 2)).unflatten(1, markers.shape[1:3])
         own = predicted[:, -SEED_FRAMES:]
         after = TrainingCrowd(
-            markers=own + (made.next_seed_markers - own).detach(),  # slopes of what was predicted
+            # places of the body that was made, gradients of the markers that were predicted
+            markers=own + (made.next_seed_markers - own).detach(),
             translation=made.translation[:, -SEED_FRAMES:],
             rotations=made.rotations[:, -SEED_FRAMES:],
             betas=crowd.betas,
@@ -203,7 +208,7 @@ class FollowingTrainer:
             own=crowd.own,
         )
         landed = to_local(frame, after.markers[:, -1])
-        costs = costs_of(seed, markers, landed, asked, self.sites, waist_up, stands)
+        costs = costs_of(seed, markers, landed, asked, self.sites, waist_up, stands, walks)
         view = None
         if self.likeness:
             seen = slice(EVERY - 1, None, EVERY)
@@ -217,8 +222,9 @@ class FollowingTrainer:
         config = self.config
         floating = costs.floating * (orders.speed < RUNNING)
         pace = torch.where(orders.goes, orders.speed.clamp(SLOWEST, 1.0), 1.0)
+        pull = torch.where(orders.goes & ~orders.walks, ASIDE, 1.0)
         total = (
-            config.way_weight * costs.way / pace
+            config.way_weight * pull * costs.way / pace
             + config.facing_weight * costs.facing
             + config.slide_weight * costs.slide
             + config.floating_weight * floating
@@ -258,7 +264,7 @@ class FollowingTrainer:
             judged = orders.goes
             if not config.like_sideways:
                 off = (crowd.place.detach() - orders.goal).norm(dim=-1)
-                judged = orders.walks & (off > ARRIVING)
+                judged = orders.walks & (orders.curves | (off > ARRIVING))
             verdict = self.likeness[gender].judge(joined(views), judged & same & sound.bool())
             warm = min(1.0, self.run.step / WARMING)
             total = total + warm * config.like_weight * verdict.cost.mean()
@@ -281,6 +287,7 @@ class FollowingTrainer:
     def _ask(self, crowd: TrainingCrowd, orders: Orders) -> Tensor:
         """Asks some agents for something else, those at their goals soon. Returns which [A]."""
         place = crowd.place.detach()
+        orders.follow(place)
         near = ((place - orders.goal).norm(dim=-1) < 0.15) & (orders.speed > 0)
         chance = torch.where(near, self.change.clamp(min=0.1), self.change)
         other = torch.rand(self.config.agents) < chance

@@ -136,7 +136,11 @@ class RecordedWindows:
 
     def like(self, ways: Tensor) -> BodyFrames:
         """Windows that go ways [A, 5]."""
-        near = torch.cdist(ways, self.ways).topk(AMONG, largest=False).indices
+        far, pace = torch.cdist(ways, self.ways), self.ways[:, 2:4].norm(dim=-1)
+        # as many who went farther as less far: slow ones are more, and agents would become slow
+        farther = torch.rand(len(ways), 1) < 0.5
+        beside = (pace > ways[:, 2:4].norm(dim=-1, keepdim=True)) == farther
+        near = torch.where(beside, far, torch.inf).topk(AMONG, largest=False).indices
         return self.view(near.gather(1, torch.randint(AMONG, (len(ways), 1)))[:, 0])
 
     @torch.no_grad()

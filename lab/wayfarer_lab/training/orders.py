@@ -7,6 +7,8 @@ from typing import Final
 import torch
 from torch import Tensor
 
+from wayfarer.spec import STEP_SECONDS
+
 WALK, STRAFE, TURN = 0.40, 0.22, 0.22
 """Shares of orders; the others stand."""
 
@@ -16,6 +18,16 @@ SLOW: Final = 0.3
 SLOW_SPEED: Final = 0.6
 """m/s"""
 
+CURVED: Final = 0.3
+"""Share of the walks that go in curves."""
+
+TIGHT, WIDE = 1.0, 4.0
+"""Metres: radii of curves."""
+
+AHEAD: Final = 1.3
+"""Metres from an agent to the goal of its curve, which turns about it: a service aims as far along
+a path."""
+
 
 @dataclass
 class Orders:
@@ -24,6 +36,7 @@ class Orders:
     goal: Tensor  # [A, 2] m
     speed: Tensor  # [A] m/s; 0: stand at the goal
     facing: Tensor  # [A, 2] unit vector, or zero: the way to the goal
+    bend: Tensor  # [A] radians to the left by which a goal turns about its agent in a step
 
     @property
     def goes(self) -> Tensor:
@@ -36,9 +49,20 @@ class Orders:
         return self.goes & ~self.facing.any(-1)
 
     @property
+    def curves(self) -> Tensor:
+        """Agents [A] that are asked to go in a curve."""
+        return self.bend != 0
+
+    @property
     def slow(self) -> Tensor:
         """Agents [A] that are asked to go slowly."""
         return self.goes & (self.speed < SLOW_SPEED)
+
+    def follow(self, place: Tensor) -> None:
+        """Moves the goals of curves on, for agents at `place` [A, 2]."""
+        way = rotated(self.goal - place, self.bend)
+        way = AHEAD * way / way.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+        self.goal = torch.where(self.curves[:, None], place + way, self.goal)
 
     def put(self, rows: Tensor, other: "Orders") -> None:
         """Replaces those of rows [A] that are true by those of `other`, of as many agents."""
@@ -65,11 +89,15 @@ def draw_orders(place: Tensor, facing: Tensor) -> Orders:
     )
     speed = torch.where(torch.rand(count) < SLOW, _between(count, 0.15, SLOW_SPEED), speed)
     speed = torch.where(strafes, _between(count, 0.25, 1.25), speed) * goes
+    curved = walks & (torch.rand(count) < CURVED) & (speed > SLOW_SPEED) & (speed < 1.8)
+    side = torch.sign(torch.rand(count) - 0.5)
+    bend = curved * side * speed * STEP_SECONDS / _between(count, TIGHT, WIDE)
     off = torch.where(turns, _between(count, -pi, pi), 0.1 * torch.randn(count))
     return Orders(
         goal=place + rotated(facing, angle) * distance[:, None],
         speed=speed,
         facing=rotated(facing, off) * (~walks)[:, None],
+        bend=bend,
     )
 
 

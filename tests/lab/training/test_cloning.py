@@ -12,8 +12,8 @@ from wayfarer.motion.policy import Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.trajectory import HORIZONS, Asked
-from wayfarer.spec import FPS, GENDERS
+from wayfarer.motion.trajectory import HORIZONS, Asked, asked_of
+from wayfarer.spec import FPS, GENDERS, STEP_SECONDS
 from wayfarer_lab.training.cloning import (
     CloningConfig,
     Hindsight,
@@ -154,7 +154,8 @@ def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
 
     def cost(markers, stands=stands):
         return costs_of(
-            markers[:, :2], markers[:, 2:], markers[:, -1], asked, sites, waist_up, stands
+            *(markers[:, :2], markers[:, 2:], markers[:, -1]),
+            *(asked, sites, waist_up, stands, ~stands),
         )
 
     costs = cost(markers)
@@ -177,12 +178,53 @@ def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
 
 
 def test_orders_are_put_row_by_row(runs):
-    mine = Orders(torch.zeros(3, 2), torch.zeros(3), torch.zeros(3, 2))
+    mine = Orders(torch.zeros(3, 2), torch.zeros(3), torch.zeros(3, 2), torch.zeros(3))
     mine.put(
         torch.tensor([False, True, False]),
-        Orders(torch.ones(3, 2), torch.ones(3), torch.ones(3, 2)),
+        Orders(torch.ones(3, 2), torch.ones(3), torch.ones(3, 2), torch.ones(3)),
     )
     assert mine.speed.tolist() == [0, 1, 0] and mine.goal[:, 0].tolist() == [0, 1, 0]
+
+
+def test_an_agent_that_follows_its_goal_goes_in_a_curve():
+    """At 1 m/s and a quarter of a radian a step the circle has a radius of .8 m."""
+    stays, bends = torch.tensor([[3.0, 0.0]]), torch.tensor([0.25])
+    orders = Orders(
+        goal=stays.expand(2, 2).clone(),
+        speed=torch.ones(2),
+        facing=torch.zeros(2, 2),
+        bend=torch.cat([torch.zeros(1), bends]),
+    )
+    place, places = torch.zeros(2, 2), []
+    for _ in range(25):
+        orders.follow(place)
+        way = orders.goal - place
+        place = place + STEP_SECONDS * way / way.norm(dim=-1, keepdim=True)
+        places.append(place)
+    assert orders.curves.tolist() == [False, True]
+    assert torch.equal(orders.goal[0], stays[0])
+    circle = torch.stack(places)[:, 1]
+    off = (circle - circle.mean(0)).norm(dim=-1)
+    assert off.min() > 0.75 and off.max() < 0.85
+    first, second = circle[1] - circle[0], circle[2] - circle[1]
+    assert first[0] * second[1] - first[1] * second[0] > 0  # to the left
+
+
+def test_a_walker_is_not_paid_for_lifting_a_sliding_foot():
+    """Its soles should rest. An agent that steps aside has to lift its feet."""
+    sites = Sites.from_names(load_body("anny52", "male").marker_names)
+    seed, future = torch.rand(2, 2, 67, 3), torch.rand(2, 8, 67, 3)
+    soles = sites.left_sole + sites.right_sole
+    future[:, :, soles, 2] = 0.01
+    future.requires_grad_()
+    asked = asked_of(seed.flatten(2), torch.ones(2, 3), torch.ones(2), torch.zeros(2, 2))
+    walks = torch.tensor([True, False])
+    costs = costs_of(
+        seed, future, future[:, -1], asked, sites, torch.ones(2), torch.zeros(2) > 0, walks
+    )
+    (slope,) = torch.autograd.grad(costs.slide.sum(), future)
+    lifts = slope[:, :, soles, 2].abs().amax((1, 2))
+    assert lifts[0] == 0 and lifts[1] > 0
 
 
 def test_a_fallen_agent_teaches_nothing_and_is_replaced(runs, tmp_path):
