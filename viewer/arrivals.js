@@ -57,11 +57,14 @@ export class Arrivals {
     return this.api.createAgents(session.id, people, patience);
   }
 
-  /** Makes people come and walk about, in the whole scene or `near` a place: those that there is room for now, the others later. */
-  async roamers(count, near) {
+  /**
+   * Makes people come and walk about, in the whole scene or `near` a place: those that there is room for now, the others later.
+   * `sent()` is called when the first of them have their commands and their bodies are requested.
+   */
+  async roamers(count, near, sent) {
     this.coming = true;
     try {
-      const came = await this.#roam(count, near);
+      const came = await this.#roam(count, near, sent);
       if (came === count) return;
       mention(comeText(came, count), "come");
       this.#roamLater(count - came, near).catch(() => {}); // errors are not shown
@@ -71,7 +74,7 @@ export class Arrivals {
   }
 
   /** Creates as many of them as there is room for; returns their number. */
-  async #roam(count, near) {
+  async #roam(count, near, sent) {
     let came = 0;
     for (let some = count; some > 0; some = Math.min(some, count - came)) {
       try {
@@ -82,6 +85,7 @@ export class Arrivals {
           this.#fetchBody(agent); // in turn with the commands, since a browser sends six requests at a time
           return sent;
         });
+        sent?.();
         await Promise.all(told);
       } catch (error) {
         if (error.status === 503) break; // too busy even to refuse some of them
@@ -102,9 +106,9 @@ export class Arrivals {
   }
 
   /** Makes people walk before the camera in a scene that opens. */
-  async welcome() {
+  async welcome(sent) {
     const { count, area } = this.stage.approach(this.place.level);
-    await this.roamers(count, area);
+    await this.roamers(count, area, sent);
   }
 
   /** Creates an agent with a shape { gender, betas } or { phenotype } and a name; returns its id. */

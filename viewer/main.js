@@ -31,6 +31,7 @@ import { TimelineBar } from "./timeline_bar.js";
 import { Tools } from "./tools.js";
 import { Wardrobe } from "./wardrobe.js";
 
+const AHEAD = 250; // maximum ms for which the stage waits until the first people have their commands
 const DETAILED = 24; // maximum number of people with the fine mesh, on a machine that draws well
 const FIRST_SCENE = "town_square"; // if no other is requested
 const MORE = 8; // people who come with the button
@@ -62,7 +63,7 @@ watchNodes(api.homes);
 watchPolicy(tell, () => session.id);
 const stage = new Stage(view);
 const readout = new Readout();
-const place = new ScenePanel(api, stage, { enter, chosen: welcome, changed: attempt(() => errands.replan()), attempt });
+const place = new ScenePanel(api, stage, { enter, chosen: () => welcome(), changed: attempt(() => errands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), (agent, detail) => arrivals.mesh(agent, detail), refresh, tell);
 const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: onEnded });
@@ -114,9 +115,15 @@ async function start() {
     else await place.begin(place.value ?? page.get("scene") ?? FIRST_SCENE);
     showTrouble(null);
     if (replay) stage.lookFrom(replay.script.camera);
-    welcomed = !watched && !replay && !place.begun ? welcome() : null; // is requested before the stage is made
+    const anew = !watched && !replay && !place.begun;
     place.begun = true;
-    await new Promise((go) => setTimeout(go)); // the requests are sent
+    let sent;
+    const requested = new Promise((go) => {
+      sent = () => setTimeout(go); // a request is sent after the task that makes it
+      setTimeout(go, anew ? AHEAD : 0);
+    });
+    welcomed = anew ? welcome(sent) : null;
+    await Promise.race([requested, welcomed].filter(Boolean)); // people walk and are dressed by the server while the stage is made
     beginStage();
     await welcomed;
     if (lost && !watched) {
@@ -200,9 +207,9 @@ async function enter(scene) {
   joining = replaying = null;
 }
 
-/** People walk in an example when it opens, unless the page's address says `people=0`. */
-async function welcome() {
-  if (place.isExample && page.get("people") !== "0") await arrivals.welcome();
+/** People walk in an example when it opens, unless the page's address says `people=0`. `sent()`: see arrivals.js. */
+async function welcome(sent) {
+  if (place.isExample && page.get("people") !== "0") await arrivals.welcome(sent);
 }
 
 function onEvent(event) {

@@ -64,6 +64,18 @@ test("people come later to a server that was too busy to answer at all", async (
   assert.equal(walking.length, 8);
 });
 
+test("people are said to be sent once each has its command and its body is requested, before any answer", async () => {
+  const bodies = [];
+  globalThis.fetch = async (url) => bodies.push(url) && new Promise(() => {});
+  const { made, walking } = arrivals(8);
+  made.mesh = ({ agent_id: id }) => [`http://x/${id}`, {}];
+  const { roamAgent } = made.errands;
+  made.errands.roamAgent = (id) => roamAgent(id) && new Promise(() => {}); // no answer
+  await new Promise((sent) => made.roamers(8, null, sent));
+  assert.equal(walking.length, 8);
+  assert.equal(bodies.length, 8);
+});
+
 test("another refusal is told as it is", async () => {
   const { made, asked } = arrivals(0, 400);
   const adding = made.roamers(8);
