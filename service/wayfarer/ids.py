@@ -23,8 +23,8 @@ def new_group() -> str:
 
 
 def request_group(caller: str, request_id: str) -> str:
-    """The group of what a request makes that has an id: always the same, so that one that is sent
-    again finds it, also on another node or after a restart.
+    """The group of all that a request with an id makes. It follows from the request, so a request
+    that is sent again finds what it has made, on another node and after a restart, too.
     """
     return _digest(f"{caller}\n{request_id}")
 

@@ -80,7 +80,7 @@ def costs_of(
     height = soles[:, 1:, :, 2]
     speed, height = speed.unflatten(-1, (2, -1)), height.unflatten(-1, (2, -1))
     on_floor = torch.exp(-((height.clamp(min=0) / NEAR_FLOOR) ** 2))
-    # who walks lifts feet anyway: they should rest, not leave the floor earlier
+    # a walker lifts its feet anyway: they should rest, not leave the floor earlier
     on_floor = torch.where(walks[:, None, None, None], on_floor.detach(), on_floor)
     lowest = height.argmin(-1, keepdim=True)
     rolling = (speed * on_floor).gather(-1, lowest).mean((-1, -2, -3))

@@ -299,8 +299,8 @@ class Directory:
     def place(self, group: str = "") -> NodeInfo:
         """The node for a new session or scene: the freer of two drawn at random.
 
-        `group`: that of a request with an id, which may have been sent before: what it made is
-        found, and until then the same node is given. Raises Unavailable.
+        `group`: that of a request with an id. If the request was sent before, this is the node that
+        has, or will have, what it made. Raises Unavailable.
         """
         self.expire()
         now = self._clock()

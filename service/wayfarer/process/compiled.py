@@ -47,8 +47,8 @@ def inner(rule: Callable[..., Any]) -> Any:
 
 
 def warm(rule: Any, *arguments: Any) -> None:
-    """Calls a compiled rule once before it is needed, and logs it if that takes seconds. Of the
-    processes that start together one compiles it, and the others wait for its code.
+    """Calls a compiled rule once before it is needed, and logs it if that takes seconds.
+    When processes start together, one compiles the rule and the others wait for its code.
     """
     folder = rule.stats.cache_path
     if folder is None:

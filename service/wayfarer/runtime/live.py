@@ -208,7 +208,7 @@ class LiveMotion:
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._workshop, call, argument)
 
-    # For callers that alone use the world, such as its thread
+    # For callers with the world to themselves, such as its thread
 
     def await_goal(self, agent_id: str, revision: int, since: float) -> None:
         """Starts to measure the time until the first chunk of a goal."""

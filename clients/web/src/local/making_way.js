@@ -1,4 +1,4 @@
-// Making way: who stands in the way of a person that asks steps aside, and returns afterwards. It mirrors the server's
+// Making way: an agent that stands steps aside for one that is stuck, and returns afterwards. It mirrors the server's
 // world/scenes/making_way.py, which explains the rule. World: metres.
 
 import { PATIENCE } from "./company.js";

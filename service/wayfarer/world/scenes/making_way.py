@@ -1,4 +1,4 @@
-"""Making way: who stands in the way of an agent that asks steps aside, and returns afterwards.
+"""Making way: an agent that stands steps aside for one that is stuck, and returns afterwards.
 
 `Memory.yields` counts the seconds until it returns, `Memory.retreat` is the direction of its step,
 `Aims.spot` the place that it left. All is in the world's frame, in metres.
