@@ -58,7 +58,7 @@ export class Arrivals {
   }
 
   /**
-   * Makes people come and walk about, in the whole scene or `near` a place: those that there is room for now, the others later.
+   * Makes people come and walk about, in the whole scene or `near` a place: as many as there is room for now, the others later.
    * `sent()` is called when the first of them have their commands and their bodies are requested.
    */
   async roamers(count, near, sent) {

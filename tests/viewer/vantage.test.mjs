@@ -17,7 +17,7 @@ function levelOf(blocks) {
 const MIDDLE = { x: 5, z: -2 };
 const DESK = { opening: 0.61, tall: false }, PHONE = { opening: 0.26, tall: true };
 
-/** Whether a block hides somebody who walks on the spot from the eye. */
+/** Whether a block stands between the eye and a walker at the spot. */
 function hides(block, eye, area) {
   const way = { x: area.x - eye.x, y: 1 - eye.y, z: area.z - eye.z }, reach = Math.hypot(way.x, way.y, way.z);
   return blockMeets({ origin: eye, direction: { x: way.x / reach, y: way.y / reach, z: way.z / reach } }, block) < reach;

@@ -1,10 +1,11 @@
 """Teach a cloned policy to follow in closed loop: `wayfarer train policy-follow`.
 
 A cloned policy has seen recorded people only. Left to itself it glides where recordings give two
-answers whose mean is to stand still, and it misses its goal. So it minimises costs of its own
-steps, feet locked as in the service: deviation from the requested way and facing, sliding soles, a
-leaning trunk. Divergence from the policy that it starts from costs, too, so that people still move
-as recorded ones do. Gradients flow through the predictor and its markers, not through bodies.
+answers whose mean is standing still, and it misses its goal. So it minimises costs of the steps
+that it leads, feet locked as in the service: deviation from the requested way and facing, sliding
+soles, a leaning trunk. Divergence from the policy that it starts from costs, too, so that people
+still move as recorded ones do. Gradients flow through the predictor and its markers, not through
+bodies.
 
 A later such stage (`configs/policy_alike.toml`) makes it steady and alive. Users ask for something
 else before a body has come to its aim, and no recorded person shows what to do then. So agents are

@@ -47,6 +47,8 @@ MOST_SECONDS = 120.0
 """Longest clip that ends with the arrival, seconds."""
 REST = 1.0
 """Seconds that such a clip continues after the arrival."""
+MOST = 200
+"""Maximum number of people in a file."""
 NOBODY_GOES = 20.0
 """Default seconds of a clip without goals, or of one planned by beam search."""
 
@@ -154,7 +156,10 @@ def generate(
         int | None, typer.Option(help="With beam: primitives kept at every step; default 4.")
     ] = None,
     people: Annotated[
-        int, typer.Option(help="More than one: they walk about by themselves, in one file.", min=1)
+        int,
+        typer.Option(
+            help="More than one: they walk about by themselves, in one file.", min=1, max=MOST
+        ),
     ] = 1,
     scene: Annotated[
         str,

@@ -1,4 +1,4 @@
-// Making way: an agent that stands steps aside for one that is stuck, and returns afterwards. It mirrors the server's
+// Making way: a standing agent steps aside when another is stuck before it, and returns. It mirrors the server's
 // world/scenes/making_way.py, which explains the rule. World: metres.
 
 import { PATIENCE } from "./company.js";
@@ -12,7 +12,7 @@ const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * M
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
-/** Somebody's way, and metres from it to a place, to the left. @typedef {{ way: Point, left: number }} Way */
+/** Somebody's way, and metres to the left of it of a place @typedef {{ way: Point, left: number }} Way */
 
 export class MakingWay {
   /** @param {import("./scene.js").LocalScene | null} scene */

@@ -1,4 +1,4 @@
-"""Making way: an agent that stands steps aside for one that is stuck, and returns afterwards.
+"""Making way: a standing agent steps aside when another is stuck before it, and returns.
 
 `Memory.yields` counts the seconds until it returns, `Memory.retreat` is the direction of its step,
 `Aims.spot` the place that it left. All is in the world's frame, in metres.
@@ -77,7 +77,7 @@ class MakingWay:
     def _may_step(self, rows: Index, hips: Float, ahead: GoalColumns) -> Flags:
         """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks.
 
-        Who faces a heading, or is far from its goal, may not.
+        An agent that faces a heading, or is far from its goal, may not.
         """
         slots, people = self._slots, self._avoidance.crowd.people
         askers = people.position[people.walks & (people.aims.barred > PATIENCE)]
