@@ -21,6 +21,9 @@ from tests.serving import needs_ray
 from wayfarer.v1 import motion_pb2, motion_pb2_grpc
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, NotFound, Unavailable
 
+STANDING = 12
+"""People of each of the 51 sessions that nobody watches: 612, and those who walk."""
+
 pytestmark = [pytest.mark.slow, needs_ray, pytest.mark.asyncio(loop_scope="module")]
 
 
@@ -39,6 +42,8 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
         crowd = await client.create_session(lease=900, scene=field.scene_id)
         await crowd.populate(3, seed=1, stay=2.0)
         idle = await asyncio.gather(*(client.create_session(lease=900) for _ in range(51)))
+        people = [AgentSpec()] * STANDING
+        await asyncio.gather(*(one.create_agents(*people) for one in idle))
         watched = [await Watcher.of(client) for _ in range(5)]
         watched.append(await Watcher.of(client, field.scene_id))
         everybody = [*idle, crowd, *stepped.twins, *(one.session for one in watched)]
@@ -58,6 +63,8 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
 
         async def all_go_on():
             assert min(await asyncio.gather(*(one.renew() for one in everybody))) > 0
+            there = await asyncio.gather(*(one.agents() for one in idle))
+            assert {len(agents) for agents in there} == {STANDING}
             await stepped.goes_on()
             await put()
 
@@ -91,8 +98,11 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
             return check
 
         async def settle():
-            """All sessions continue, and the neighbour of the scene's present node has baked it."""
+            """All sessions continue, on three nodes, and the neighbour of the scene's present node
+            has baked it.
+            """
             await all_go_on()
+            await cluster.until(lambda s: cluster.ready(s) == 3)
             name, ends_at = await with_the_scene(cluster, watched), time.monotonic() + 120
             while time.monotonic() < ends_at:
                 baked = [(line["timestamp"], line["node"]) for line in cluster.said()
