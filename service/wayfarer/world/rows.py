@@ -121,8 +121,7 @@ def columns(kind: type[Named], rows: Rows) -> Named:
     return kind(*map(np.ascontiguousarray, _values(kind)(rows)))
 
 
-@cache
-def flat_columns(rows: type[Rows]) -> tuple[Column, ...]:
+def _flatten(rows: type) -> tuple[Column, ...]:
     """The arrays of a class, including nested columns, in order."""
     found = list[Column]()
     for name, kind, shape in _columns(rows):
@@ -131,6 +130,9 @@ def flat_columns(rows: type[Rows]) -> tuple[Column, ...]:
         else:
             found.append(Column(name, np.dtype(kind), shape))
     return tuple(found)
+
+
+flat_columns: Final[Callable[[type], tuple[Column, ...]]] = cache(_flatten)
 
 
 def _reader(kind: type) -> Callable[[Rows], tuple[Any, ...]]:
