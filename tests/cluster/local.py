@@ -34,7 +34,7 @@ class LocalCluster:
         self.settings = Settings(
             http_port=0, grpc_port=0, engine="onnxruntime", threads=1, candidates=2,
             admission=False, drain_s=0.5,
-            limits={"agents": 32, "agents_per_session": 32, "sessions_per_caller": 48},
+            limits={"agents": 704, "agents_per_session": 32, "sessions_per_caller": 48},
             log_format="json", **settings,
         )  # fmt: skip
         self._count = nodes

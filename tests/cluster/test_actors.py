@@ -1,5 +1,7 @@
 """A node's actor, without Ray: its server is a function of this module."""
 
+import os
+import signal
 import subprocess
 import sys
 import textwrap
@@ -79,7 +81,22 @@ def test_the_end_of_a_process_of_this_machine_is_seen():
         node = info("n1").model_copy(update={"machine": machine(), "pid": process.pid})
         has_ended = watch(node)
         elsewhere = watch(node.model_copy(update={"machine": "another"}))
-        assert machine() and not has_ended()
+        assert machine() and not has_ended(False)
         process.kill()
-    assert has_ended() and not elsewhere()
-    assert watch(node)(), "it had ended before"
+    assert has_ended(False) and not elsewhere(False)
+    assert watch(node)(False), "it had ended before"
+
+
+def test_a_stopped_process_of_this_machine_ends_once_it_is_forsaken():
+    from wayfarer.cluster.actors import watch
+    from wayfarer.cluster.tenancy import machine
+
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        has_ended = watch(info("n1").model_copy(update={"machine": machine(), "pid": process.pid}))
+        assert not has_ended(True), "it is not stopped: it may only be busy"
+        process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, process.pid, os.WSTOPPED)
+        assert not has_ended(False), "it may go on"
+        has_ended(True)
+        assert process.wait(10) == -signal.SIGKILL
+        assert has_ended(True)

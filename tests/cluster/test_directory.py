@@ -9,7 +9,7 @@ from tests.cluster import virtual_time
 from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
 from wayfarer.cluster.directory import DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
-from wayfarer.cluster.messages import ADOPTED, Answer, Changes, NodeLoad
+from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, Changes, NodeLoad
 from wayfarer.cluster.tenancy import CLAIM_S
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
@@ -259,6 +259,24 @@ def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     assert not bench.nodes["n0"].may_step()  # what it lost is still there
     bench.nodes["n0"].released(group)
     assert bench.nodes["n0"].may_step()
+
+
+def test_a_silent_node_may_be_ended_while_another_has_its_copies():
+    bench, told = Bench(), {}
+    bench.directory._watch = lambda node: lambda forsaken: told.update({node.name: forsaken})
+    bench.add("n0")
+    bench.later(SILENT_S + 0.25)
+    bench.directory.expire()
+    assert told == {"n0": False}, "nobody else has its sessions"
+    bench.add("n1")
+    bench.beat()
+    bench.beat()
+    bench.later(SILENT_S + 0.25, "n1")
+    assert told == {"n0": True, "n1": False}
+    bench.beat()
+    bench.now += SILENT_S + 0.25  # the directory itself was stopped, as all of the machine
+    bench.beat("n0")
+    assert told == {"n0": False, "n1": False}
 
 
 def test_a_drained_node_moves_what_it_has_and_is_done():
@@ -557,7 +575,7 @@ def test_unknown_nodes_are_fenced():
 def test_a_process_that_ends_is_known_before_its_lease_ends():
     over = set()
     bench = Bench(["n0", "n1", "n2"])
-    bench.directory._watch = lambda node: lambda: node.name in over
+    bench.directory._watch = lambda node: lambda forsaken: node.name in over
     n3, group = bench.add("n3"), None
     bench.beat()
     group = bench.new_session("n3")

@@ -6,12 +6,16 @@ from types import SimpleNamespace
 import pytest
 
 from tests.cluster import virtual_time
-from tests.cluster.nodes import Bench
+from tests.cluster.nodes import Bench, info
+from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
 from wayfarer.cluster.replicas import Replicas
+from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import Aborted, InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.ids import group_of
+
+ANSWER_S = 1.5  # as in actors.py, which needs Ray
 
 
 class Moves:
@@ -307,3 +311,39 @@ def test_all_sessions_of_a_scene_stand_still_together():
         (_, first, _, ended), *others = [one for one in log if one[0] == verb]
         assert first == "scene" and [one[1] for one in others] == ["session", "session"]
         assert all(one[2] == ended and one[3] == ended + 1.0 for one in others)
+
+
+def test_a_busy_node_that_loses_an_answer_of_the_directory_keeps_its_lease():
+    """As while it is drained: else a neighbour would go on with its sessions from copies."""
+
+    async def renew():
+        now = asyncio.get_running_loop().time
+        directory, tenancy = Directory(LeaseRules(3.0, nodes=1), 1, now), Tenancy(info("n1"), now)
+        lost = [4]  # renewals, counted from the first
+
+        async def call(verb, told):
+            if told.count in lost:
+                await asyncio.sleep(ANSWER_S)
+                raise Unavailable("the directory does not answer")
+            return directory.renew(told)
+
+        async def loop_stats():
+            await asyncio.sleep(60)  # the motion thread takes in sessions
+
+        gateway = SimpleNamespace(
+            moves=Moves(), started=True, alive=True, streams=0, loop_stats=loop_stats
+        )
+        link = SimpleNamespace(call=call)
+        replication = SimpleNamespace(neighbour="")
+        agent = NodeAgent(tenancy, gateway, link, link, Replicas(), replication, lambda: None)
+        renewing = asyncio.create_task(agent.renewing())
+        while tenancy._count < 2 or not tenancy.leased:
+            await asyncio.sleep(0.01)
+        ends_at = now() + 20
+        while now() < ends_at:
+            await asyncio.sleep(0.01)
+            assert tenancy.leased
+        assert directory.counters["expired"] == 0
+        renewing.cancel()
+
+    virtual_time.run(renew())

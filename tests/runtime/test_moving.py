@@ -166,6 +166,22 @@ async def test_a_subscriber_misses_nothing_when_its_session_moves(servers):
     assert await here.list_sessions() == []
 
 
+async def test_a_reader_is_not_slow_because_all_that_is_planned_leaves_at_once(servers):
+    here = await servers.start(lead=10, limits=Limits(queue_s=1.0))  # 2 s are planned ahead
+    session = (await here.create_session(SessionSpec())).session_id
+    (walker,) = await here.create_agents(session, [AgentSpec()])
+    await here.give(walker.agent_id, goals((20, 20))[0])
+    subscription = await here.subscribe(session, StreamOptions())
+    before = await collected(subscription, count=5)
+    await here.moves.freeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    after = await until_elsewhere(subscription)
+    assert len(after) > 6, "more than a second"
+    assert not any(p.events for p in after)
+    positions = [p.position for p in before + after]
+    assert positions == list(range(positions[0], positions[0] + len(positions)))
+
+
 async def until_elsewhere(subscription):
     found = []
     with pytest.raises(Misdirected):

@@ -18,6 +18,7 @@ from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import structlog
@@ -124,25 +125,36 @@ class RayNodes:
         return await actor.ask(f"node {node.name}", seconds, "call", node.name, verb, *told)
 
 
-def watch(node: NodeInfo) -> Callable[[], bool]:
+def watch(node: NodeInfo) -> Callable[[bool], bool]:
     """Returns a function that says whether its process has ended, if that can be seen from here.
 
     So nobody waits for the end of a lease, or until a busy machine has started the next process.
+    With True, it ends a process that is stopped (SIGSTOP), and with it the connections of its
+    clients: the system would keep them open.
     """
     if not node.machine or node.machine != machine():
-        return lambda: False
+        return lambda forsaken: False
     try:
         process = os.pidfd_open(node.pid)
     except ProcessLookupError:
-        return lambda: True
+        return lambda forsaken: True
     poll = select.poll()
     poll.register(process, select.POLLIN)
 
-    def has_ended() -> bool:
+    def has_ended(forsaken: bool) -> bool:
+        if forsaken and _is_stopped(node.pid):
+            log.error("a stopped node is ended", node=node.name)
+            signal.pidfd_send_signal(process, signal.SIGKILL)
         return bool(poll.poll(0))
 
     weakref.finalize(has_ended, os.close, process)
     return has_ended
+
+
+def _is_stopped(pid: int) -> bool:
+    with contextlib.suppress(OSError):  # it has just ended
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+    return False
 
 
 class DirectoryActor(Directory):

@@ -83,7 +83,7 @@ class _Node:
     info: NodeInfo
     load: NodeLoad
     heard_at: float  # its last renewal
-    has_ended: Callable[[], bool]  # its process, as far as that can be seen
+    has_ended: Callable[[bool], bool]  # its process, as far as that can be seen
     count: int = 0  # of the last message
     used: set[str] = field(default_factory=set)  # groups
     keepers: tuple[str, ...] = ()  # of its replicas: the present one, and the one before
@@ -121,12 +121,13 @@ class Directory:
         generation: int,
         clock: Callable[[], float] = time.monotonic,
         seed: int | None = None,
-        watch: Callable[[NodeInfo], Callable[[], bool]] = lambda node: lambda: False,
+        watch: Callable[[NodeInfo], Callable[[bool], bool]] = lambda node: lambda forsaken: False,
     ) -> None:
         """`generation`: greater than that of any directory before; microseconds since 1970 are.
 
         Epochs begin there, so that they still grow after a restart of the directory. `watch`
-        returns a function that says whether the process of a node is known to have ended.
+        returns a function that says whether the process of a node is known to have ended. With
+        True, it may end it: the node is silent, and one that is not has its copies.
         """
         self.rules = rules
         self._clock = clock
@@ -218,9 +219,12 @@ class Directory:
 
     def expire(self) -> None:
         """Fence the nodes whose lease has ended, or whose process has."""
-        for name in [name for name, node in self._nodes.items() if node.has_ended()]:
-            self.ended(name)
-        over = self._clock() - self._lease_s
+        now = self._clock()
+        heard = {name for name, node in self._nodes.items() if not node.is_silent(now)}
+        for name, node in list(self._nodes.items()):
+            if node.has_ended(name not in heard and not heard.isdisjoint(node.keepers)):
+                self.ended(name)
+        over = now - self._lease_s
         for node in [n for n in self._nodes.values() if n.heard_at <= over]:
             self.counters["expired"] += 1
             self._end(self._nodes.pop(node.info.name))

@@ -50,7 +50,9 @@ ADOPT_S: Final = 600.0
 HAND_ON_S: Final = 3.0
 """Between offers of what waits to another node."""
 
-STATS_S: Final = 1.0
+STATS_S: Final = 0.25
+"""A busy motion thread is not waited for longer: with one answer of the directory that is lost, the
+lease would end."""
 
 SESSION_S: Final = 0.1
 """How much longer a call may take for each session that it gives away."""

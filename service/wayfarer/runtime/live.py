@@ -255,7 +255,7 @@ class LiveMotion:
 
     def _send_rest(self, world: World, session_id: str) -> None:
         for due in world.take_rest(session_id):
-            self._publisher.publish(due.session_id, due.chunks)
+            self._publisher.publish(due.session_id, due.chunks, ahead=True)
         self._publisher.flush()
 
     def _put_live(self, world: World, session: SessionCopy, now: float, admit: bool) -> SessionInfo:

@@ -11,7 +11,7 @@ To a type checker a column has the array's type. The dtype is given separately, 
 releases differ in the structure of `NDArray`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from operator import attrgetter
@@ -121,13 +121,18 @@ def columns(kind: type[Named], rows: Rows) -> Named:
     return kind(*map(np.ascontiguousarray, _values(kind)(rows)))
 
 
-def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
+def _flatten(rows: type) -> tuple[Column, ...]:
     """The arrays of a class, including nested columns, in order."""
+    found = list[Column]()
     for name, kind, shape in _columns(rows):
         if isinstance(kind, type) and issubclass(kind, Rows):
-            yield from flat_columns(kind, f"{path}{name}.")
+            found += [one._replace(path=f"{name}.{one.path}") for one in flat_columns(kind)]
         else:
-            yield Column(path + name, np.dtype(kind), shape)
+            found.append(Column(name, np.dtype(kind), shape))
+    return tuple(found)
+
+
+flat_columns: Final[Callable[[type], tuple[Column, ...]]] = cache(_flatten)
 
 
 def _reader(kind: type) -> Callable[[Rows], tuple[Any, ...]]:

@@ -200,6 +200,16 @@ async def test_who_resumes_loses_nothing_while_its_connection_is_set_up():
     assert seqs(await take(queue, 19)) == list(range(1, 20)) and queue.dropped == 0
 
 
+async def test_who_resumes_loses_nothing_while_the_agents_of_its_first_publication_are_described():
+    start = SubscriptionStart("epoch", 1, 0.0, resumed=True, held=ring(1))
+    queue = subscription(start=start)
+    assert seqs(await take(queue, 1)) == [1]
+    put(queue, map(entry, range(2, 12)))  # the motion thread has much to do, and answers late
+    assert seqs(await take(queue, 10)) == list(range(2, 12)) and queue.dropped == 0
+    put(queue, map(entry, range(12, 30)))
+    assert queue.dropped > 0, "bounded again"
+
+
 async def test_the_opening_comes_first():
     gap = Event(EventKind.GAP, 0.0, detail="lost")
     start = SubscriptionStart("new", 7, 1.4, opening=Publication(7, events=(gap,)))

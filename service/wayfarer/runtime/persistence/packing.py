@@ -16,14 +16,9 @@ from wayfarer.world.rows import Column, Rows, flat_columns
 R = TypeVar("R", bound=Rows)
 
 
-def columns_of(kind: type[Rows]) -> tuple[Column, ...]:
-    """The arrays of a class, in the order in which they are packed."""
-    return tuple(flat_columns(kind))
-
-
 def row_bytes(kind: type[Rows]) -> int:
     """Length of one packed row."""
-    return sum(_size(column) for column in columns_of(kind))
+    return sum(_size(column) for column in flat_columns(kind))
 
 
 def get(rows: Rows, path: str) -> NDArray[Any]:
@@ -35,7 +30,7 @@ def get(rows: Rows, path: str) -> NDArray[Any]:
 def pack(rows: Rows) -> NDArray[np.uint8]:
     """Bytes [N, B] of N rows."""
     parts = []
-    for column in columns_of(type(rows)):
+    for column in flat_columns(type(rows)):
         values = np.ascontiguousarray(get(rows, column.path), column.dtype.newbyteorder("<"))
         parts.append(values.view(np.uint8).reshape(len(values), _size(column)))
     return np.concatenate(parts, axis=1)
@@ -52,7 +47,7 @@ def unpack(kind: type[R], data: bytes | memoryview, where: str) -> R:
     packed = np.frombuffer(data, np.uint8).reshape(-1, width)
     rows = kind.empty(len(packed))
     start = 0
-    for column in columns_of(kind):
+    for column in flat_columns(kind):
         end = start + _size(column)
         stored = np.ascontiguousarray(packed[:, start:end])
         start = end

@@ -50,11 +50,13 @@ class Publisher:
         self._holders: set[str] = set()  # sessions that have had subscribers with HOLD
         self._deliveries: dict[asyncio.AbstractEventLoop, list[Delivery]] = defaultdict(list)
 
-    def publish(self, session_id: str, chunks: MotionChunks) -> None:
-        """Publishes the chunks of a session that are due now, with their goal events."""
+    def publish(self, session_id: str, chunks: MotionChunks, ahead: bool = False) -> None:
+        """Publishes chunks of a session, with their goal events. They are due now, or leave `ahead`
+        of their time: then no reader is slow that has not taken those before.
+        """
         log = self._log(session_id)
         log.answer(chunks, self._meter)
-        self._deliver(session_id, log, chunks, log.goal_events.events(chunks))
+        self._deliver(session_id, log, chunks, log.goal_events.events(chunks), ahead)
 
     def sights(self, session_id: str, chunks: MotionChunks) -> list[Sight] | Sight:
         """How well the readers of a session see the agents [A] of these chunks."""
@@ -147,9 +149,15 @@ class Publisher:
         return self._logs[session_id]
 
     def _deliver(
-        self, session_id: str, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]
+        self,
+        session_id: str,
+        log: "_Log",
+        chunks: MotionChunks,
+        events: tuple[Event, ...],
+        spare: bool = False,
     ) -> None:
-        readers = [(reader, log.spares(reader, self._limits.queue_s)) for reader in log.open()]
+        most = self._limits.queue_s
+        readers = [(reader, spare or log.spares(reader, most)) for reader in log.open()]
         _pack(chunks, (reader for reader, _ in readers))
         entry = log.add(chunks, events, self._roots(session_id, log, chunks))
         for reader, spare in readers:

@@ -120,7 +120,7 @@ class Subscription:
         self._waiting: deque[QueuedPublication] = deque()
         self._loss: _Loss | None = None
         self._opening: Publication | None = None
-        self._position = 0  # of the last publication yielded
+        self._position = self._began = 0  # of the last publication yielded, and of that before all
         self._horizon = math.inf  # nothing that begins later is yielded
         self._tracker = SequenceTracker()
         self._ended = False
@@ -130,13 +130,15 @@ class Subscription:
     def begin(self, start: SubscriptionStart) -> None:
         """Sets its start. Called on the reader's event loop, before the first `put`."""
         self.epoch, self.resumed = start.epoch, start.resumed
-        self.taken, self._position, self._opening = start.motion, start.position, start.opening
+        self.taken, self._opening = start.motion, start.opening
+        self._position = self._began = start.position
         resume = self.options.resume
         if resume is None or resume.same_agents:  # otherwise new agents are unknown
             self._tracker.learn((entry.publication for entry in start.held), start.position)
         for entry in start.replay:
             self.put(entry, spare=True)
-        # until the reader has caught up; a resuming reader also waits for its header
+        # until the reader has caught up; a resuming reader also waits for its header, and for the
+        # descriptions of the agents in its first publication
         self._bound += max(self._span(), self._limits.resume_s if self.resumed else 0.0)
 
     def __aiter__(self) -> Self:
@@ -147,6 +149,8 @@ class Subscription:
 
         Raises ResourceExhausted if the reader was too slow, Unavailable if the loop failed.
         """
+        if self._position > self._began and self._span() <= self._limits.queue_s:
+            self._bound = self._limits.queue_s  # it has dealt with its first one
         while (publication := self._next()) is None:
             if self._ended:
                 raise self._error or StopAsyncIteration
@@ -284,8 +288,6 @@ class Subscription:
             return None
         entry = self._waiting.popleft()
         self.taken = entry.motion
-        if self._span() <= self._limits.queue_s:
-            self._bound = self._limits.queue_s
         return self._tracker.put(entry.publication, entry.motion)
 
     def _wake(self) -> None:
