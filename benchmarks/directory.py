@@ -20,9 +20,9 @@ RENEWALS_PER_S = 4
 CLAIMS = 2000
 
 
-def asked(directory: Directory, verb: str, *told: object) -> Any:
+def asked(directory: Directory, verb: str, *request: object) -> Any:
     """The answer, both ways as Ray carries it."""
-    answer = getattr(directory, verb)(*pickle.loads(pickle.dumps(told)))
+    answer = getattr(directory, verb)(*pickle.loads(pickle.dumps(request)))
     return pickle.loads(pickle.dumps(answer))
 
 
@@ -42,8 +42,8 @@ def main() -> None:
             fingerprint="a", capacity=1024,
         )  # fmt: skip
         held = dict.fromkeys(groups[number :: args.nodes], 1)
-        told = LeaseRenewal(name=node.name, count=1, node=node, held=held, leased=True)
-        asked(directory, "renew", told)
+        renewal = LeaseRenewal(name=node.name, count=1, node=node, held=held, leased=True)
+        asked(directory, "renew", renewal)
     entered = (time.process_time() - began) / args.nodes
     seen = dict.fromkeys(range(args.nodes), (0, 0))
     began = time.process_time()
@@ -51,13 +51,13 @@ def main() -> None:
         if count == 1:  # the first brings the whole view
             began = time.process_time()
         for number in range(args.nodes):
-            told = LeaseRenewal(
+            renewal = LeaseRenewal(
                 name=f"node{number}",
                 count=count + 2,
                 held=dict.fromkeys(share_of(groups[number :: args.nodes], count + 2), 1),
                 seen=seen[number],
             )
-            answer: Answer = asked(directory, "renew", told)
+            answer: Answer = asked(directory, "renew", renewal)
             if answer.changes:
                 seen[number] = (answer.changes.generation, answer.changes.version)
     renewed = (time.process_time() - began) / (args.rounds - 1) / args.nodes

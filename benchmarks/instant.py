@@ -10,5 +10,6 @@ from wayfarer.commands.serve import serve_command
 from wayfarer.engines.onnx_engine import OnnxEngine
 
 if __name__ == "__main__":
+    OnnxEngine.stride = InstantEngine.stride  # type: ignore[attr-defined]
     OnnxEngine.step = InstantEngine.step  # type: ignore[assignment,method-assign]
     typer.run(serve_command)

@@ -39,7 +39,7 @@ from pydantic import BaseModel
 from wayfarer.body.library import load_body
 from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.spec import GENDERS
-from wayfarer_lab.evaluation.parts import DIRECT, TRAINED
+from wayfarer_lab.evaluation.model_parts import DIRECT, TRAINED
 from wayfarer_lab.training.cli import read_config
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
 from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end

@@ -86,8 +86,8 @@ def measured(part: str, quick: bool, agents: int | None = None) -> dict[str, Any
             failure = f"it took longer than {SECONDS_LEFT:g} s"
         found: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
     found.pop("meta", None)
-    told = {"command": " ".join(words), "took_s": round(time.monotonic() - began, 1)}
-    return told | ({"failure": failure} if failure else {}) | found
+    about = {"command": " ".join(words), "took_s": round(time.monotonic() - began, 1)}
+    return about | ({"failure": failure} if failure else {}) | found
 
 
 def main() -> int:

@@ -80,8 +80,8 @@ def markdown(rows: list[Row]) -> str:
 def made(meta: dict[str, Any], release: str) -> str:
     """Date, machine and commit of a result; **stale** if it is not of the release."""
     where = f"{meta['machine']['cpu']}, {meta['machine']['cores']} cores"
-    told = f"{meta['date'][:10]}, {where}, commit {meta['commit'][:7]}"
-    return told if meta["commit"] == release else f"{told}, **stale**"
+    origin = f"{meta['date'][:10]}, {where}, commit {meta['commit'][:7]}"
+    return origin if meta["commit"] == release else f"{origin}, **stale**"
 
 
 def commits() -> dict[str, str]:
@@ -122,9 +122,9 @@ def main() -> None:
     release = release_of(found)
     stale = sorted(name for name, commit in found.items() if commit != release)
     if stale and "--stale" not in sys.argv[1:]:
-        told = ", ".join(f"{name} ({found[name][:7]})" for name in stale)
+        others = ", ".join(f"{name} ({found[name][:7]})" for name in stale)
         sys.exit(
-            f"these results are not of commit {release[:7] or 'that can be named'}: {told}. "
+            f"these results are not of commit {release[:7] or 'that can be named'}: {others}. "
             "Make them again with `wayfarer eval all`, or mark them with --stale."
         )
     PAGE.write_text(page(release, bool(stale)))

@@ -9,8 +9,8 @@ const AGAINS = 30; // maximum number of such requests
 
 export class Arrivals {
   /** `place` is the scene panel. `met(person)` is called when an expected person has come. `detail`: of all bodies, if given. */
-  constructor({ api, stage, place, crowd, session, errands, met, detail }) {
-    Object.assign(this, { api, stage, place, crowd, session, errands, met, detail });
+  constructor({ api, stage, place, crowd, session, commands, met, detail }) {
+    Object.assign(this, { api, stage, place, crowd, session, commands, met, detail });
     this.bodies = new Map(); // gender → body
     this.coming = false; // whether people have been requested, and none has come yet
   }
@@ -81,7 +81,7 @@ export class Arrivals {
         const made = await this.create(some, {}, near, 0);
         came += some;
         const told = made.map((agent) => {
-          const sent = this.errands.roamAgent(agent.agent_id, near);
+          const sent = this.commands.roamAgent(agent.agent_id, near);
           this.#fetchBody(agent); // in turn with the commands, since a browser sends six requests at a time
           return sent;
         });
@@ -124,7 +124,7 @@ export class Arrivals {
       const person = this.crowd.people.find(({ agent, shown }) => agent.id === id && shown);
       if (person) {
         this.met(person);
-        return this.errands.roam([person]);
+        return this.commands.roam([person]);
       }
       await new Promise((go) => setTimeout(go, SOON));
     }

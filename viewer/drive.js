@@ -7,14 +7,14 @@ const KEYS = { w: [0, 1], s: [0, -1], a: [-1, 0], d: [1, 0] };
 
 export class Drive {
   /** `person()` returns the driven person; `attempt(action)` wraps actions that may be refused. */
-  constructor({ stage, person, errands, attempt }) {
+  constructor({ stage, person, commands, attempt }) {
     Object.assign(this, { stage, person, on: false });
     this.held = new Set();
     this.thumb = [0, 0]; // of the stick on the screen: right, forward
     this.sentAt = -Infinity;
     this.driven = null; // the person who has been sent and not stopped
-    this.send = attempt((who, goal) => errands.drive(who, goal));
-    this.stop = attempt((who) => errands.stop([who]));
+    this.send = attempt((who, goal) => commands.drive(who, goal));
+    this.stop = attempt((who) => commands.stop([who]));
     addEventListener("blur", () => this.held.clear()); // the page does not see keys that are released in another window
     addEventListener("keyup", ({ key }) => this.held.delete(key.toLowerCase()));
   }

@@ -4,7 +4,7 @@ import { mixPoses } from "./client/index.js";
 
 const SECONDS = 60;
 const FPS = 30; // most frames kept: a minute of one person is 0.75 MB
-const LEAST_FPS = 6;
+const MIN_FPS = 6;
 const ALL_FPS = 6000; // of all people together: of more than 200 fewer frames each are kept, so that the page has time for the others
 const ROOM = 64; // frames that there is room for at the start; doubled when more are needed
 const GAP = 0.5; // seconds between two frames that belong to different visits: nobody is there between
@@ -86,7 +86,7 @@ export class History {
       this.clear();
       this.begun = this.last = moment;
     }
-    const fps = Math.min(FPS, Math.max(LEAST_FPS, ALL_FPS / people.length));
+    const fps = Math.min(FPS, Math.max(MIN_FPS, ALL_FPS / people.length));
     const step = Math.max(1 / fps, (moment - this.last) / MOST);
     for (let at = this.last + step; at <= moment; at += step) {
       this.last = at;

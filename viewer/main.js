@@ -7,7 +7,7 @@ import { Camera } from "./camera.js";
 import { crowdText, eventText } from "./choices.js";
 import { Crowd } from "./crowd.js";
 import { Drive } from "./drive.js";
-import { Errands } from "./errands.js";
+import { Commands } from "./commands.js";
 import { kindOf, watchFiles } from "./files.js";
 import { History } from "./history.js";
 import { askToken, byId, disclose, listPeople, LOST, mention, Readout, showConnection, showHelp, showTrouble, tell } from "./hud.js";
@@ -15,7 +15,7 @@ import { watchKeys } from "./keyboard.js";
 import { watchNodes, watchPolicy } from "./nodes.js";
 import { Overlays } from "./overlays.js";
 import { ScenePanel } from "./panel.js";
-import { decodePast } from "./past.js";
+import { decodePast } from "./packed_past.js";
 import { floorRing } from "./people.js";
 import { watchPointer } from "./pointer.js";
 import { bringBack, remember, restoreText } from "./restore.js";
@@ -63,11 +63,11 @@ watchNodes(api.homes);
 watchPolicy(tell, () => session.id);
 const stage = new Stage(view);
 const readout = new Readout();
-const place = new ScenePanel(api, stage, { enter, chosen: () => welcome(), changed: attempt(() => errands.replan()), attempt });
+const place = new ScenePanel(api, stage, { enter, chosen: () => welcome(), changed: attempt(() => commands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), (agent, detail) => arrivals.mesh(agent, detail), refresh, tell);
 const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: onEnded });
-const errands = new Errands(api, crowd, {
+const commands = new Commands(api, crowd, {
   ask: () => {
     if (session.watchOnly) throw new Error("This is a replay: open the page without the link to send people");
     return { mode: sendMode(), selected: selection.people, speed: Number(byId("speed").value), formation: byId("formation").value };
@@ -77,9 +77,9 @@ const errands = new Errands(api, crowd, {
   nobody: () => arrivals.nobody,
 });
 const selection = new Selection(() => showSelection());
-const tools = new Tools({ stage, level, book, crowd, errands, selection, attempt });
+const tools = new Tools({ stage, level, book, crowd, commands, selection, attempt });
 const camera = new Camera(stage, level, crowd);
-const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met, detail: page.get("detail") });
+const arrivals = new Arrivals({ api, stage, place, crowd, session, commands, met, detail: page.get("detail") });
 const wardrobe = new Wardrobe(api, crowd, {
   enlist: (shape) => arrivals.enlist(shape), walk: attempt((id) => arrivals.setOff(id)), attempt,
 });
@@ -91,7 +91,7 @@ const history = new History();
 const timeline = new Timeline(history);
 const bar = new TimelineBar(timeline, history, () => selection.person);
 const overlays = new Overlays(stage);
-const drive = new Drive({ stage, errands, attempt, person: () => selection.person });
+const drive = new Drive({ stage, commands, attempt, person: () => selection.person });
 
 let lost = null; // the contents of a session that the server has forgotten
 let chosen = []; // ids of people who were selected in it, until they are back
@@ -128,7 +128,7 @@ async function start() {
     await welcomed;
     if (lost && !watched) {
       stage.lookFrom(lost.view);
-      chosen = await bringBack(lost, { api, session, book, crowd, errands }).catch((error) => {
+      chosen = await bringBack(lost, { api, session, book, crowd, commands }).catch((error) => {
         if (error.status) lost = null; // a refusal would be repeated
         throw error;
       });
@@ -199,7 +199,7 @@ async function replayed() {
 
 /** Begins a session in a scene, or with "" in none. */
 async function enter(scene) {
-  if (errands.wandering) toggleWander();
+  if (commands.wandering) toggleWander();
   tools.use("send");
   timeline.goLive();
   if (joining) session.join(joining, scene);
@@ -230,7 +230,7 @@ function onEnded(reason) {
 }
 
 function refresh() {
-  errands.notice();
+  commands.notice();
   const back = crowd.people.filter(({ agent }) => chosen.includes(agent.id));
   if (back.length && back.length === chosen.length) {
     chosen = [];
@@ -275,16 +275,16 @@ const remove = attempt(async () => {
 
 const stop = attempt(async () => {
   const { people } = selection;
-  if (!people.length && errands.wandering) toggleWander();
-  await errands.stop(people.length ? people : crowd.people);
+  if (!people.length && commands.wandering) toggleWander();
+  await commands.stop(people.length ? people : crowd.people);
 });
 
 const populate = attempt(async () => {
   mention(crowdText(await api.populate(session.id, Number(byId("count").value))));
 });
 
-const wander = attempt(() => errands.wander());
-const endWandering = attempt(() => errands.endWandering());
+const wander = attempt(() => commands.wander());
+const endWandering = attempt(() => commands.endWandering());
 
 /** Starts or stops driving the selected person. */
 function toggleDrive() {
@@ -302,9 +302,9 @@ function toggleDrive() {
 }
 
 function toggleWander() {
-  errands.wandering = !errands.wandering;
-  byId("wander").setAttribute("aria-pressed", String(errands.wandering));
-  if (errands.wandering) wander();
+  commands.wandering = !commands.wandering;
+  byId("wander").setAttribute("aria-pressed", String(commands.wandering));
+  if (commands.wandering) wander();
   else endWandering();
 }
 

@@ -1,7 +1,7 @@
 // The scene panel: chooses a scene, makes one from a file, describes it.
 
 import { byId, tell } from "./hud.js";
-import { Level } from "./level.js";
+import { Level } from "./scene_level.js";
 import { choicesOf, meshFormat, SceneBook } from "./scenes.js";
 
 const POLL_SECONDS = 1.5;

@@ -3,7 +3,7 @@
 // with a difference, the two are shown over each other.
 
 import { ENCODING, PlayedAgent, frameBytes, onFloor, unpackPoses } from "./client/index.js";
-import { FPS as PAST_FPS } from "./past.js";
+import { FPS as PAST_FPS } from "./packed_past.js";
 import { prismOf } from "./scenes.js";
 
 const LEASE = 60; // seconds

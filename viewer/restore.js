@@ -31,7 +31,7 @@ export function restoreText({ people, crates }) {
 }
 
 /** Restores them in a session and scene that have just been opened. Returns the ids of the selected people. Throws errors of the server. */
-export async function bringBack({ people, crates }, { api, session, book, crowd, errands }) {
+export async function bringBack({ people, crates }, { api, session, book, crowd, commands }) {
   await Promise.all([...crates].filter(([name]) => !book.obstacles.has(name)).map(([name, block]) => book.move(name, block)));
   const chosen = [];
   for (let first = 0; first < people.length; first += TOGETHER) {
@@ -41,7 +41,7 @@ export async function bringBack({ people, crates }, { api, session, book, crowd,
     await Promise.all(agents.map(({ agent_id: id }, k) => {
       const { look, wanders, ahead } = some[k];
       if (look) crowd.dress(id, look);
-      return wanders ? errands.roamAgent(id) : ahead.length > 0 && errands.sendAgent(id, ahead);
+      return wanders ? commands.roamAgent(id) : ahead.length > 0 && commands.sendAgent(id, ahead);
     }));
   }
   return chosen;

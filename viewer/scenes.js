@@ -1,6 +1,6 @@
 // The scene of this page's session: the choice of scenes, its contents, and their changes. No DOM.
 
-import { Latest } from "./latest.js";
+import { Latest } from "./latest_call.js";
 
 const CRATE = { side: 1, height: 0.9 }; // metres
 

@@ -1,7 +1,7 @@
 // A link to the present contents of the page, for other people.
 
 import { byId } from "./hud.js";
-import { pastOf } from "./past.js";
+import { pastOf } from "./packed_past.js";
 import { encodeScript, scriptOf } from "./script.js";
 
 const LONGEST = 64_000; // maximum characters of an address with the past; without it, ten people take some 1,200

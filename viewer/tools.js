@@ -17,8 +17,8 @@ const HINTS = {
 
 export class Tools {
   /** `attempt(action)` wraps actions that may be refused; `selection` has the selected people. */
-  constructor({ stage, level, book, crowd, errands, selection, attempt }) {
-    Object.assign(this, { stage, level, book, crowd, errands, selection });
+  constructor({ stage, level, book, crowd, commands, selection, attempt }) {
+    Object.assign(this, { stage, level, book, crowd, commands, selection });
     this.name = "send";
     this.points = []; // of a patrol that is being drawn
     this.marks = [];
@@ -59,7 +59,7 @@ export class Tools {
     if (this.name === "box" || (this.name === "send" && (event.ctrlKey || event.metaKey))) return this.#dragBox(event);
     const hit = this.level.meets(this.stage.ray(event));
     if (this.name === "crate" && hit?.obstacle) return this.#dragCrate(hit.obstacle, hit.at);
-    const goal = this.name === "send" && hit ? this.errands.goalAt(hit.point) : null;
+    const goal = this.name === "send" && hit ? this.commands.goalAt(hit.point) : null;
     if (goal) return this.#dragGoal(goal, event.shiftKey);
     return event.shiftKey && this.name === "send" && hit ? this.#dragHeading(hit.point) : null;
   }
@@ -96,7 +96,7 @@ export class Tools {
   }
 
   send(point, how, further) {
-    return this.errands.send(point, how, further);
+    return this.commands.send(point, how, further);
   }
 
   async addCrate(point) {
@@ -109,25 +109,25 @@ export class Tools {
   }
 
   changeGoal(person, number, change) {
-    return this.errands.changeGoal(person, number, change);
+    return this.commands.changeGoal(person, number, change);
   }
 
   patrol(points) {
-    return this.errands.patrol(points);
+    return this.commands.patrol(points);
   }
 
   async follow(person) {
-    await this.errands.follow(person);
+    await this.commands.follow(person);
     this.use("send");
   }
 
   async keepAway(person) {
-    await this.errands.keepAway(person);
+    await this.commands.keepAway(person);
     this.use("send");
   }
 
   async queue(point) {
-    await this.errands.queue(point);
+    await this.commands.queue(point);
     this.use("send");
   }
 

@@ -24,7 +24,7 @@ const SLIM = 0.8; // fraction of the radius in a picture that is higher than wid
 const WELCOME = { roomy: { count: 10, radius: 2.8 }, narrow: { count: 6, radius: 6 } };
 
 /**
- * { eye, target, area: { x, z, radius }, count } for a level (level.js), whose middle is { x, z }: `count` people walk in
+ * { eye, target, area: { x, z, radius }, count } for a level (scene_level.js), whose middle is { x, z }: `count` people walk in
  * `area`. `opening`: half the picture's width at a distance of a metre; `tall`: the picture is higher than wide.
  */
 export function vantageOf(level, middle, { opening, tall }) {

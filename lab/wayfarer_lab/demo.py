@@ -33,8 +33,8 @@ RUNTIME: Final = WEB / "node_modules" / "onnxruntime-web" / "dist"
 PAGE: Final = ("index.html", "demo.js")
 STAGE: Final = (
     "bodies.js", "character.js", "dressing.js", "facets.js", "files.js", "furniture.js", "glb.js",
-    "ground.js", "latest.js",
-    "level.js", "packed.js", "rig.js", "scene.js", "scenes.js", "shapes.js", "textures.js",
+    "ground.js", "latest_call.js",
+    "scene_level.js", "packed.js", "rig.js", "scene.js", "scenes.js", "shapes.js", "textures.js",
     "vantage.js",
     "vendor/three.min.js", "vendor/three.LICENSE", "vendor/meshopt.min.js", "vendor/draco.min.js",
 )  # fmt: skip

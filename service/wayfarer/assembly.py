@@ -27,7 +27,7 @@ from wayfarer.runtime.motion_service import MotionService
 from wayfarer.runtime.persistence.container import BETWEEN_SERVERS
 from wayfarer.runtime.persistence.journal import Journal
 from wayfarer.runtime.persistence.snapshot import BodyStamp
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
@@ -146,7 +146,7 @@ def runtime(
         for _ in range(MEASURES):
             engine.warm_up(spread_out, measured, world.load.admission.measured)
 
-    worlds = Worlds(
+    worlds = WorldFactory(
         models=LoadedModels(engine),
         body=body,
         bodies=load_bodies(folder.body),

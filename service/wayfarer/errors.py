@@ -154,11 +154,11 @@ class Unreachable(FailedPrecondition):
 
     def explained(self) -> "Unreachable":
         """The same error, with the barrier if it can be found."""
-        why, told = self._look(), self.text
+        why, refusal = self._look(), self.text
         if why is None:
             return self
-        pattern = f"{told.pattern}; {why.pattern}"
-        return Unreachable(pattern, self.nearest, *told.parts, *why.parts)
+        pattern = f"{refusal.pattern}; {why.pattern}"
+        return Unreachable(pattern, self.nearest, *refusal.parts, *why.parts)
 
 
 class Misdirected(WayfarerError):

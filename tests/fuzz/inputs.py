@@ -18,7 +18,7 @@ TEXTS = (
     *("", "a", "fake", "gltf", "../../etc/passwd", "%s%n", "' OR 1=1 --", "\x00", "\n" * 40),
     *("\u202e\u0000\ud7ff", "🚶" * 20, "x" * 300, "x" * 20_000),
 )
-MOST_REPEATED = 1500
+MAX_REPEATED = 1500
 DEEPEST = 5
 
 KINDS = ("extreme", "mutated", "truncated", "oversized", "random")
@@ -92,7 +92,7 @@ class Inputs:
 
     def _count(self, depth: int) -> int:
         if depth == 0 and self.chance.random() < 0.02:
-            return MOST_REPEATED
+            return MAX_REPEATED
         return self.chance.choice((0, 1, 1, 2, 3, 10, 11))
 
     def _value(self, field: FieldDescriptor, depth: int) -> object:

@@ -20,7 +20,7 @@ from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat
 from wayfarer.spec import MAX_COORDINATE
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")
-MOST_BYTES = 200_000
+MAX_BYTES = 200_000
 """Maximum size of a mutated file."""
 
 NUMBERS = (
@@ -123,7 +123,7 @@ class Mutator:
         while True:
             data = self.chance.choice(self._seeds)
             for _ in range(self.chance.choice((1, 1, 2, 3, 8))):
-                data = self.chance.choice(self._changes())(data)[:MOST_BYTES]
+                data = self.chance.choice(self._changes())(data)[:MAX_BYTES]
             yield self._closed(data)
 
     def _changes(self) -> list[Callable[[bytes], bytes]]:

@@ -19,10 +19,10 @@ from wayfarer.world.world import World
 
 def walker(scene, place):
     """A world, and an agent at a place."""
-    bundle, book = shipped_bundle(), SceneRegistry()
-    scene_id = book.add(scene).scene_id
+    bundle, registry = shipped_bundle(), SceneRegistry()
+    scene_id = registry.add(scene).scene_id
     poses = load_start_poses(START_POSES)
-    world = World(bundle.engine, bundle.bodies, poses, WorldSettings(), scenes=book)
+    world = World(bundle.engine, bundle.bodies, poses, WorldSettings(), scenes=registry)
     world.create_session(SessionSpec("s", scene=scene_id), 0.0)
     [agent] = world.create_agents("s", [AgentSpec(position=place)], 0.0)
     return world, agent.agent_id

@@ -124,7 +124,7 @@ from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, enco
 from wayfarer.world.agents.agent import MotionChunks
 from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs, bones
-from wayfarer.world.scenes.near import nearest_people
+from wayfarer.world.scenes.nearest_obstacles import nearest_people
 from wayfarer.world.scenes.around import stand_before, way_around
 from wayfarer.world.scenes.people import find_pressed
 from wayfarer.world.scenes.spots import Claims, Everyone, Walkers, next_taken

@@ -8,7 +8,7 @@ from wayfarer.engines.models import LoadedModels
 from wayfarer.models.bundle import DEFAULT_MODEL, START_POSES, open_bundle
 from wayfarer.runtime.persistence.journal import Journal
 from wayfarer.runtime.persistence.snapshot import BodyStamp
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.stepping.budget import BudgetRules
@@ -17,8 +17,8 @@ from wayfarer.world.stepping.settings import WorldSettings
 STICK = BodyStamp("stick", dict.fromkeys(GENDERS, "0" * 64))
 
 
-def fake_worlds(journal=None, engine=None, **settings) -> Worlds:
-    return Worlds(
+def fake_worlds(journal=None, engine=None, **settings) -> WorldFactory:
+    return WorldFactory(
         LoadedModels(engine or FakeEngine()),
         STICK,
         BODIES,
@@ -33,10 +33,10 @@ def shipped_bundle():
     return open_bundle(DEFAULT_MODEL, threads=1)
 
 
-def shipped_worlds(**settings) -> Worlds:
+def shipped_worlds(**settings) -> WorldFactory:
     bundle = shipped_bundle()
     body = BodyStamp("anny52", dict.fromkeys(GENDERS, "0" * 64))
-    return Worlds(
+    return WorldFactory(
         LoadedModels(bundle.engine),
         body,
         bundle.bodies,

@@ -228,7 +228,9 @@ async def test_http_changes_agents(rig):
 
 
 async def test_a_clip_is_lines_of_json(rig):
-    request = {"seconds": 0.4, "agent": {"seed": 3}, "format": {"encoding": "smallest_three"}}
+    agent = {"seed": 3, "position": {"x": 0, "y": 0, "z": 1}}
+    pose_format = {"encoding": "smallest_three"}
+    request = {"seconds": 0.4, "agent": agent, "basis": "unity", "format": pose_format}
     answer = await rig.http.post("/v1/clips", json=request)
     assert answer.headers["content-type"] == "application/x-ndjson"
     header, *batches = map(json.loads, answer.text.splitlines())
@@ -239,7 +241,9 @@ async def test_a_clip_is_lines_of_json(rig):
     assert chunks[0]["states"] == ["standing"]
     frames = len(base64.b64decode(chunks[0]["poses"])) // header["header"]["frame_bytes"]
     assert frames == len(base64.b64decode(chunks[0]["contacts"])) == 8
-    assert batches[0]["batch"]["added"][0]["seed"] == 3
+    added = batches[0]["batch"]["added"][0]
+    assert (added["seed"], added["position"]["z"]) == (3, 1.0)
+    assert not header["header"]["basis"]["right_handed"]
 
 
 async def test_a_clip_that_breaks_off_says_why(rig):
@@ -284,12 +288,16 @@ async def test_http_moves_and_replays_sessions(rig):
 
 
 async def test_http_administrates(rig):
+    await rig.session()
     loaded = await rig.http.post("/v1/admin/models", json={"name": "next"})
     assert loaded.status_code == 201 and not loaded.json()["in_use"]
-    answer = await rig.http.post("/v1/admin/models/next/use", json={"move_agents": True})
-    assert answer.json() == {"moved": 0}
+    for body, moved in (({}, 0), ({"move_agents": True}, 2)):
+        answer = await rig.http.post("/v1/admin/models/next/use", json=body)
+        assert answer.json() == {"moved": moved}
     assert (await rig.http.delete("/v1/admin/models/next")).status_code == 409
     assert (await rig.http.delete("/v1/admin/models/fake")).status_code == 204
+    (left,) = (await rig.http.get("/v1/models")).json()["models"]
+    assert (left["name"], left["in_use"]) == ("next", True)
     assert (await rig.http.post("/v1/admin/models", json={"name": "../x"})).status_code == 422
     assert (await rig.http.post("/v1/admin/models", json={"name": "broken"})).status_code == 409
     assert (await rig.http.post("/v1/admin/drain")).status_code == 202

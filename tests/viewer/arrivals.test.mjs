@@ -26,7 +26,7 @@ function arrivals(room, status = 429) {
     session: { id: "s" },
     crowd: { people: [] },
     stage: {},
-    errands: { roamAgent: async (id) => walking.push(id) },
+    commands: { roamAgent: async (id) => walking.push(id) },
   });
   made.bodies = new Map([["male", { min_height_m: 1.6, max_height_m: 1.9, glb_path: "" }], ["female", { min_height_m: 1.5, max_height_m: 1.8, glb_path: "" }]]);
   made.mesh = () => { throw new Error("not asked for"); };
@@ -69,8 +69,8 @@ test("people are said to be sent once each has its command and its body is reque
   globalThis.fetch = async (url) => bodies.push(url) && new Promise(() => {});
   const { made, walking } = arrivals(8);
   made.mesh = ({ agent_id: id }) => [`http://x/${id}`, {}];
-  const { roamAgent } = made.errands;
-  made.errands.roamAgent = (id) => roamAgent(id) && new Promise(() => {}); // no answer
+  const { roamAgent } = made.commands;
+  made.commands.roamAgent = (id) => roamAgent(id) && new Promise(() => {}); // no answer
   await new Promise((sent) => made.roamers(8, null, sent));
   assert.equal(walking.length, 8);
   assert.equal(bodies.length, 8);

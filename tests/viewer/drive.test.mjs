@@ -12,7 +12,7 @@ function driven() {
   const drive = new Drive({
     stage: { camera: { position: { x: 0, z: 20 } }, controls: { target: { x: 10, z: 20 } } },
     person: () => person, attempt: (action) => action,
-    errands: { drive: (who, goal) => told.push(goal), stop: (people) => told.push(people) },
+    commands: { drive: (who, goal) => told.push(goal), stop: (people) => told.push(people) },
   });
   drive.turn(true);
   return { drive, told, person };

@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { vrmAnimation, withMotion } from "../../viewer/animated_glb.js";
 import { BONES, PARENTS, PoseTrack, multiply, rotate } from "../../viewer/client/index.js";
 import { History } from "../../viewer/history.js";
-import { decodePast, pastOf } from "../../viewer/past.js";
+import { decodePast, pastOf } from "../../viewer/packed_past.js";
 import { decodeScript, encodeScript, scriptOf } from "../../viewer/script.js";
 import { Timeline } from "../../viewer/timeline.js";
 

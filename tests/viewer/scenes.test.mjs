@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Latest } from "../../viewer/latest.js";
+import { Latest } from "../../viewer/latest_call.js";
 import {
   choicesOf, crateOn, meshFormat, outlinesOf, prismOf, SceneBook,
 } from "../../viewer/scenes.js";

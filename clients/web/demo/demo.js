@@ -5,7 +5,7 @@ import { CharacterFile } from "./viewer/character.js";
 import { BONES } from "./viewer/client/core/index.js";
 import { LocalSession } from "./viewer/client/local/index.js";
 import { watchFiles } from "./viewer/files.js";
-import { Level } from "./viewer/level.js";
+import { Level } from "./viewer/scene_level.js";
 import { Stage } from "./viewer/scene.js";
 import { outlinesOf } from "./viewer/scenes.js";
 

@@ -18,7 +18,7 @@ from wayfarer.clips.clip import Clip
 from wayfarer.motion.frame import canonical_frame, to_local, to_world
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS, LATENT
-from wayfarer_lab.evaluation.parts import Direct
+from wayfarer_lab.evaluation.model_parts import Direct
 from wayfarer_lab.evaluation.pictures.framing import FLOATING, close_up
 from wayfarer_lab.evaluation.pictures.paper import FONT, INK, PAPER
 from wayfarer_lab.evaluation.pictures.scene import ClipActor, picture

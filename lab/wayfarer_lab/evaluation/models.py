@@ -19,7 +19,7 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES, SEED_FRAMES
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import prediction
-from wayfarer_lab.evaluation.parts import Parts
+from wayfarer_lab.evaluation.model_parts import Parts
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 

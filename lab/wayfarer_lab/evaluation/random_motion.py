@@ -14,8 +14,8 @@ from wayfarer_lab.evaluation.direct import roll_out_direct
 from wayfarer_lab.evaluation.gait import Row, gait_row
 from wayfarer_lab.evaluation.maneuvers.likeness import People, compare, windows_of
 from wayfarer_lab.evaluation.metrics.frechet import Reference
+from wayfarer_lab.evaluation.model_parts import Parts, Variant, some
 from wayfarer_lab.evaluation.outcome import REACHED, STEP_LIMIT
-from wayfarer_lab.evaluation.parts import Parts, Variant, some
 from wayfarer_lab.evaluation.realism import (
     Array,
     JudgedMotion,

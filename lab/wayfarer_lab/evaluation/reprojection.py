@@ -13,8 +13,8 @@ from wayfarer.motion.regressor import Pose
 from wayfarer.spec import NEW_FRAMES, SEED_FRAMES
 from wayfarer_lab.evaluation.fitted import fit_body
 from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.model_parts import Variant
 from wayfarer_lab.evaluation.models import Primitives, differences
-from wayfarer_lab.evaluation.parts import Variant
 from wayfarer_lab.evaluation.random_motion import Bench, judged
 from wayfarer_lab.evaluation.realism import carried_figures, realism_row
 from wayfarer_lab.evaluation.rollout import FrozenPoses

@@ -22,8 +22,8 @@ from wayfarer.motion.quality import Sites
 from wayfarer.spec import BETAS, GENDERS, LATENT, MANNER
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer_lab.evaluation.model_parts import Parts, Variant
 from wayfarer_lab.evaluation.outcome import REACHED
-from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.tracks import BodyTrack, Recorded
 from wayfarer_lab.training.pose_networks import LATENT as PRIOR_LATENT
 from wayfarer_lab.training.pose_networks import PosePrior

@@ -35,7 +35,7 @@ PERIOD_S: Final = (0.7, 2.5)
 """Least and greatest length of a cycle: two steps, from running to strolling."""
 CYCLE_M: Final = 0.12
 """Mean distance of joints, in metres, up to which two frames count as the same pose."""
-LEAST_SPEED: Final = 0.3
+MIN_SPEED: Final = 0.3
 """Metres per second below which nobody walks."""
 
 
@@ -161,7 +161,7 @@ def _alike(joints: Array, speeds: Array, root: RootTrack, fps: float) -> tuple[i
     """First and last frame of the best cycle. Raises InvalidArgument."""
     count = len(joints)
     travel = np.linalg.norm(np.gradient(root.places, 1 / fps, axis=0), axis=-1)
-    walks = travel > LEAST_SPEED
+    walks = travel > MIN_SPEED
     best: tuple[float, int, int] | None = None
     for gap in range(int(PERIOD_S[0] * fps), min(int(PERIOD_S[1] * fps), count - 1) + 1):
         apart = np.linalg.norm(joints[gap:] - joints[:-gap], axis=-1).mean(-1)

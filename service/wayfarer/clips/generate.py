@@ -43,7 +43,7 @@ from wayfarer.world.world import World
 
 SPEED = 1.2
 """Default speed of a person, metres per second."""
-MOST_SECONDS = 120.0
+MAX_SECONDS = 120.0
 """Longest clip that ends with the arrival, seconds."""
 REST = 1.0
 """Seconds that such a clip continues after the arrival."""
@@ -76,7 +76,7 @@ def generate_clip(
     """
     most = seconds
     if most is None:
-        most = MOST_SECONDS if goals else NOBODY_GOES
+        most = MAX_SECONDS if goals else NOBODY_GOES
     chunks: list[MotionChunk] = []
     arrivals: list[str] = []
     frames, left = 0, round(REST * FPS)
@@ -92,8 +92,8 @@ def generate_clip(
             if left <= 0:
                 break
     visited = tuple(goal.position for goal in goals)
-    told = {"goals_reached": str(len(arrivals)), "arrivals": " ".join(arrivals)}
-    return join_chunks(chunks, spec, goals=visited, meta=told)
+    arrived = {"goals_reached": str(len(arrivals)), "arrivals": " ".join(arrivals)}
+    return join_chunks(chunks, spec, goals=visited, meta=arrived)
 
 
 def generate(

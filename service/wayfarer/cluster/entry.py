@@ -51,7 +51,7 @@ from wayfarer.transport.edge.grpc_guard import GuardInterceptor
 from wayfarer.transport.edge.http_guard import SUBPROTOCOL
 from wayfarer.transport.edge.ports import bind, http_url
 from wayfarer.transport.edge.request_limits import MESHES, RequestLimits, add_problem_handlers
-from wayfarer.transport.gateway.residence import misdirected
+from wayfarer.transport.gateway.session_locator import misdirected
 from wayfarer.transport.grpc_server import GrpcServer
 from wayfarer.transport.http_server.calls import call_routes
 from wayfarer.transport.server import HttpServer

@@ -24,7 +24,7 @@ SIZES: Final = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
 less, and the motion thread has fewer batches; larger ones keep the others waiting. Few sizes:
 memory is allocated for each."""
 
-MOST_ROWS, MOST_CANDIDATES = 128, 512
+MAX_ROWS, MAX_CANDIDATES = 128, 512
 """Rows that one thread computes at a time: more do not fit its cache and cost a fifth more."""
 
 
@@ -63,7 +63,7 @@ class OnnxEngine(WarmEngine):
             return StepOutputs(*session.run(OUTPUTS, {n: getattr(rows, n) for n in INPUTS}))
 
         candidates = inputs.noise.shape[1]
-        most = min(MOST_ROWS, max(MOST_CANDIDATES // candidates, LEAST))
+        most = min(MAX_ROWS, max(MAX_CANDIDATES // candidates, LEAST))
         return self._partitioner.step(run, inputs, most)
 
     @staticmethod

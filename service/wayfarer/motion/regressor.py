@@ -104,7 +104,7 @@ class BodyRegressor(nn.Module):
         skinned, rows = self.body.resting(betas)[:, None], self.start[None, None]
         for network, frames in self._passes(len(everything)):
             if found:
-                skinned, rows = self._told(rows, shape)
+                skinned, rows = self._pass_inputs(rows, shape)
             given, place = centred, centre
             if frames != everything:
                 given, place = (v.index_select(1, indices(frames, v)) for v in (centred, centre))
@@ -124,7 +124,7 @@ class BodyRegressor(nn.Module):
             return [(networks[0], everything)] * RECURSIONS
         return [(networks[0], knots(frames)), *((n, everything) for n in networks[1:])]
 
-    def _told(self, rows: Tensor, shape: Shaped) -> tuple[Tensor, Tensor]:
+    def _pass_inputs(self, rows: Tensor, shape: Shaped) -> tuple[Tensor, Tensor]:
         """Estimates [A, F, 135] as a pass sees them: as markers and as rotations."""
         pose = _unpack(rows if self.through else rows.detach())
         skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))

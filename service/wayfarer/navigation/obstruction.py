@@ -50,7 +50,7 @@ def why_apart(scene: "Scene", one: int, other: int) -> Text | None:
     """
     walkable = scene.spec.walkable
     if (found := _worst(scene, one, other)) is not None:
-        return _told(found, walkable)
+        return _text(found, walkable)
     if (narrow := _narrowest(scene, one, other)) is not None:
         return Text(
             "a passage about {} wide at {} is in the way, where {} are asked for (twice "
@@ -60,7 +60,7 @@ def why_apart(scene: "Scene", one: int, other: int) -> Text | None:
     return None
 
 
-def _told(barrier: Barrier, walkable: Walkable) -> Text:
+def _text(barrier: Barrier, walkable: Walkable) -> Text:
     """A clause that names the barrier, its place, and the allowed value."""
     length = Metres(round(barrier.value, 2))
     if barrier.kind is Kind.HEADROOM:

@@ -56,8 +56,8 @@ def warm(rule: Any, *arguments: Any) -> None:
     elif not _has_code(rule):
         with FileLock(Path(folder).parent / f"{rule.__name__}.lock"):
             if not _has_code(rule):  # else another process has compiled it meanwhile
-                told = {"rule": rule.__name__, "kept_in": folder}
-                log.info("compiling a rule for this machine, once", **told)
+                about = {"rule": rule.__name__, "kept_in": folder}
+                log.info("compiling a rule for this machine, once", **about)
             rule(*arguments)
         return
     rule(*arguments)

@@ -17,7 +17,7 @@ from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.offline import Offline
 from wayfarer.runtime.streams.publications import Publication
 from wayfarer.runtime.streams.publisher import SessionLog
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.records import SessionRecord
 
@@ -28,7 +28,7 @@ class Homes:
     def __init__(
         self,
         live: LiveMotion,
-        worlds: Worlds,
+        worlds: WorldFactory,
         offline: Offline,
         clock: Callable[[], float],
         meter: MetricsSink | None = None,
@@ -39,7 +39,7 @@ class Homes:
         self._offline = offline
         self._clock = clock
         self._meter = meter or MetricsSink()
-        self._workshop = ThreadPoolExecutor(1, "newcomers")
+        self._spawn_pool = ThreadPoolExecutor(1, "spawn")
         # in lock-step
         self._sessions: dict[str, tuple[LiveMotion, LockStepThread]] = {}
         self._agents: dict[str, LiveMotion] = {}
@@ -86,7 +86,7 @@ class Homes:
         with self._room(int(admit), 0 if record is None else len(record.agents)):
             world = self._worlds.lock_step()
             thread = LockStepThread(world, self._offline, clock, self._meter)
-            home = LiveMotion(world, thread, self._meter, workshop=self._workshop)
+            home = LiveMotion(world, thread, self._meter, spawn_pool=self._spawn_pool)
             home.start()
             try:
                 yield home
@@ -152,7 +152,7 @@ class Homes:
         await self.live.stop()
         threads = [thread for _, thread in self._sessions.values()]
         await asyncio.gather(*(thread.stop() for thread in threads))
-        self._workshop.shutdown(wait=False, cancel_futures=True)
+        self._spawn_pool.shutdown(wait=False, cancel_futures=True)
 
     @contextmanager
     def _room(self, sessions: int, agents: int) -> Iterator[None]:

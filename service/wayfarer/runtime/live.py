@@ -75,17 +75,17 @@ class LiveMotion:
         thread: WorldThread,
         meter: MetricsSink | None = None,
         keep_aside: Callable[[str], None] = lambda session_id: None,
-        workshop: ThreadPoolExecutor | None = None,
+        spawn_pool: ThreadPoolExecutor | None = None,
     ) -> None:
-        """`keep_aside(session)` keeps a removed session's files on disk. `workshop`: one thread for
-        costly calls, which several worlds may share.
+        """`keep_aside(session)` keeps a removed session's files on disk. `spawn_pool`: one thread
+        for costly calls, which several worlds may share.
         """
         self._keep_aside = keep_aside
         self._world = world
         self._thread = thread
         self._clock, self._inbox, self._publisher = thread.clock, thread.inbox, thread.publisher
         self._meter = meter or MetricsSink()
-        self._workshop = workshop or ThreadPoolExecutor(1, "newcomers")
+        self._spawn_pool = spawn_pool or ThreadPoolExecutor(1, "spawn")
 
     # Life
 
@@ -96,7 +96,7 @@ class LiveMotion:
     async def stop(self) -> None:
         """Ends the thread, every stream and every waiting command; returns when that is done."""
         await self._thread.stop()
-        self._workshop.shutdown(wait=False, cancel_futures=True)
+        self._spawn_pool.shutdown(wait=False, cancel_futures=True)
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
         """Runs `call` on the thread, with world and time. `call` must be quick.
@@ -206,7 +206,7 @@ class LiveMotion:
         Python.
         """
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._workshop, call, argument)
+        return await loop.run_in_executor(self._spawn_pool, call, argument)
 
     # For callers with the world to themselves, such as its thread
 

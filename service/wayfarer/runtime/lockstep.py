@@ -61,11 +61,11 @@ class LockStepPublisher(Publisher):
     def __init__(self, world: World, clock: ManualClock, meter: MetricsSink) -> None:
         super().__init__(world.settings.limits, meter, world.get_agent, world.faults)
         self._clock = clock
-        self._told: list[Event] = []
+        self._events: list[Event] = []
 
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
         """Keeps these for the next publication."""
-        self._told += [replace(event, at=self._clock.seconds) for event in events]
+        self._events += [replace(event, at=self._clock.seconds) for event in events]
 
     def gather(self, session_id: str, chunks: MotionChunks, met: Sequence[Event]) -> Publication:
         """The publication of a primitive that has passed; `met` on the agents' ways."""
@@ -75,9 +75,9 @@ class LockStepPublisher(Publisher):
         events = (
             *log.goal_events.events(chunks),
             *(replace(event, at=at) for event in met),
-            *self._told,
+            *self._events,
         )
-        self._told.clear()
+        self._events.clear()
         return Publication(log.position, chunks, events)
 
     def log_of(self, session_id: str) -> SessionLog:

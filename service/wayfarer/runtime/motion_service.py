@@ -15,24 +15,24 @@ from wayfarer.engines.engine import Engine
 from wayfarer.engines.model_store import ModelLoader, no_model
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
-from wayfarer.runtime.archive import Archive
-from wayfarer.runtime.gates import SessionGates
 from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.live import LiveMotion, steady_clock
 from wayfarer.runtime.metrics_sink import MetricsSink
+from wayfarer.runtime.move_locks import MoveLocks
 from wayfarer.runtime.moving import LiveMoves
 from wayfarer.runtime.offline import Offline
 from wayfarer.runtime.persistence.persistence import SAVE_PARTS, Persistence
 from wayfarer.runtime.pipeline import EnginePipeline
 from wayfarer.runtime.scenes import SceneService
+from wayfarer.runtime.session_exports import SessionExports
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.publications import Publication, StreamOptions
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import Subscription
 from wayfarer.runtime.thread import MotionThread
 from wayfarer.runtime.walk import walk
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import SessionRecord
@@ -52,7 +52,7 @@ class MotionService:
 
     def __init__(
         self,
-        worlds: Worlds,
+        worlds: WorldFactory,
         warm_up: Callable[[World], None] = lambda world: None,
         clock: Callable[[], float] | None = None,
         meter: MetricsSink | None = None,
@@ -69,12 +69,12 @@ class MotionService:
         ArtifactError if they exceed the limits.
         """
         self._worlds = worlds
-        self._archive = Archive(worlds)
+        self._exports = SessionExports(worlds)
         self._persistence = Persistence(worlds.journal, worlds.settings.limits, meter)
         self._clock = clock or steady_clock()
         self._offline = Offline(worlds.settings.limits.offline_jobs)
         self._model_loader = ModelLoader(worlds.models, open_model)
-        self._gates = SessionGates()
+        self._move_locks = MoveLocks()
         self._entering = set[str]()  # ids of sessions that are being put into a world
         self._world = worlds.live()
         meter, inbox, world = meter or MetricsSink(), Inbox(INBOX), self._world
@@ -97,10 +97,12 @@ class MotionService:
             persistence=self._persistence,
             homes=self._homes,
             clock=self._clock,
-            gates=self._gates,
+            move_locks=self._move_locks,
         )
 
-        self.moves = LiveMoves(worlds, self._archive, self._homes, self._persistence, self._gates)
+        self.moves = LiveMoves(
+            worlds, self._exports, self._homes, self._persistence, self._move_locks
+        )
 
     # Life
 
@@ -154,7 +156,7 @@ class MotionService:
 
     async def delete_session(self, session_id: str) -> None:
         """Ends a session, its agents and its streams. Raises NotFound."""
-        async with self._gates.through(session_id):
+        async with self._move_locks.through(session_id):
             await self._homes.delete_session(session_id)
         await self._persistence.durable(None)
 
@@ -167,7 +169,7 @@ class MotionService:
 
         Raises NotFound, InvalidArgument, ResourceExhausted.
         """
-        async with self._gates.through(session_id):
+        async with self._move_locks.through(session_id):
             made = await self._homes.create_agents(session_id, specs, names)
         return await self._persistence.durable(made)
 
@@ -181,7 +183,7 @@ class MotionService:
 
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """Raises NotFound, InvalidArgument."""
-        async with self._gates.through(agent_id):
+        async with self._move_locks.through(agent_id):
             changed = await self._homes.of_agent(agent_id).ask(
                 lambda world, _: world.update_agent(agent_id, change)
             )
@@ -189,7 +191,7 @@ class MotionService:
 
     async def delete_agent(self, agent_id: str) -> None:
         """Raises NotFound."""
-        async with self._gates.through(agent_id):
+        async with self._move_locks.through(agent_id):
             await self._homes.delete_agent(agent_id)
         await self._persistence.durable(None)
 
@@ -212,7 +214,7 @@ class MotionService:
             return revision
 
         try:
-            async with self._gates.through(agent_id):
+            async with self._move_locks.through(agent_id):
                 revision = await self._homes.of_agent(agent_id).ask(given)
         except Unreachable as error:
             raise await self.scenes.explained(error) from None
@@ -226,7 +228,7 @@ class MotionService:
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
             )
-        async with self._gates.through(session_id):
+        async with self._move_locks.through(session_id):
             return await self._live.subscribe(session_id, options)
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
@@ -236,7 +238,7 @@ class MotionService:
             raise FailedPrecondition(
                 f"session {session_id!r} runs in real time; create it with `lock_step` to step it"
             )
-        async with self._gates.through(session_id):
+        async with self._move_locks.through(session_id):
             return await self._homes.step(session_id, steps)
 
     def generate_clip(
@@ -249,7 +251,7 @@ class MotionService:
 
     def replay(self, log: bytes) -> AsyncGenerator[Publication]:
         """Makes a log's motion again, off the real-time path. Raises as `import_session`."""
-        return self._offline.run(lambda: self._archive.replay(log))
+        return self._offline.run(lambda: self._exports.replay(log))
 
     # Models
 
@@ -288,7 +290,7 @@ class MotionService:
 
     async def export_session(self, session_id: str) -> bytes:
         """Its state as of the last frames sent. Raises NotFound."""
-        return await self._archive.export_session(self._homes.of(session_id), session_id)
+        return await self._exports.export_session(self._homes.of(session_id), session_id)
 
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None
@@ -297,7 +299,7 @@ class MotionService:
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        record = await self._archive.read_session(snapshot, attributes or {})
+        record = await self._exports.read_session(snapshot, attributes or {})
         async with self._entered(record.spec.scene, record.session_id):
             with self._homes.opening(record.spec, record) as home:
                 made = await home.put_session(record)
@@ -305,7 +307,7 @@ class MotionService:
 
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
-        return await self._archive.export_log(self._homes.of(session_id), session_id)
+        return await self._exports.export_log(self._homes.of(session_id), session_id)
 
     # Private
 
@@ -314,7 +316,7 @@ class MotionService:
         """A session is put into a world meanwhile: two of one id must not enter different worlds.
         `session_id`: None where it gets a new one. Raises AlreadyExists.
         """
-        async with self._gates.through(scene) if scene else nullcontext():
+        async with self._move_locks.through(scene) if scene else nullcontext():
             if session_id is None:
                 yield
                 return

@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
-from wayfarer.runtime.archive import Archive
-from wayfarer.runtime.gates import SessionGates
 from wayfarer.runtime.homes import Homes
+from wayfarer.runtime.move_locks import MoveLocks
 from wayfarer.runtime.persistence.log_format import decode_log
 from wayfarer.runtime.persistence.persistence import Persistence
 from wayfarer.runtime.persistence.record import CommandLog
@@ -22,7 +21,8 @@ from wayfarer.runtime.persistence.session_record import (
     decode_record,
     encode_record,
 )
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.runtime.session_exports import SessionExports
+from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.world.agents.agent import SessionInfo
 from wayfarer.world.world import World
 
@@ -39,24 +39,24 @@ class LiveMoves:
 
     def __init__(
         self,
-        worlds: Worlds,
-        archive: Archive,
+        worlds: WorldFactory,
+        exports: SessionExports,
         homes: Homes,
         persistence: Persistence,
-        gates: SessionGates,
+        move_locks: MoveLocks,
     ) -> None:
         self._worlds = worlds
-        self._archive = archive
+        self._exports = exports
         self._homes = homes
         self._persistence = persistence
-        self._gates = gates
+        self._move_locks = move_locks
 
     async def freeze(self, session_id: str) -> None:
         """Makes calls that change the session wait, stops planning, and sends the planned motion.
 
         Raises NotFound, and Unavailable if calls on it do not end.
         """
-        await self._gates.close(session_id)
+        await self._move_locks.close(session_id)
         home = self._homes.of(session_id)
         try:
             ends = asyncio.get_running_loop().time() + CALL_S
@@ -76,20 +76,20 @@ class LiveMoves:
         recording = b""
         if taken.part.spec.record:
             with suppress(FailedPrecondition):  # the log has been dropped
-                recording = await self._archive.export_log(home, session_id)
+                recording = await self._exports.export_log(home, session_id)
         return await asyncio.to_thread(encode_record, taken, self._worlds.body, recording)
 
     async def unfreeze(self, session_id: str) -> None:
         """Resumes it on this server. Raises NotFound."""
         await self._homes.of(session_id).ask(lambda world, _: _thaw(world, session_id))
-        self._gates.open(session_id)
+        self._move_locks.open(session_id)
 
     async def release(self, session_id: str, error: WayfarerError) -> None:
         """Ends it on this server, since it lives on another one. Its streams end with `error` once
         they have sent everything, and so do waiting calls.
         """
         await self._homes.delete_session(session_id, error)
-        self._gates.open(session_id, error)
+        self._move_locks.open(session_id, error)
         await self._persistence.durable(None)
 
     async def read(self, data: bytes) -> SessionCopy:
@@ -113,7 +113,7 @@ class LiveMoves:
             session = replace(session, rows=None, log=session.log if spec.lock_step else None)
         kept = await self._log(session.recording) if session.recording else None
 
-        await self._gates.close(session_id)
+        await self._move_locks.close(session_id)
         try:
             record, log = session.record, session.log
             with self._homes.opening(spec, record, log, admit=not orphan) as home:
@@ -121,7 +121,7 @@ class LiveMoves:
                 if spec.record and not orphan:
                     await home.ask(lambda *_: self._worlds.recordings.go_on(kept, session_id))
         except BaseException:
-            self._gates.open(session_id)
+            self._move_locks.open(session_id)
             raise
         return await self._persistence.durable(made)
 
@@ -131,20 +131,20 @@ class LiveMoves:
         """
         home = self._homes.of(session_id)
         if not self._homes.is_stepped(session_id):
-            return await self._archive.replica(home, session_id)
+            return await self._exports.replica(home, session_id)
         taken = await home.taken(session_id)
         return await asyncio.to_thread(encode_record, taken, self._worlds.body)
 
     async def _log(self, recording: bytes) -> CommandLog:
         limits = self._worlds.settings.limits
-        origin, most = self._archive.origin, limits.log_entries
+        origin, most = self._exports.origin, limits.log_entries
         return await asyncio.to_thread(decode_log, recording, origin, limits, most)
 
     async def _thaw(self, session_id: str) -> None:
         try:
             await self.unfreeze(session_id)
         except WayfarerError:
-            self._gates.open(session_id)
+            self._move_locks.open(session_id)
 
 
 def _freeze(world: World, session_id: str) -> bool:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from wayfarer.errors import FailedPrecondition, Unreachable, WayfarerError
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
-from wayfarer.runtime.gates import SessionGates
 from wayfarer.runtime.homes import Homes
+from wayfarer.runtime.move_locks import MoveLocks
 from wayfarer.runtime.persistence.persistence import Persistence
 from wayfarer.runtime.persistence.scene_entries import (
     content_bytes,
@@ -53,9 +53,9 @@ class SceneService:
         persistence: Persistence,
         homes: Homes,
         clock: Callable[[], float],
-        gates: SessionGates,
+        move_locks: MoveLocks,
     ) -> None:
-        self._gates = gates
+        self._move_locks = move_locks
         self._registry = registry
         self._persistence = persistence
         self._homes = homes
@@ -88,7 +88,7 @@ class SceneService:
 
     async def delete_scene(self, scene_id: str) -> None:
         """Raises NotFound; FailedPrecondition while sessions are in it."""
-        async with self._gates.through(scene_id):
+        async with self._move_locks.through(scene_id):
             self._registry.delete(scene_id)
         await self._persistence.durable(None)
 
@@ -98,13 +98,13 @@ class SceneService:
         Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition if no free
         ground would be left.
         """
-        async with self._gates.through(scene_id):
+        async with self._move_locks.through(scene_id):
             made = await self._work(lambda: self._registry.put(scene_id, name, obstacle))
         return await self._persistence.durable(made)
 
     async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
         """Raises NotFound."""
-        async with self._gates.through(scene_id):
+        async with self._move_locks.through(scene_id):
             made = await self._work(lambda: self._registry.remove(scene_id, name))
         return await self._persistence.durable(made)
 
@@ -157,7 +157,7 @@ class SceneService:
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "
                 "create agents in it instead, and let them wander"
             )
-        async with self._gates.through(session_id):
+        async with self._move_locks.through(session_id):
             await self._homes.live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
         for _ in range(POLLS):
             state = await self._homes.live.ask(lambda world, now: world.crowds.state(session_id))
@@ -205,11 +205,11 @@ class SceneService:
 
         Raises Unavailable if calls in progress do not end.
         """
-        await self._gates.close(scene_id)
+        await self._move_locks.close(scene_id)
 
     def unfreeze(self, scene_id: str) -> None:
         """Resumes it on this server."""
-        self._gates.open(scene_id)
+        self._move_locks.open(scene_id)
 
     async def release(self, scene_id: str, error: WayfarerError) -> None:
         """Ends it on this server, since it and its sessions live on another; waiting calls end with
@@ -220,7 +220,7 @@ class SceneService:
         try:
             self._registry.delete(scene_id)
         finally:
-            self._gates.open(scene_id, error)
+            self._move_locks.open(scene_id, error)
         await self._persistence.durable(None)
 
     async def _work(self, call: Callable[[], T]) -> T:

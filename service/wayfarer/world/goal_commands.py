@@ -98,10 +98,10 @@ class GoalCommands:
             self._replace(agent, command, now)
         agent.commanded_seq = int(self._slots.planned_chunks[agent.slot])
 
-    def walk_on(self, frame: float) -> None:
+    def update_behaviours(self, frame: float) -> None:
         """Updates the behaviours of agents that are due by world frame `frame`."""
         if self._slots.feeding.any():
-            self._behaviours.feed(self._playback.due(frame))
+            self._behaviours.extend_paths(self._playback.due(frame))
 
     def restore(self, agent: Agent, in_mid_part: bool = False) -> None:
         """Writes the path of an agent that was put into the world, with or without a path."""

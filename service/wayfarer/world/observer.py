@@ -150,8 +150,8 @@ class Observers:
         self._faults.stage = Stage.RECORD
         for observer in self._observers:
 
-            def some_stood(some: Index, told: WorldObserver = observer) -> None:
-                told.stood([agents[row] for row in some.tolist()])
+            def some_stood(some: Index, listener: WorldObserver = observer) -> None:
+                listener.stood([agents[row] for row in some.tolist()])
 
             try:
                 observer.stood(agents)

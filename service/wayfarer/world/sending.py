@@ -97,7 +97,7 @@ class Sending:
                 lambda some: due_by_session(sent.take(some), slots, agents, self.timeline),
                 error,
             )
-            told = np.concatenate([np.empty(0, np.int64), *(some for some, _ in parts)])
-            lost = np.setdiff1d(np.arange(len(sent.slots)), told)
+            reported = np.concatenate([np.empty(0, np.int64), *(some for some, _ in parts)])
+            lost = np.setdiff1d(np.arange(len(sent.slots)), reported)
             slots.frozen[sent.slots[lost]] = True
             return [due for _, found in parts for due in found]

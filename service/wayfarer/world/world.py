@@ -94,7 +94,7 @@ class World:
         # has one goal more.
         paths = PathColumns(self.slots, settings.limits.path_goals + settings.lead + 2)
         self._scene_context = SceneContext(
-            book=scenes or SceneRegistry(),
+            registry=scenes or SceneRegistry(),
             slots=self.slots,
             paths=paths,
             timeline=self._timeline,
@@ -323,7 +323,7 @@ class World:
     @property
     def scenes(self) -> SceneRegistry:
         """The scenes that sessions may be in."""
-        return self._scene_context.scenery.book
+        return self._scene_context.scenery.registry
 
     @property
     def guide(self) -> SceneGuide:
@@ -343,7 +343,7 @@ class World:
         """
         frame, self.faults.now = self._timeline.frame(now), now
         self._scene_context.refresh()
-        self._goals.walk_on(frame + self.settings.batch_lookahead_s * FPS)
+        self._goals.update_behaviours(frame + self.settings.batch_lookahead_s * FPS)
         if level is None:
             slack, scheduler = self._playback.slack(frame) / FPS, self.scheduler
             level = self.load.allow(

@@ -10,7 +10,7 @@ from wayfarer.motion.policy import Condition, Gaussian
 from wayfarer.motion.predictor import Posterior
 from wayfarer.motion.regressor import Pose
 from wayfarer.spec import BETAS, FPS, GENDERS, LATENT, MARKERS, POSED_JOINTS, PRIMITIVE_FRAMES
-from wayfarer_lab.evaluation.parts import Parts
+from wayfarer_lab.evaluation.model_parts import Parts
 
 
 class Glide(nn.Module):

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from tests.lab.evaluation.fakes import upright_poses
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
 from wayfarer_lab.evaluation.direct import CAPTION, CELL, draw_poses, least_usual, roll_out_direct
-from wayfarer_lab.evaluation.parts import Direct
+from wayfarer_lab.evaluation.model_parts import Direct
 from wayfarer_lab.evaluation.rollout import FrozenPoses, Rollout
 from wayfarer_lab.training.representation import BodyParameters, HumorFeatures
 from wayfarer_lab.training.rotation import matrix_from_rotvec, sixd_from_matrix

@@ -12,7 +12,7 @@ from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation import random_motion
-from wayfarer_lab.evaluation.parts import Parts
+from wayfarer_lab.evaluation.model_parts import Parts
 from wayfarer_lab.evaluation.random_motion import Bench, bodies, realism, skating, variants
 from wayfarer_lab.evaluation.realism import JudgedMotion
 from wayfarer_lab.evaluation.rollout import FrozenPoses

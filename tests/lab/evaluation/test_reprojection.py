@@ -10,8 +10,8 @@ from wayfarer.motion.posing import from_6d, to_6d
 from wayfarer.motion.regressor import Pose
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.fitted import FittedStep, fit_body
+from wayfarer_lab.evaluation.model_parts import Variant
 from wayfarer_lab.evaluation.models import Primitives
-from wayfarer_lab.evaluation.parts import Variant
 from wayfarer_lab.evaluation.random_motion import Bench
 from wayfarer_lab.evaluation.reprojection import reprojection
 from wayfarer_lab.evaluation.rollout import FrozenPoses

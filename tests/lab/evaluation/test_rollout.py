@@ -10,7 +10,7 @@ from tests.lab.evaluation.fakes import Glide, known_parts, upright_poses
 from tests.lab.evaluation.recordings import SPEED, write_recordings
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS
-from wayfarer_lab.evaluation.parts import Variant
+from wayfarer_lab.evaluation.model_parts import Variant
 from wayfarer_lab.evaluation.rollout import (
     FrozenPoses,
     Rollout,

@@ -13,7 +13,7 @@ from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer_lab.evaluation.parts import load_parts
+from wayfarer_lab.evaluation.model_parts import load_parts
 from wayfarer_lab.training.end_to_end import EndToEndConfig, EndToEndTrainer, train_end_to_end
 from wayfarer_lab.training.run import load_weights
 

@@ -23,7 +23,6 @@ from wayfarer.v1 import (
     goal_pb2,
     motion_pb2,
     scene_pb2,
-    session_pb2,
 )
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState
 from wayfarer.world.agents.goal import Goal
@@ -59,13 +58,6 @@ def test_all_figures_of_the_loop_are_shown():
 
 def spec(**fields) -> agent_pb2.AgentSpec:
     return agent_pb2.AgentSpec(**fields)
-
-
-def test_what_is_absent_takes_the_default():
-    parsed = wire.parse(schema.AgentSpec, spec())
-    assert parsed == schema.AgentSpec()
-    assert parsed.seed is None and parsed.position is None
-    assert wire.parse(schema.NewSession, session_pb2.CreateSessionRequest()).basis == "gltf"
 
 
 def test_zero_is_not_absent():
@@ -141,17 +133,6 @@ def test_a_body_in_everyday_words():
 def test_feet_are_locked_unless_it_is_refused(sent, wanted):
     request = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
     assert convert.agent_spec(request, Basis.GLTF, BODIES, 0).foot_lock is wanted
-
-
-def test_a_model_is_passed_on():
-    request = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(model="v2"))
-    assert convert.agent_spec(request, Basis.GLTF, BODIES, 0).model == "v2"
-
-
-def test_a_seed_of_its_own_goes_before_the_drawn_one():
-    for own, made in ((None, 7), (0, 0), (3, 3)):
-        request = schema.AgentSpec(seed=own)
-        assert convert.agent_spec(request, Basis.GLTF, BODIES, 7).noise_seed == made
 
 
 @given(st.integers(0, (1 << 32) - 1), st.integers(0, 1000))

@@ -11,22 +11,6 @@ from wayfarer.transport import schema
 from wayfarer.transport.conversion import motion_files
 
 
-async def test_a_clip_is_a_header_and_batches(service, api):
-    request = schema.ClipRequest(
-        agent=schema.AgentSpec(seed=3, position=schema.Vector3(x=0, y=0, z=1)),
-        goals=[schema.Goal(position=schema.Vector3(x=0, y=0, z=4))],
-        seconds=0.6,
-        basis="unity",
-        format=schema.PoseFormat(fps=20),
-    )
-    header, *batches = [m async for m in api.motion.generate_clip(request)]
-    assert header.header.sent_fps == 20 and not header.header.basis.right_handed
-    assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1, 2]
-    (agent,) = batches[0].batch.added
-    assert (agent.seed, agent.position.z) == (3, 1.0)
-    assert service.specs[-1].noise_seed == 3
-
-
 @pytest.mark.parametrize(
     ("body", "field"),
     [

@@ -22,14 +22,6 @@ REQUEST = schema.NewSession(request_id="a", basis="unity")
 AGENTS = schema.NewAgents(request_id="b", agents=[schema.AgentSpec()])
 
 
-async def test_the_same_request_is_done_once(service, api):
-    first = await api.sessions.create(REQUEST)
-    assert await api.sessions.create(REQUEST) == first
-    agents = await api.agents.create(first.session_id, AGENTS)
-    assert await api.agents.create(first.session_id, AGENTS) == agents
-    assert service.created == 2
-
-
 async def test_agents_that_a_server_made_before_its_end_are_found_and_not_made_again(service, api):
     request = AGENTS.model_copy(update={"agents": (schema.AgentSpec(), schema.AgentSpec())})
     session_id = (await api.sessions.create(REQUEST)).session_id

@@ -35,15 +35,15 @@ def islands() -> Scene:
 
 
 def world_in(
-    scene: Scene, avoid: bool = True, book: SceneRegistry | None = None, **settings: object
+    scene: Scene, avoid: bool = True, registry: SceneRegistry | None = None, **settings: object
 ) -> tuple[World, SceneRegistry, str]:
     """A world of the fake engine, whose session "s" is in the scene; and the scene's id."""
-    book = book or SceneRegistry()
-    scene_id = book.add(scene).scene_id
+    registry = registry or SceneRegistry()
+    scene_id = registry.add(scene).scene_id
     settings = {"steering": Steering(reactions=1)} | settings  # nobody hesitates
-    world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(**settings), scenes=book)
+    world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(**settings), scenes=registry)
     world.create_session(SessionSpec("s", scene=scene_id, avoid=avoid), 0.0)
-    return world, book, scene_id
+    return world, registry, scene_id
 
 
 def enter(world: World, *places: tuple[float, float], **values: object) -> list[AgentInfo]:

@@ -40,16 +40,16 @@ class Counted:
 
 def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
     counted = Counted()
-    book = SceneRegistry(bake=counted)
-    first = book.create(SOURCE, 1.0)
-    book.put(first.scene_id, "crate", BOX)
-    second = book.create(SOURCE, 2.0)
+    registry = SceneRegistry(bake=counted)
+    first = registry.create(SOURCE, 1.0)
+    registry.put(first.scene_id, "crate", BOX)
+    second = registry.create(SOURCE, 2.0)
     assert counted.bakes == 1
     assert first.scene_id != second.scene_id and first.content_hash == second.content_hash
     assert second.version == 0 and not second.obstacles
-    book.create(SceneSource(SceneSpec((FIELD,), (BOX,))), 3.0)
+    registry.create(SceneSource(SceneSpec((FIELD,), (BOX,))), 3.0)
     assert counted.bakes == 2
-    assert [info.created_at for info in book.infos()] == [1.0, 2.0, 3.0]
+    assert [info.created_at for info in registry.infos()] == [1.0, 2.0, 3.0]
 
 
 def test_tells_what_a_scene_is():
@@ -61,59 +61,64 @@ def test_tells_what_a_scene_is():
 
 
 def test_ids_say_in_which_slot_a_scene_lives():
-    book = SceneRegistry(new_group=lambda: "0123456789ab")
-    assert group_of(book.add(field()).scene_id) == "0123456789ab"
+    registry = SceneRegistry(new_group=lambda: "0123456789ab")
+    assert group_of(registry.add(field()).scene_id) == "0123456789ab"
 
 
 def test_a_change_makes_a_version_and_readers_keep_theirs():
-    book = SceneRegistry()
-    scene_id = book.add(field()).scene_id
-    before = book.scene(scene_id)
-    assert book.put(scene_id, "crate", BOX).obstacles == {"crate": BOX}
-    assert book.scene(scene_id).version == 1 and not before.obstacles
-    assert book.remove(scene_id, "crate").version == 2
+    registry = SceneRegistry()
+    scene_id = registry.add(field()).scene_id
+    before = registry.scene(scene_id)
+    assert registry.put(scene_id, "crate", BOX).obstacles == {"crate": BOX}
+    assert registry.scene(scene_id).version == 1 and not before.obstacles
+    assert registry.remove(scene_id, "crate").version == 2
     with pytest.raises(NotFound, match="crate"):
-        book.remove(scene_id, "crate")
-    assert book.info(scene_id).version == 2
+        registry.remove(scene_id, "crate")
+    assert registry.info(scene_id).version == 2
 
 
 def test_a_scene_with_sessions_stays():
-    book = SceneRegistry()
-    scene_id = book.add(field()).scene_id
+    registry = SceneRegistry()
+    scene_id = registry.add(field()).scene_id
     for session_id in "abcde":
-        book.enter(scene_id, session_id)
-    assert book.info(scene_id).sessions == 5
+        registry.enter(scene_id, session_id)
+    assert registry.info(scene_id).sessions == 5
     with pytest.raises(FailedPrecondition, match=r"sessions first: 'a', 'b', 'c' and 2 more$"):
-        book.delete(scene_id)
+        registry.delete(scene_id)
     for session_id in "abce":
-        book.leave(scene_id, session_id)
+        registry.leave(scene_id, session_id)
     with pytest.raises(FailedPrecondition, match=r"sessions first: 'd'$"):
-        book.delete(scene_id)
-    book.leave(scene_id, "d")
-    book.delete(scene_id)
-    for ask in (book.info, book.scene, book.delete, lambda gone: book.enter(gone, "f")):
+        registry.delete(scene_id)
+    registry.leave(scene_id, "d")
+    registry.delete(scene_id)
+    for ask in (
+        registry.info,
+        registry.scene,
+        registry.delete,
+        lambda gone: registry.enter(gone, "f"),
+    ):
         with pytest.raises(NotFound, match=scene_id):
             ask(scene_id)
 
 
 def test_refuses_more_scenes_than_there_is_room_for():
-    book = SceneRegistry(Limits(scenes=2))
-    book.create(SOURCE, 0.0)
-    book.create(SOURCE, 0.0)
+    registry = SceneRegistry(Limits(scenes=2))
+    registry.create(SOURCE, 0.0)
+    registry.create(SOURCE, 0.0)
     with pytest.raises(ResourceExhausted, match="all 2 scenes"):
-        book.create(SOURCE, 0.0)
+        registry.create(SOURCE, 0.0)
 
 
 def test_refuses_bakes_that_would_have_to_wait_long(monkeypatch):
     monkeypatch.setattr(scene_registry, "MAX_BAKES", 2)
     counted = Counted()
     counted.leave.clear()
-    book = SceneRegistry(bake=counted)
+    registry = SceneRegistry(bake=counted)
     refused = queue.Queue()
 
     def create(*solids):
         try:
-            book.create(SceneSource(SceneSpec((FIELD,), solids)), 0.0)
+            registry.create(SceneSource(SceneSpec((FIELD,), solids)), 0.0)
         except ResourceExhausted as error:
             refused.put(error)
 
@@ -125,48 +130,48 @@ def test_refuses_bakes_that_would_have_to_wait_long(monkeypatch):
     counted.leave.set()
     for thread in threads:
         thread.join(10)
-    assert refused.empty() and len(book.infos()) == 2
+    assert refused.empty() and len(registry.infos()) == 2
     create(WALL)
     assert refused.empty()
 
 
 def test_a_bake_that_fails_leaves_nothing_behind():
-    book = SceneRegistry()
+    registry = SceneRegistry()
     for _ in range(4):
         with pytest.raises(InvalidArgument):
-            book.create(SceneSource(SceneSpec()), 0.0)
-    assert book.infos() == []
-    book.create(SOURCE, 0.0)
+            registry.create(SceneSource(SceneSpec()), 0.0)
+    assert registry.infos() == []
+    registry.create(SOURCE, 0.0)
 
 
 @pytest.mark.parametrize("name", ["", "x" * 65, "two\nlines"])
 def test_obstacles_have_names(name):
-    book = SceneRegistry()
-    scene_id = book.add(field()).scene_id
+    registry = SceneRegistry()
+    scene_id = registry.add(field()).scene_id
     with pytest.raises(InvalidArgument, match="name must be 1 to 64") as refused:
-        book.put(scene_id, name, BOX)
+        registry.put(scene_id, name, BOX)
     assert refused.value.field == "name"
 
 
 def test_restores_a_scene_as_it_was():
-    book = SceneRegistry()
-    book.restore("scene-1", SOURCE, 5.0, 7, {"crate": BOX})
-    info = book.info("scene-1")
+    registry = SceneRegistry()
+    registry.restore("scene-1", SOURCE, 5.0, 7, {"crate": BOX})
+    info = registry.info("scene-1")
     assert (info.version, info.created_at, info.obstacles) == (7, 5.0, {"crate": BOX})
-    assert book.scene("scene-1").distance(np.array(BOX.center)) < 0
+    assert registry.scene("scene-1").distance(np.array(BOX.center)) < 0
     with pytest.raises(AlreadyExists):
-        book.restore("scene-1", SOURCE, 5.0, 0, {})
+        registry.restore("scene-1", SOURCE, 5.0, 0, {})
 
 
 def test_what_is_prepared_is_baked_once_and_is_not_there_before_it_comes():
     counted = Counted()
-    book = SceneRegistry(Limits(scenes=1), bake=counted)
-    book.prepare(SOURCE.spec)
-    book.prepare(SOURCE.spec)
-    assert book.infos() == [] and counted.bakes == 1
-    book.restore("scene-1", SOURCE, 5.0, 0, {}, reported=False)
+    registry = SceneRegistry(Limits(scenes=1), bake=counted)
+    registry.prepare(SOURCE.spec)
+    registry.prepare(SOURCE.spec)
+    assert registry.infos() == [] and counted.bakes == 1
+    registry.restore("scene-1", SOURCE, 5.0, 0, {}, reported=False)
     assert counted.bakes == 1
-    book.prepare(SceneSpec((FIELD,), (BOX,)))
-    book.delete("scene-1")
-    book.prepare(SOURCE.spec)
+    registry.prepare(SceneSpec((FIELD,), (BOX,)))
+    registry.delete("scene-1")
+    registry.prepare(SOURCE.spec)
     assert counted.bakes == 3, "only so many are kept as there may be scenes"

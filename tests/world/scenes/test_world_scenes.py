@@ -85,39 +85,39 @@ def test_visits_a_path_goal_by_goal_around_walls():
 
 
 def test_an_obstacle_in_the_way_is_walked_around_within_half_a_second():
-    world, book, scene_id = world_in(field())
+    world, registry, scene_id = world_in(field())
     [agent] = enter(world, SOUTH)
     world.give(agent.agent_id, goal(*NORTH), 0.0)
     before, _ = walked(world, 1.5)
     assert np.abs(before[agent.agent_id][:, 0] - 6.0).max() < 0.1  # straight ahead
-    book.put(scene_id, "crate", BOX)
+    registry.put(scene_id, "crate", BOX)
     after, arrived = walked(world, 2.0)
     assert np.abs(after[agent.agent_id][-1, 0] - 6.0) > 0.1  # aside
     rest, arrived = walked(world, 15.0)
     assert arrived
-    assert book.scene(scene_id).distance(rest[agent.agent_id]).min() > CLEAR
+    assert registry.scene(scene_id).distance(rest[agent.agent_id]).min() > CLEAR
 
 
 def test_an_obstacle_elsewhere_changes_nothing():
     tracks = []
     for put in (False, True):
-        world, book, scene_id = world_in(field())
+        world, registry, scene_id = world_in(field())
         [agent] = enter(world, SOUTH)
         world.give(agent.agent_id, goal(*NORTH), 0.0)
         before, _ = walked(world, 2.0)
         if put:
-            book.put(scene_id, "crate", Box((1.0, 1.0), (1.0, 1.0), 1.0))
+            registry.put(scene_id, "crate", Box((1.0, 1.0), (1.0, 1.0), 1.0))
         after, _ = walked(world, 12.0)
         tracks.append(np.concatenate([*before.values(), *after.values()]))
     assert tracks[0].tobytes() == tracks[1].tobytes()
 
 
 def test_waits_before_a_way_that_is_closed_and_goes_on_when_it_opens():
-    world, book, scene_id = world_in(field())
+    world, registry, scene_id = world_in(field())
     [agent] = enter(world, SOUTH)
     world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 1.0)
-    book.put(scene_id, "wall", WALL)
+    registry.put(scene_id, "wall", WALL)
     walked(world, 8.0)
     assert world.get_agent(agent.agent_id).state is AgentState.STANDING
     assert world.get_agent(agent.agent_id).position[1] < 6.0
@@ -125,7 +125,7 @@ def test_waits_before_a_way_that_is_closed_and_goes_on_when_it_opens():
     assert (session_id, event.kind) == ("s", EventKind.BLOCKED)
     assert (event.agent_id, event.goal_revision, event.waypoint) == (agent.agent_id, 1, 0)
     assert "no way leads" in str(event.text)
-    book.remove(scene_id, "wall")
+    registry.remove(scene_id, "wall")
     _, arrived = walked(world, 25.0)
     assert arrived == {agent.agent_id}
     assert kinds(world) == []
@@ -161,14 +161,14 @@ def test_a_goal_that_no_way_leads_to_is_refused_and_changes_nothing():
 
 
 def test_a_goal_that_becomes_unreachable_before_its_turn_is_told_and_waited_for():
-    world, book, scene_id = world_in(field())
+    world, registry, scene_id = world_in(field())
     [agent] = enter(world, SOUTH)
     world.give(agent.agent_id, Path((goal(6.0, 4.0), goal(*NORTH))), 0.0)
-    book.put(scene_id, "wall", WALL)
+    registry.put(scene_id, "wall", WALL)
     walked(world, 8.0)
     events = [event for _, event in world.take_events()]
     assert [(e.kind, e.waypoint) for e in events] == [(EventKind.UNREACHABLE, 1)]
-    book.remove(scene_id, "wall")
+    registry.remove(scene_id, "wall")
     tracks, _ = walked(world, 25.0)
     assert math.dist(tracks[agent.agent_id][-1, :2], NORTH) < 0.3
 
@@ -217,21 +217,21 @@ def test_agents_of_other_sessions_are_not_seen():
 
 
 def test_a_session_names_a_scene_that_is_here_and_holds_it():
-    world, book, scene_id = world_in(field())
+    world, registry, scene_id = world_in(field())
     with pytest.raises(FailedPrecondition, match="'scene-x' is not here"):
         world.create_session(SessionSpec("x", scene="scene-x"), 0.0)
     with pytest.raises(FailedPrecondition, match="cannot be recorded"):
         world.create_session(SessionSpec("x", scene=scene_id, record=True), 0.0)
-    assert book.info(scene_id).sessions == 1
+    assert registry.info(scene_id).sessions == 1
     world.delete_session("s")
-    assert book.info(scene_id).sessions == 0
+    assert registry.info(scene_id).sessions == 0
 
 
 def test_a_refused_session_holds_no_scene():
-    world, book, scene_id = world_in(field())
+    world, registry, scene_id = world_in(field())
     with pytest.raises(AlreadyExists):
         world.create_session(SessionSpec("s", scene=scene_id), 0.0)
-    assert book.info(scene_id).sessions == 1
+    assert registry.info(scene_id).sessions == 1
 
 
 def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing():
@@ -240,7 +240,7 @@ def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing(
     world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 3.0)
     record = taken(world)
-    elsewhere, _, _ = world_in(field(), book=SceneRegistry())
+    elsewhere, _, _ = world_in(field(), registry=SceneRegistry())
     elsewhere.delete_session("s")
     with pytest.raises(FailedPrecondition, match="is not here"):
         elsewhere.members.put_session(record, 3.0)

@@ -28,7 +28,7 @@ const FAN = SPEEDS.flatMap((speed) => TURNS.map((turn) => {
 const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SOON = 0.3, CLOSE = 1.5, COMFORT = 0.35, REACTION = 0.25, SLOWEST = 0.5;
 const WALL_ROOM = 0.1, WALL_SHARE = 0.42, LANES = 0.9, PASSING = 0.3, PASS_SHARE = 0.8, WALL_TIMES = [0.3, 0.7, 1.2];
 const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, WALL = 15;
-const PATIENCE = 1.25, YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, LEAST_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1;
+const PATIENCE = 1.25, YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, MIN_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1;
 const BESIDE_STANDING = 0.1, STANDS_APART = 0.05;
 const ALONG = 0.3, BEHIND = 0.1, FOLLOWS = 2, FIRM = 0.25, TOUCH = 6, TOUCHES = 0.15;
 const OPPOSITE = 0.5, LANE = 0.6, LANE_SIGHT = 12, LANE_WIDE = 1.8, BESIDE = 1.2, LANE_SOON = 0.5, LANE_MOST = 0.8;
@@ -113,7 +113,7 @@ function alongOf({ memory: { preferred: [px, py] } }, { memory: { preferred: [x,
 function meetings(self, near, [vx, vy], left, half) {
   const [ux, uy] = self.velocity, touch = 2 * RADIUS;
   const { waited } = self.memory;
-  const asked = Math.min(Math.max(COMFORT / (1 + waited / PUSH), LEAST_COMFORT), Math.max(STANDS_APART, 0.25 * left));
+  const asked = Math.min(Math.max(COMFORT / (1 + waited / PUSH), MIN_COMFORT), Math.max(STANDS_APART, 0.25 * left));
   const soon = 1 / Math.max(HORIZON / Math.max(waited / HURRY, 1), SHORTEST);
   const last = Math.min(HORIZON, Math.max(left / Math.max(Math.hypot(vx, vy), 1e-3), SOON));
   let most = 0, sum = 0;

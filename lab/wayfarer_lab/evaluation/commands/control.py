@@ -32,7 +32,7 @@ from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
 
 if TYPE_CHECKING:  # loads torch, which `wayfarer eval --help` must not
-    from wayfarer_lab.evaluation.lead import Lead
+    from wayfarer_lab.evaluation.first_primitive import Lead
 
 app = typer.Typer()
 
@@ -176,8 +176,8 @@ def methods(
 
 
 def _lead(models: Path, threads: int, seed: int) -> "Lead":
-    from wayfarer_lab.evaluation.lead import Lead
-    from wayfarer_lab.evaluation.parts import load_parts
+    from wayfarer_lab.evaluation.first_primitive import Lead
+    from wayfarer_lab.evaluation.model_parts import load_parts
 
     return Lead(load_parts(models, None, threads), seed)
 

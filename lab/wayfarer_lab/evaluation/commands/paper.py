@@ -48,8 +48,8 @@ def figures(
     arrives first or comes nearest. Fig. S1: six primitives of each predictor from one seed, with
     the same latents. Fig. S2: four shapes from one pose, and three poses of the pose prior.
     """
+    from wayfarer_lab.evaluation.model_parts import load_parts
     from wayfarer_lab.evaluation.paper.motion import corner_cases, methods, seeded_primitives
-    from wayfarer_lab.evaluation.parts import load_parts
     from wayfarer_lab.evaluation.rollout import prior_poses
 
     report.check_origin()

@@ -48,8 +48,8 @@ def predictor(
     The row "mocap" predicts the recorded futures of the primitives of the train split with the
     nearest seeds.
     """
+    from wayfarer_lab.evaluation.model_parts import load_parts, some
     from wayfarer_lab.evaluation.models import ALIKE_SEEDS, predictor_rows
-    from wayfarer_lab.evaluation.parts import load_parts, some
 
     recorded, memory = Recorded(data, split), Recorded(data, "train")
     parts = load_parts(models, runs, threads)
@@ -73,8 +73,8 @@ def regressor(
     json: options.Json = None,
 ) -> None:
     """Measure errors of the body regressors (Tab. S2), with recorded and with random shapes."""
+    from wayfarer_lab.evaluation.model_parts import load_parts
     from wayfarer_lab.evaluation.models import regressor_rows
-    from wayfarer_lab.evaluation.parts import load_parts
 
     recorded = Recorded(data, split)
     rows = regressor_rows(load_parts(models, runs, threads), recorded, count, seed)

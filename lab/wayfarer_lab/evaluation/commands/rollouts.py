@@ -99,7 +99,7 @@ def failures(
     draws them.
     """
     from wayfarer_lab.evaluation.direct import least_usual
-    from wayfarer_lab.evaluation.parts import Variant
+    from wayfarer_lab.evaluation.model_parts import Variant
 
     report.check_origin()
     recorded = Recorded(data, split) if data else None
@@ -236,7 +236,7 @@ def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[FrozenPose
 @contextmanager
 def _bench(models: Path, runs: Path | None, threads: int, seed: int) -> "Iterator[Bench]":
     """The settings that rows of a table share, and a progress line with the current row."""
-    from wayfarer_lab.evaluation.parts import load_parts
+    from wayfarer_lab.evaluation.model_parts import load_parts
     from wayfarer_lab.evaluation.random_motion import Bench
 
     parts = load_parts(models, runs, threads)

@@ -14,7 +14,7 @@ from wayfarer_lab.evaluation.commands.shared import finish, origin
 from wayfarer_lab.evaluation.report import progress
 from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
 from wayfarer_lab.evaluation.scenes.scenarios.changes import crates, doors
-from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
+from wayfarer_lab.evaluation.scenes.scenarios.outcome import Outcome
 from wayfarer_lab.evaluation.scenes.scenarios.walking import (
     corridor,
     cubes,
@@ -28,7 +28,7 @@ from wayfarer_lab.evaluation.tasks import Watch
 
 app = typer.Typer()
 
-Scenario = Callable[[SceneRig, int, int, Watch], Seen]
+Scenario = Callable[[SceneRig, int, int, Watch], Outcome]
 """(rig, seed, how many people, watch)"""
 
 SCENARIOS: Final[Mapping[str, tuple[Scenario, int]]] = {

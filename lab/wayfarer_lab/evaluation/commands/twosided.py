@@ -66,7 +66,7 @@ def bare(
     """
     import torch
 
-    from wayfarer_lab.evaluation.parts import Variant, load_parts
+    from wayfarer_lab.evaluation.model_parts import Variant, load_parts
     from wayfarer_lab.evaluation.twosided.bare import play
     from wayfarer_lab.evaluation.twosided.drivers import led, searched
     from wayfarer_lab.training.cloning import load_trajectory_policy

@@ -15,10 +15,10 @@ from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.rules import RULES, ActingRules
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, MeasuredTake
+from wayfarer_lab.evaluation.maneuvers.repair import Repair
 from wayfarer_lab.evaluation.scenes.solids import ground_height, standing
 from wayfarer_lab.evaluation.takes import Take
 from wayfarer_lab.evaluation.tasks import AgentTask, Trajectory, Watch, run_tasks
-from wayfarer_lab.evaluation.twosided.repair import Repair
 
 Array = NDArray[np.floating[Any]]
 

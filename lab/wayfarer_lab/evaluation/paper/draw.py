@@ -85,8 +85,8 @@ def ways(rows: Sequence[DrawnMotion]) -> Image.Image:
             canvas.body(joints, at, dict.fromkeys(_COLOURS, FAINT))
         canvas.line(at(body[:, 0] * [1, 1, 0]), TRAIL, 1)
         canvas.body(body[-1], at, _COLOURS)
-        told = row["name"] if row["reached"] else f"{row['name']}\n(not there)"
-        canvas.write((6, floor - height / 2), told)
+        label = row["name"] if row["reached"] else f"{row['name']}\n(not there)"
+        canvas.write((6, floor - height / 2), label)
     return canvas.picture()
 
 

@@ -22,8 +22,8 @@ from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer.world.search.problem import PlanningProblem
 from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer_lab.evaluation.control import random_pairs
+from wayfarer_lab.evaluation.model_parts import Parts, Variant
 from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT
-from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.rollout import (
     FrozenPoses,
     Rollout,

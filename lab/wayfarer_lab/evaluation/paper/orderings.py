@@ -47,7 +47,7 @@ class Statement:
 
     ordering: Ordering
     verdict: Verdict
-    told: str
+    figures: str
 
 
 def state(ordering: Ordering, results: ResultsFolder) -> Statement:
@@ -62,7 +62,7 @@ def state(ordering: Ordering, results: ResultsFolder) -> Statement:
     if not all(values):
         return Statement(ordering, "not measured", ordering.why or _missing(sources, values))
     one, other = (row for row in rows if isinstance(row, Measured))
-    told = f"`{ordering.figure}` {one.text(ordering.figure)} and {other.text(ordering.figure)}"
+    figures = f"`{ordering.figure}` {one.text(ordering.figure)} and {other.text(ordering.figure)}"
     high, low = values if ordering.more else values[::-1]
     if min(high) > max(low):
         verdict: Verdict = "as in the paper"
@@ -73,8 +73,8 @@ def state(ordering: Ordering, results: ResultsFolder) -> Statement:
     else:
         verdict = "within the spread"
     if max(map(len, values)) == 1:
-        told += "; one training each"
-    return Statement(ordering, verdict, told)
+        figures += "; one training each"
+    return Statement(ordering, verdict, figures)
 
 
 def _missing(sources: tuple[Source | None, ...], values: list[list[float]]) -> str:

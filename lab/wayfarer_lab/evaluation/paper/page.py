@@ -72,7 +72,7 @@ def _orderings(results: ResultsFolder) -> str:
     lines = []
     for ordering in ORDERINGS:
         said = state(ordering, results)
-        lines.append([ordering.claim, ordering.where, f"**{said.verdict}**", said.told])
+        lines.append([ordering.claim, ordering.where, f"**{said.verdict}**", said.figures])
     table = _table(["the paper says", "where", "here", ""], lines)
     return f"## What is better than what\n\n{table}\n\n{against_mojo(results)}\n"
 
@@ -153,13 +153,13 @@ def _trained(meta: Mapping[str, Any]) -> str:
     if not minutes:
         return "Minutes of training: not counted"
     steps = meta.get("steps") or {}
-    told = [
+    minutes = [
         f"{name} {'not counted' if m is None else f'{m:.0f}'}"
         + (f" ({steps[name]})" if name in steps else "")
         for name, m in sorted(minutes.items())
     ]
     counted = " (steps × batch)" if steps else ""
-    return f"Minutes of training{counted}: " + ", ".join(told)
+    return f"Minutes of training{counted}: " + ", ".join(minutes)
 
 
 def _runtime(s3: Mapping[int, float] | None) -> str:

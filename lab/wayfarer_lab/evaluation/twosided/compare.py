@@ -10,9 +10,9 @@ from rich.table import Table
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.maneuvers.case_runner import CaseRunner
 from wayfarer_lab.evaluation.maneuvers.maneuver import RAW, SENT
+from wayfarer_lab.evaluation.maneuvers.repair import Repair, Row
 from wayfarer_lab.evaluation.tasks import Watch
 from wayfarer_lab.evaluation.twosided.ranges import Ranges
-from wayfarer_lab.evaluation.twosided.repair import Repair, Row
 from wayfarer_lab.evaluation.twosided.served import SERVED, Served
 from wayfarer_lab.evaluation.twosided.verdicts import (
     Person,

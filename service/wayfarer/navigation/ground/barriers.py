@@ -98,13 +98,13 @@ class _Ways:
         if not len(self.levels) or len(order) < 2:
             return []
         first = {int(number): int(np.flatnonzero(self.part == number)[0]) for number in order}
-        whole, told = self._joined(0), list[Barrier]()
+        whole, found = self._joined(0), list[Barrier]()
         for k, other in enumerate(first):
             before = list(first)[:k]
             one = next((n for n in before if whole[first[n]] == whole[first[other]]), None)
-            if one is not None and len(told) < MOST:
-                told.append(self._between(one, other, first))
-        return told
+            if one is not None and len(found) < MOST:
+                found.append(self._between(one, other, first))
+        return found
 
     def _joined(self, level: int) -> Ints:
         """The component of each place; -1: it is closed. [n]"""

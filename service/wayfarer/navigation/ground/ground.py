@@ -121,10 +121,10 @@ def size_pattern(spec: SceneSpec, ground: Ground) -> str:
     """The part of an error that gives the size and the orientation of a level's mesh."""
     if spec.mesh is None:
         return ""
-    told = "".join(f"; {note.pattern}" for note in ground.notes if not note.parts)
+    notes = "".join(f"; {note.pattern}" for note in ground.notes if not note.parts)
     return (
         "; the level is {} x {} and {} high (is mesh.unit, "
-        f"{spec.mesh.unit:g} m, right?){told}"
+        f"{spec.mesh.unit:g} m, right?){notes}"
     )
 
 

@@ -52,7 +52,7 @@ class AgentApi:
         with self._context.sessions.agent_room(current_caller(), count):
             made = await self._made(session, request, names)
             self._context.sessions.enter_agents(session, made)
-        await self._context.residence.copied(session_id)
+        await self._context.locator.copied(session_id)
         return await self._described(session, made)
 
     async def _made(
@@ -97,7 +97,7 @@ class AgentApi:
         session = await self._context.session_of(agent_id)
         change = AgentChange(**request.model_dump())
         info = await self._context.service.update_agent(agent_id, change)
-        await self._context.residence.copied(session.session_id)
+        await self._context.locator.copied(session.session_id)
         return convert.agent(info, session.basis, self._context.bodies)
 
     @implements("DeleteAgent")
@@ -111,7 +111,7 @@ class AgentApi:
             alias = (await self._context.service.get_agent(agent_id)).alias
         await self._context.service.delete_agent(agent_id)
         self._context.sessions.remove_agent(session, agent_id, alias)
-        await self._context.residence.copied(session.session_id)
+        await self._context.locator.copied(session.session_id)
 
     async def _described(self, session: OpenSession, infos: Sequence[AgentInfo]) -> schema.Agents:
         """Describes a few at a time: each takes half a millisecond in which other calls wait."""

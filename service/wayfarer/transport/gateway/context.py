@@ -17,8 +17,8 @@ from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.conversion.bodies import BodyLibrary
 from wayfarer.transport.edge.caller import Scope, current_caller
 from wayfarer.transport.gateway.idempotency import IdempotencyCache
-from wayfarer.transport.gateway.residence import Residence
 from wayfarer.transport.gateway.scene_access import SceneAccess
+from wayfarer.transport.gateway.session_locator import SessionLocator
 from wayfarer.transport.gateway.session_registry import OpenSession, SessionRegistry
 from wayfarer.transport.streams.batches import BatchWriter
 
@@ -59,7 +59,7 @@ class GatewayContext:
     bodies: BodyLibrary
     limits: Limits
     clock: Callable[[], float]
-    residence: Residence = field(default_factory=Residence)
+    locator: SessionLocator = field(default_factory=SessionLocator)
     sessions: SessionRegistry = field(init=False)
     scenes: SceneAccess = field(init=False)
     replies: IdempotencyCache = field(init=False)
@@ -71,8 +71,8 @@ class GatewayContext:
     )
 
     def __post_init__(self) -> None:
-        self.sessions = SessionRegistry(self.limits, self.clock, self.residence)
-        self.scenes = SceneAccess(self.limits, self.clock, self.residence)
+        self.sessions = SessionRegistry(self.limits, self.clock, self.locator)
+        self.scenes = SceneAccess(self.limits, self.clock, self.locator)
         self.replies = IdempotencyCache(self.clock)
 
     @property
@@ -83,7 +83,7 @@ class GatewayContext:
             and self.service.alive
             and self.taken_over
             and not self.draining.is_set()
-            and self.residence.holds
+            and self.locator.holds
         )
 
     def require_ready(self) -> None:

@@ -26,8 +26,8 @@ from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.gateway.motion import MotionApi
 from wayfarer.transport.gateway.moves import SessionMoves
-from wayfarer.transport.gateway.residence import Residence
 from wayfarer.transport.gateway.scenes import SceneApi
+from wayfarer.transport.gateway.session_locator import SessionLocator
 from wayfarer.transport.gateway.sessions import SessionApi
 from wayfarer.transport.gateway.snapshots import SnapshotApi
 from wayfarer.transport.streams.stream import SHUTDOWN
@@ -49,7 +49,7 @@ class Gateway:
     ) -> None:
         """`stop` begins the shutdown of the server, as SIGTERM does; AdminService calls it."""
         self._context = context = GatewayContext(
-            service, bodies, limits, clock, Residence(ownership)
+            service, bodies, limits, clock, SessionLocator(ownership)
         )
         self.limits = limits
         self.body_library = bodies
@@ -97,7 +97,7 @@ class Gateway:
 
     def nodes(self) -> Sequence[Endpoint]:
         """See `Ownership`."""
-        return self._context.residence.nodes
+        return self._context.locator.nodes
 
     async def loop_stats(self) -> LoopStats:
         """Figures for the metrics page; checks no scope."""

@@ -66,8 +66,8 @@ class IdempotencyCache:
             return await finish(act(""))
         kept = self._of_caller()
         where, what = request
-        told = f"{current_caller().name}\n{where}\n{what.model_dump_json()}"
-        digest = sha256(told.encode()).hexdigest()
+        text = f"{current_caller().name}\n{where}\n{what.model_dump_json()}"
+        digest = sha256(text.encode()).hexdigest()
         known = kept.get(request_id)
         if known is None:
             outcome = asyncio.get_running_loop().create_task(act(digest))

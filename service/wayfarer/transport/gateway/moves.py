@@ -13,7 +13,7 @@ from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
 from wayfarer.transport.gateway.context import GatewayContext
-from wayfarer.transport.gateway.residence import misdirected
+from wayfarer.transport.gateway.session_locator import misdirected
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 from wayfarer.world.scenes.messages import SceneInfo
 
@@ -147,7 +147,7 @@ class SessionMoves:
         """
         error: WayfarerError = Unavailable("the session was taken from this node; try again")
         if to is not None:
-            self._context.residence.left(name, to)
+            self._context.locator.left(name, to)
             error = misdirected(name, to)
         self._context.sessions.forget(name)
         self._context.scenes.forget(name)
@@ -174,10 +174,10 @@ class SessionMoves:
         info = arrival.info
         if isinstance(info, SessionInfo):
             self._context.sessions.open(info, arrival.agents).crowd = arrival.crowd
-            self._context.residence.came(info.session_id)
+            self._context.locator.came(info.session_id)
         else:
             self._context.scenes.open(info)
-            self._context.residence.came(info.scene_id)
+            self._context.locator.came(info.scene_id)
 
 
 async def _served(call: Callable[[], Awaitable[T]]) -> T:

@@ -13,7 +13,7 @@ from wayfarer.transport.conversion import scene_convert
 from wayfarer.transport.conversion.basis import Axes, Basis
 from wayfarer.transport.edge.caller import Caller, current_caller
 from wayfarer.transport.gateway.leases import counted, read_attributes
-from wayfarer.transport.gateway.residence import Residence
+from wayfarer.transport.gateway.session_locator import SessionLocator
 from wayfarer.world.scenes.messages import SceneInfo
 
 SCENE_LEASE_S: Final = 3600.0
@@ -46,10 +46,10 @@ class OpenScene:
 class SceneAccess:
     """All scenes, and the rights of callers to them."""
 
-    def __init__(self, limits: Limits, clock: Callable[[], float], residence: Residence) -> None:
+    def __init__(self, limits: Limits, clock: Callable[[], float], locator: SessionLocator) -> None:
         self._limits = limits
         self._clock = clock
-        self._residence = residence
+        self._locator = locator
         self._scenes: dict[str, OpenScene] = {}
         self._coming: Counter[str] = Counter()  # scenes being made, by owner
 
@@ -60,7 +60,7 @@ class SceneAccess:
         """
         owner, basis, lease_s = read_attributes("scene", info.attributes, self._limits)
         expires_at = self._clock() + lease_s
-        scene = OpenScene(info.scene_id, owner, basis, lease_s, expires_at, self._residence.own)
+        scene = OpenScene(info.scene_id, owner, basis, lease_s, expires_at, self._locator.own)
         self._scenes[info.scene_id] = scene
         return scene
 
@@ -81,7 +81,7 @@ class SceneAccess:
         """Returns the caller's scene and renews its lease. Raises NotFound, Misdirected."""
         found, caller = self._scenes.get(scene_id), current_caller()
         if found is None:
-            self._residence.require_own(scene_id[:ID_LENGTH])
+            self._locator.require_own(scene_id[:ID_LENGTH])
         if found is None or (found.owner != caller.name and not caller.is_admin):
             name = scene_id[:ID_LENGTH]
             raise NotFound(f"there is no scene {name!r}", "scene", name)

@@ -116,14 +116,14 @@ class SceneApi:
             scene_id = new_scene_id(group, digest)
             if scene_id in self._context.scenes.ids():  # made before, and the reply is lost
                 return await self.get(scene_id)
-            self._context.residence.require_own(scene_id)
+            self._context.locator.require_own(scene_id)
         kept = attributes(request, SCENE_LEASE_S, self._context.limits)
         with self._context.scenes.room(current_caller()):
             source = SceneSource(await asyncio.to_thread(spec), name, kept)
             with convert.in_basis(request.basis.axes):
                 info = await self._context.service.scenes.create_scene(source, scene_id)
             made = self._context.scenes.open(info).describe(info)
-        await self._context.residence.claimed(made.scene_id)
+        await self._context.locator.claimed(made.scene_id)
         return made
 
     @implements("GetScene")
@@ -147,7 +147,7 @@ class SceneApi:
         scene = self._context.scenes.scene(scene_id)
         await self._context.service.scenes.delete_scene(scene_id)
         self._context.scenes.close(scene)
-        await self._context.residence.copied(scene_id)
+        await self._context.locator.copied(scene_id)
 
     @implements("PutObstacle")
     async def put_obstacle(
@@ -161,7 +161,7 @@ class SceneApi:
         with scene_convert.fields_named(obstacle=request), convert.in_basis(scene.axes):
             made = scene_convert.obstacle(request, scene.axes)
             info = await self._context.service.scenes.put_obstacle(scene_id, name, made)
-        await self._context.residence.copied(scene_id)
+        await self._context.locator.copied(scene_id)
         return scene_convert.scene_version(info)
 
     @implements("RemoveObstacle")
@@ -169,7 +169,7 @@ class SceneApi:
         """Removes an obstacle. Raises NotFound."""
         self._context.scenes.scene(scene_id)
         info = await self._context.service.scenes.remove_obstacle(scene_id, name)
-        await self._context.residence.copied(scene_id)
+        await self._context.locator.copied(scene_id)
         return scene_convert.scene_version(info)
 
     @implements("QueryPath")
@@ -223,7 +223,7 @@ class SceneApi:
                 session.crowd = max(session.crowd, crowd.count)
                 raise
             session.crowd = state.came + state.waiting  # another call may have replaced it
-        await self._context.residence.copied(session.session_id)
+        await self._context.locator.copied(session.session_id)
         return state
 
     async def take_over(self) -> None:

@@ -15,7 +15,7 @@ from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.edge.caller import Caller, current_caller
 from wayfarer.transport.gateway.leases import counted, read_attributes
-from wayfarer.transport.gateway.residence import Residence
+from wayfarer.transport.gateway.session_locator import SessionLocator
 from wayfarer.transport.streams.stream import MotionStream
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
@@ -94,11 +94,11 @@ class SessionRegistry:
     """All open sessions, and the rights of callers to them."""
 
     def __init__(
-        self, limits: Limits, clock: Callable[[], float], residence: Residence | None = None
+        self, limits: Limits, clock: Callable[[], float], locator: SessionLocator | None = None
     ) -> None:
         self._limits = limits
         self._clock = clock
-        self._residence = residence or Residence()
+        self._locator = locator or SessionLocator()
         self._sessions: dict[str, OpenSession] = {}
         self._by_agent: dict[str, OpenSession] = {}
         self._coming_sessions: Counter[str] = Counter()  # by caller, being created
@@ -112,7 +112,7 @@ class SessionRegistry:
         owner, basis, lease_s = read_attributes("session", info.spec.attributes, self._limits)
         self.forget(info.session_id)  # a session that has just ended may still be registered
         session = OpenSession(
-            info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
+            info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._locator.own
         )
         self._sessions[info.session_id] = session
         self.enter_agents(session, agents)
@@ -178,7 +178,7 @@ class SessionRegistry:
     def expired(self) -> list[OpenSession]:
         """Sessions whose lease has expired. A stream keeps its session's lease."""
         now = self._clock()
-        if not self._residence.holds:  # another node may have adopted them
+        if not self._locator.holds:  # another node may have adopted them
             return []
         for session in self._sessions.values():
             if session.holders:
@@ -264,14 +264,14 @@ class SessionRegistry:
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
         caller, now = current_caller(), self._clock()
         if found is None:
-            self._residence.require_own(name[:ID_LENGTH])
+            self._locator.require_own(name[:ID_LENGTH])
         if (
             found is None
             or (found.owner != caller.name and not caller.is_admin)
             or (found.expires_at < now and not found.holders)
         ):
             raise NotFound(f"there is no {kind} {name[:ID_LENGTH]!r}", kind, name[:ID_LENGTH])
-        self._residence.require_lease()
+        self._locator.require_lease()
         structlog.contextvars.bind_contextvars(session_id=found.session_id)
         found.expires_at = now + found.lease_s
         return found

@@ -44,7 +44,7 @@ class SessionApi:
             await self.end_expired()
             if self._context.sessions.scene_of(name) is not None:  # made before; the reply is lost
                 return await self.get(name)
-            self._context.residence.require_own(name)
+            self._context.locator.require_own(name)
         spec = SessionSpec(
             session_id=name or None,
             seed=secrets.randbits(32) if request.seed is None else request.seed,
@@ -57,7 +57,7 @@ class SessionApi:
         with self._context.sessions.session_room(caller):
             info = await self._context.service.create_session(spec)
             made = self._context.sessions.open(info).describe(info)
-        await self._context.residence.claimed(made.session_id)
+        await self._context.locator.claimed(made.session_id)
         return made
 
     @implements("GetSession")
@@ -89,7 +89,7 @@ class SessionApi:
     async def delete(self, session_id: str) -> None:
         """Ends a session, its agents and its streams. Raises NotFound, Unavailable."""
         await finish(self._end(self._context.sessions.session(session_id)))
-        await self._context.residence.copied(session_id)
+        await self._context.locator.copied(session_id)
 
     async def end_expired(self) -> list[str]:
         """Ends the sessions whose lease has expired; returns the ids of ended ones.
@@ -117,7 +117,7 @@ class SessionApi:
         for info in infos:
             agents = await self._context.service.list_agents(info.session_id)
             try:
-                self._context.residence.require_own(info.session_id)
+                self._context.locator.require_own(info.session_id)
                 self._context.sessions.open(info, agents)
             except (InvalidArgument, Misdirected) as error:
                 log.error("session not taken over", session_id=info.session_id, reason=str(error))

@@ -45,7 +45,7 @@ class SnapshotApi:
         with self._context.sessions.session_room(caller):
             info = await service.import_session(snapshot, {"owner": caller.name})
             try:
-                self._context.residence.require_own(info.session_id)
+                self._context.locator.require_own(info.session_id)
                 if info.spec.scene:
                     self._context.scenes.scene(info.spec.scene)
                 with self._context.sessions.agent_room(caller, len(info.agent_ids)):
@@ -55,7 +55,7 @@ class SnapshotApi:
                 with contextlib.suppress(NotFound):
                     await service.delete_session(info.session_id)
                 raise
-        await self._context.residence.claimed(made.session_id)
+        await self._context.locator.claimed(made.session_id)
         return made
 
     @implements("ExportLog")

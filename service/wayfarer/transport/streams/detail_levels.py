@@ -5,7 +5,7 @@ Design
 A stream may be opened with **rings** around **viewpoints**. Ring *k* has a radius and a pose
 format; its agents are tier *k* of the stream. Agents outside of the last ring are not sent.
 Publications do not change: when `MotionStream` sends, it asks this module for the tier of each
-chunk and writes one batch per tier (`portions.py`). So queues, slow readers, resume tokens and
+chunk and writes one batch per tier (`sized_batches.py`). So queues, slow readers, resume tokens and
 acknowledgements work as without rings, and viewpoints may change at any time: they apply from the
 next batch.
 

@@ -19,8 +19,13 @@ from wayfarer.transport.conversion.basis import Axes, Basis
 from wayfarer.transport.streams.batches import BatchWriter, event_message
 from wayfarer.transport.streams.detail_levels import DetailLevels
 from wayfarer.transport.streams.framing import Part, field
-from wayfarer.transport.streams.portions import NO_ROWS, PortionWriter, Shown, WrittenBatch
 from wayfarer.transport.streams.resume import Progress
+from wayfarer.transport.streams.sized_batches import (
+    NO_ROWS,
+    PortionWriter,
+    VisibleChunks,
+    WrittenBatch,
+)
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, ChunkFlag, MotionChunks
 from wayfarer.world.events import Event, EventKind
@@ -240,12 +245,12 @@ class MotionStream:
             return NO_CHUNKS, events[since.events :]
         return published.chunks, events
 
-    async def _show(self, chunks: MotionChunks, roots: Roots | None) -> Shown:
+    async def _show(self, chunks: MotionChunks, roots: Roots | None) -> VisibleChunks:
         """What to send of chunks and their `roots`: tiers, and descriptions of the agents that the
         reader does not see yet.
         """
         if not chunks:
-            return Shown(chunks, NO_ROWS)
+            return VisibleChunks(chunks, NO_ROWS)
         aliases = chunks.alias.tolist()
         tiers, left = np.zeros(len(aliases), np.intp), list[int]()
         if self._interest is not None:
@@ -259,7 +264,7 @@ class MotionStream:
         added = await self._introduce(new) if new else {}
         if new.keys() - added.keys():  # these have been deleted
             tiers = np.where([alias in self._seen for alias in aliases], tiers, self._count)
-        return Shown(chunks, tiers, roots, added, [a for a in left if a not in self._gone])
+        return VisibleChunks(chunks, tiers, roots, added, [a for a in left if a not in self._gone])
 
     async def _introduce(self, agents: Mapping[int, str]) -> dict[int, AgentInfo]:
         """Descriptions of the agents that still exist; `agents` has ids by alias."""

@@ -256,7 +256,7 @@ class Faults:
                 agent.alias,
                 int(columns.goal_revision[slot]),
                 int(columns.planned.gait.waypoint[slot]),
-                _told(stage, trouble, int(columns.planned_chunks[slot])),
+                _message(stage, trouble, int(columns.planned_chunks[slot])),
             )
             self._events.append((agent.session_id, event))
 
@@ -390,7 +390,7 @@ class Faults:
             slots.route.passage[slot] = Passage.UNKNOWN
 
 
-def _told(stage: Stage, trouble: _Trouble, planned: int) -> str:
+def _message(stage: Stage, trouble: _Trouble, planned: int) -> str:
     stands = MEANWHILE.get(stage, "it goes on without")
     if stage in LOST:
         return f"an error in the server {DOING[stage]}: {stands}"

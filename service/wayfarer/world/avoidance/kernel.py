@@ -52,7 +52,7 @@ PATIENCE: Final = 1.25  # seconds of waiting until a person makes way for those 
 YIELDING: Final = 1.6  # seconds for which it does
 YIELD_SPEED: Final = 0.6
 PUSH: Final = 4.0  # seconds of waiting until a person is content with half of the room
-LEAST_COMFORT: Final = 0.15  # and the room that it wants however long it waits
+MIN_COMFORT: Final = 0.15  # and the room that it wants however long it waits
 BESIDE_STANDING: Final = 0.1  # preferred room beside a person that stands, before any wait
 ALONG: Final = (
     0.3  # cosine of directions from which another one is a leader, which goes the same way
@@ -267,7 +267,7 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
     # the longer a person has waited, the less room it asks for and the less far it looks ahead:
     # people who all stand .8 m apart could else not move, for fear of a touch seconds later;
     # nor does it ask for more room on the way than where it stops
-    room, weight = max(COMFORT / (1 + waited / PUSH), LEAST_COMFORT), COLLISION / COMFORT
+    room, weight = max(COMFORT / (1 + waited / PUSH), MIN_COMFORT), COLLISION / COMFORT
     room = min(room, max(STANDS_APART, 0.25 * left))
     soon = 1 / max(HORIZON / max(waited / HURRY, 1.0), SHORTEST)
     fast = their_x * their_x + their_y * their_y

@@ -107,7 +107,7 @@ class BehaviourRunner:
         self.slots.feeding[agent.slot] = Feeding.NONE
         self.slots.group[agent.slot] = 0
 
-    def feed(self, due: Index) -> None:
+    def extend_paths(self, due: Index) -> None:
         """Updates the behaviours of agents in due slots, before their step."""
         if self._faults.any:
             due = due[~self._faults.out(due, Stage.BEHAVIOUR)]
@@ -195,7 +195,7 @@ class BehaviourRunner:
         assert doing is not None  # its slot is fed
         self.slots.memory.waited[slot], self.slots.near_since[slot] = 0, 0
         number = agent.passed + len(self.agent_paths.so_far(agent))
-        self.agent_paths.turn_to(agent, (doing.next_goal(_Actor(self, agent), number),))
+        self.agent_paths.replace_goals(agent, (doing.next_goal(_Actor(self, agent), number),))
 
     def _is_over(self, agent: Agent, routine: Routine) -> bool:
         if agent.part >= len(routine.parts):
@@ -214,7 +214,7 @@ class BehaviourRunner:
 
     def _begin_part(self, agent: Agent) -> None:
         agent.begun = agent.passed + len(self.agent_paths.so_far(agent))
-        self.agent_paths.turn_to(agent, self._first_goals(agent), self.sets_out(agent))
+        self.agent_paths.replace_goals(agent, self._first_goals(agent), self.sets_out(agent))
 
     def _first_goals(self, agent: Agent) -> tuple[Goal, ...]:
         self._enlist(agent)

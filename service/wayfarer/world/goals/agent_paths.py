@@ -38,7 +38,7 @@ class AgentPaths:
         kept = self.kept(agent)
         return kept[: int(self._slots.planned.gait.waypoint[agent.slot]) - agent.passed + 1]
 
-    def turn_to(self, agent: Agent, goals: tuple[Goal, ...], walks: bool = True) -> int:
+    def replace_goals(self, agent: Agent, goals: tuple[Goal, ...], walks: bool = True) -> int:
         """Replaces the goals after the present one; plans stay. Returns the first new number."""
         before = self.so_far(agent)
         self.write(agent, (*before, *goals))

@@ -92,7 +92,7 @@ higher it is.
 SOFTNESS: Final = 0.006
 """Metres above the lowest sole point at which a point bears 1/e of that point's load."""
 
-LEAST_LOAD: Final = -40
+MIN_LOAD: Final = -40
 """Exponent of the smallest load that counts; a smaller one is lost in rounding."""
 
 
@@ -304,7 +304,7 @@ def _slide(was: Double, now: Double) -> tuple[float, float, float, float, float]
         height = min(height, now[point, 2])
     for point in range(SOLES):
         over = (height - now[point, 2]) / SOFTNESS
-        if over > LEAST_LOAD:
+        if over > MIN_LOAD:
             load = exp(over)
             total += load
             x += load * (now[point, 0] - was[point, 0])

@@ -22,7 +22,6 @@ from wayfarer.spec import FPS
 from wayfarer.world.output.legs import LegPose, Legs, pose_legs
 from wayfarer.world.output.quaternion import (
     Array,
-    bounded,
     length,
     multiply,
     rotate_points,
@@ -31,6 +30,7 @@ from wayfarer.world.output.quaternion import (
 )
 from wayfarer.world.output.twobone import move_ankles
 from wayfarer.world.rows import Flags, Float, Rows, Shape
+from wayfarer.world.springs import approached, followed, sprung
 
 Floor = Callable[[Array], Array]
 """Height of the floor at points [A, N, 2] of A agents. [A, N]"""
@@ -38,19 +38,19 @@ Floor = Callable[[Array], Array]
 AHEAD: Final = 0.12
 """Seconds that a foot looks ahead."""
 
-TILT_SHARE: Final = 1 - np.exp(-1 / (0.06 * FPS))
-"""Share of the remaining slope that a foot turns to in a frame."""
+SLOPE_S: Final = 0.0416
+"""Half-life in seconds of the turn of a foot to a slope."""
 
-STIFFNESS: Final = 12.0 / FPS
-"""Stiffness per frame of the critically damped spring that lifts the hips."""
+FOOT_S: Final = 0.0408
+"""Half-life of the spring that lifts a foot."""
 
-LEAD_SHARE: Final = 1 - np.exp(-1 / (0.05 * FPS))
-"""Share of the remaining height difference that the hips' target makes up per frame. The target is
-the ground a little ahead of the feet, since the hips follow it with a delay.
+HIPS_S: Final = 0.1155
+"""Half-life of the spring that lifts the hips."""
+
+LEAD_S: Final = 0.0347
+"""Half-life with which the hips' target follows the ground a little ahead of the feet. It is ahead
+since the hips follow it with a delay.
 """
-
-FOOT_STIFFNESS: Final = 34.0 / FPS
-"""Stiffness per frame of the spring that lifts a foot."""
 
 CROUCH: Final = (0.12, 0.19)
 """Share of the height between the feet by which the hips stay below the feet's mean, up and down
@@ -69,8 +69,8 @@ ACROSS: Final = np.arange(-0.20, 0.33, 0.04, dtype=np.float32)
 SOLE: Final = (-0.09, 0.15)
 """Range of `ACROSS` that a sole covers, in metres."""
 
-AIM_RATE: Final = 0.8 / FPS
-"""Maximum metres per frame by which the shift of a foot in the air grows."""
+AIM_SPEED: Final = 0.8
+"""Maximum metres per second by which the shift of a foot in the air grows."""
 
 EDGE: Final = 0.08
 """Metres that the ground falls between two of these points at the end of a tread."""
@@ -130,22 +130,22 @@ def set_on_ground(
     height, facing = pose.soles.T[2].min(0), _facing(pose)
     offsets = _offsets(ankles + AHEAD * FPS * way, facing, floor)
     stands = (height < DOWN[0]) & (FPS * length(way) < DOWN[1])
-    aim = _aimed(before.aim.T, offsets, stands)
+    aim = approached(before.aim.T, offsets, stands, AIM_SPEED)
     moved = aim * facing
     ankles = ankles + moved
-    slopes = _followed(before.slope.T, _slopes(ankles, floor), TILT_SHARE)
+    slopes = followed(before.slope.T, _slopes(ankles, floor), SLOPE_S)
     pose, soles = _tilted(pose, translation, slopes, moved)
     ahead = height - _lowest(soles, AHEAD * FPS * way, floor)
     needed = np.maximum(height - _lowest(soles, 0 * way, floor), ahead)
     each = np.ascontiguousarray(needed.transpose(1, 0, 2))  # [F, 2, A]
-    feet, lift = _sprung(before.feet.T, before.lift.T, each, FOOT_STIFFNESS)
+    feet, lift = sprung(before.feet.T, before.lift.T, each, FOOT_S)
     feet = feet.transpose(1, 0, 2)
-    lead = _followed(before.lead.T, ahead, LEAD_SHARE)
+    lead = followed(before.lead.T, ahead, LEAD_S)
     # downstairs the hips must be as fast as the feet; upstairs the feet go first
     down = lead.mean(0) < feet.mean(0)
     crouch = np.where(down, CROUCH[1], CROUCH[0]) * np.abs(feet[0] - feet[1])
     wanted = np.minimum(feet.mean(0), lead.mean(0)) - crouch
-    hips, rise = _sprung(before.hips, before.rise, wanted, STIFFNESS)
+    hips, rise = sprung(before.hips, before.rise, wanted, HIPS_S)
     shift = np.empty(pose.ankle.shape, np.float32)
     shift.T[:2], shift.T[2] = moved, feet - hips
 
@@ -192,35 +192,6 @@ def _windows() -> list[tuple[float, int, int]]:
 
 
 _WINDOWS: Final = _windows()
-
-
-def _aimed(before: Array, offsets: Array, stands: Flags) -> Array:
-    """Metres [2, F, A] by which feet are moved ahead: towards `offsets`, unless they stand."""
-    found, aim = np.empty(offsets.shape, np.float32), before
-    for frame in range(offsets.shape[1]):
-        change = bounded(offsets[:, frame] - aim, -AIM_RATE, AIM_RATE)
-        aim = aim + np.where(stands[:, frame], np.float32(0), change)
-        found[:, frame] = aim
-    return found
-
-
-def _followed(before: Array, wanted: Array, share: float) -> Array:
-    """Values that follow `wanted` [..., F, A] from `before`, by a share of the way each frame."""
-    found, value = np.empty(wanted.shape, np.float32), before
-    for frame in range(wanted.shape[-2]):
-        value = value + share * (wanted[..., frame, :] - value)
-        found[..., frame, :] = value
-    return found
-
-
-def _sprung(height: Array, rise: Array, wanted: Array, stiffness: float) -> tuple[Array, Array]:
-    """Heights [F, ...] that a damped spring pulls to `wanted`, and the last rise [...]."""
-    found = np.empty(wanted.shape, np.float32)
-    for frame, target in enumerate(wanted):
-        rise = (rise + stiffness**2 * (target - height)) / (1 + stiffness) ** 2
-        height = height + rise
-        found[frame] = height
-    return found, rise
 
 
 def _slopes(ankles: Array, floor: Floor) -> Array:

@@ -25,7 +25,7 @@ from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 REACH: Final = 1.0
 """Distance, along its way around others, of the point that an agent on the flat floor heads for."""
 
-TOLD: Final = 4.0
+REPORT_S: Final = 4.0
 """Seconds for which people must close a way before the event `BLOCKED` reports it."""
 
 STUCK: Final = 10.0
@@ -103,8 +103,8 @@ class Company:
         self._settle(some, hips[which], waits, goals.through[led[which]])
         ahead.given[led[which[waits]]] = False
         seconds = self._slots.aims.barred[some]
-        told = barred.is_barred & (seconds >= TOLD) & (seconds < TOLD + 0.19)
-        for row in np.flatnonzero(told).tolist():
+        reported = barred.is_barred & (seconds >= REPORT_S) & (seconds < REPORT_S + 0.19)
+        for row in np.flatnonzero(reported).tolist():
             first = crowd.own[0][crowd.places[some[row]]]
             others = crowd.slots[first + np.flatnonzero(barred.by[row])]
             self._blocked(int(some[row]), others, "stand in the way, and no way leads round")

@@ -22,7 +22,7 @@ from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.settings import WorldSettings
 
-MOST_EVENTS: Final = 10_000
+MAX_EVENTS: Final = 10_000
 """Maximum number of waiting events; the latest are kept, since nobody may take them."""
 
 
@@ -40,7 +40,7 @@ class SceneContext:
     def __init__(
         self,
         *,
-        book: SceneRegistry,
+        registry: SceneRegistry,
         slots: Slots,
         paths: PathColumns,
         timeline: Timeline,
@@ -48,7 +48,7 @@ class SceneContext:
         faults: Faults,
     ) -> None:
         self._faults = faults
-        self.scenery = WorldScenes(book, slots)
+        self.scenery = WorldScenes(registry, slots)
         self._slots = slots
         self._timeline = timeline
         self._events: list[Event] = []
@@ -128,4 +128,4 @@ class SceneContext:
             tuple(p if isinstance(p, Metres | Place) else str(p) for p in text.parts),
         )
         self._events.append(event)
-        del self._events[:-MOST_EVENTS]
+        del self._events[:-MAX_EVENTS]

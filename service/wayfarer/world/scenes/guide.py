@@ -16,7 +16,7 @@ from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_t
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
 from wayfarer.world.scenes.making_way import MakingWay
-from wayfarer.world.scenes.near import nearest_people, nearest_walls
+from wayfarer.world.scenes.nearest_obstacles import nearest_people, nearest_walls
 from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes

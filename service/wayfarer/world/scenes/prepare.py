@@ -16,12 +16,20 @@ from wayfarer.process.processor import cores
 from wayfarer.world.avoidance import avoid
 from wayfarer.world.goals import gait_rules
 from wayfarer.world.output import legs, twobone
-from wayfarer.world.scenes import around, collision_avoidance, lanes, near, people, routes, spots
+from wayfarer.world.scenes import (
+    around,
+    collision_avoidance,
+    lanes,
+    nearest_obstacles,
+    people,
+    routes,
+    spots,
+)
 from wayfarer.world.stepping import mirror, new_frames, noise, playback
 
 PARTS: Final = (
-    new_frames, mirror, people, spots, around, near, routes, lanes, collision_avoidance, sampling,
-    playback, noise, gait_rules, find, legs, twobone, avoid,
+    new_frames, mirror, people, spots, around, nearest_obstacles, routes, lanes,
+    collision_avoidance, sampling, playback, noise, gait_rules, find, legs, twobone, avoid,
 )  # fmt: skip
 """The rules that take longest are at both ends, so that the two processes rarely meet in one."""
 

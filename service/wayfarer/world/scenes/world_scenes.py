@@ -23,8 +23,8 @@ Clear = Callable[[Array], Array]
 class WorldScenes:
     """Scenes by number; a number stands for one scene for the world's whole life."""
 
-    def __init__(self, book: SceneRegistry, slots: Slots) -> None:
-        self.book = book
+    def __init__(self, registry: SceneRegistry, slots: Slots) -> None:
+        self.registry = registry
         self._slots = slots
         self._numbers: dict[str, int] = {}
         self._scenes: dict[int, Scene] = {}
@@ -38,7 +38,7 @@ class WorldScenes:
                 "a session in a scene cannot be recorded: leave out `record`, or `scene`"
             )
         try:
-            scene = self.book.enter(spec.scene, session_id)
+            scene = self.registry.enter(spec.scene, session_id)
         except NotFound:
             raise FailedPrecondition(
                 f"scene {spec.scene!r} is not here: scenes belong to one server, so create it "
@@ -50,7 +50,7 @@ class WorldScenes:
     def leave(self, spec: SessionSpec, session_id: str) -> None:
         """Notes that a session has ended."""
         if spec.scene:
-            self.book.leave(spec.scene, session_id)
+            self.registry.leave(spec.scene, session_id)
 
     def number(self, scene_id: str) -> int:
         """The number of a session's scene; `NOWHERE` for the empty id."""
@@ -77,7 +77,7 @@ class WorldScenes:
         `failed(number, error)`: agents continue in that scene's former version.
         """
         changed = []
-        for name, scene in self.book.current(self._numbers).items():
+        for name, scene in self.registry.current(self._numbers).items():
             number = self._numbers[name]
             if scene is not self._scenes[number]:
                 try:
@@ -99,7 +99,7 @@ class WorldScenes:
         """New agents on free ground: agents off it stand on the nearest."""
         if not spec.scene:
             return list(agents)
-        scene = self.book.scene(spec.scene)
+        scene = self.registry.scene(spec.scene)
         found = []
         for agent in agents:
             x, y, z = scene.nearest((*agent.position, agent.floor))

@@ -26,7 +26,7 @@ With `HARD` as tolerances the first three are -log of the contact score.
 Until = Literal["reached", "standing", "depth"]
 """The end of a tree: within `reach` of the last goal, at a stand there, or at its depth alone."""
 
-MOST_ROWS: Final = 4096
+MAX_ROWS: Final = 4096
 """Maximum nodes of one agent and level that are tried; more must be a typing error."""
 
 
@@ -59,10 +59,10 @@ class BeamSettings:
                 )
         if self.roots is not None and self.roots < 1:
             raise InvalidArgument(f"roots is {self.roots}; allowed: 1 or more, or None", "roots")
-        if max(self.keep * self.children, self.first) > MOST_ROWS:
+        if max(self.keep * self.children, self.first) > MAX_ROWS:
             raise InvalidArgument(
                 f"keep × children is {self.keep * self.children}, roots {self.first}; "
-                f"allowed: up to {MOST_ROWS} nodes to try at a level",
+                f"allowed: up to {MAX_ROWS} nodes to try at a level",
                 "children",
             )
         if self.children == 1 and self.keep > self.first:

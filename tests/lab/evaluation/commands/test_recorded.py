@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from tests.lab.evaluation.commands.conftest import Evaluate
 from tests.lab.evaluation.fakes import known_parts
 from tests.lab.evaluation.recordings import SPEED, write_recordings
-from wayfarer_lab.evaluation import models, parts
+from wayfarer_lab.evaluation import model_parts, models
 from wayfarer_lab.evaluation.commands import app
 
 
@@ -22,7 +22,7 @@ def test_recordings_are_judged_by_the_command_line(tmp_path: Path, evaluate: Eva
 def test_networks_are_judged_on_recordings(
     table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, evaluate: Evaluate
 ) -> None:
-    monkeypatch.setattr(parts, "load_parts", lambda *asked: known_parts())
+    monkeypatch.setattr(model_parts, "load_parts", lambda *asked: known_parts())
     monkeypatch.setattr(models, "MESH_FRAMES", 2)
     data = write_recordings(tmp_path, "train", "heldout")
     text = evaluate(table, "--data", str(data), "--count", "5")

@@ -11,11 +11,11 @@ from tests.lab.evaluation.fakes import known_parts
 from tests.lab.evaluation.recordings import SPEED, write_recordings
 from tests.lab.evaluation.test_direct import Circle
 from wayfarer.errors import DataError, InvalidArgument
-from wayfarer_lab.evaluation import parts, random_motion
+from wayfarer_lab.evaluation import model_parts, random_motion
 from wayfarer_lab.evaluation.commands import app
 from wayfarer_lab.evaluation.commands.paper import draw_figures
 from wayfarer_lab.evaluation.direct import CAPTION, CELL
-from wayfarer_lab.evaluation.parts import Direct
+from wayfarer_lab.evaluation.model_parts import Direct
 from wayfarer_lab.training.representation import BodyParameters
 
 SMALL = {
@@ -27,7 +27,7 @@ SMALL = {
 
 @pytest.fixture(autouse=True)
 def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "load_parts", lambda *asked: known_parts(policy=None))
+    monkeypatch.setattr(model_parts, "load_parts", lambda *asked: known_parts(policy=None))
     monkeypatch.setattr(random_motion, "SHAPES", 2)
 
 
@@ -63,7 +63,7 @@ def test_failures_are_found_and_drawn_beside_what_markers_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     direct = {"direct-body": Direct(Circle(), BodyParameters(), True)}
-    monkeypatch.setattr(parts, "load_parts", lambda *asked: known_parts(direct=direct))
+    monkeypatch.setattr(model_parts, "load_parts", lambda *asked: known_parts(direct=direct))
     path = tmp_path / "failures.json"
     size = ["--poses", "2", "--seconds", "1.2", "--count", "1", "--runs", str(tmp_path)]
     answer = CliRunner().invoke(app, ["failures", *size, "--json", str(path)])

@@ -3,9 +3,9 @@
 import numpy as np
 
 from wayfarer.models.bundle import DEFAULT_MODEL
+from wayfarer_lab.evaluation.model_parts import load_parts
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.paper.motion import EVERY, SHOWN, _walk, seeded_primitives
-from wayfarer_lab.evaluation.parts import load_parts
 
 
 def test_six_primitives_differ_from_one_seed() -> None:

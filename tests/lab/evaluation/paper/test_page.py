@@ -56,13 +56,13 @@ def test_an_order_holds_only_beyond_the_spread_of_trainings(tmp_path, one, other
         write(tmp_path, f"control_seed_{seed}", *rows)
     said = state(order(more), ResultsFolder(tmp_path))
     assert said.verdict == verdict
-    assert ("one training each" in said.told) == (len(one) == 1)
+    assert ("one training each" in said.figures) == (len(one) == 1)
 
 
 def test_what_is_not_measured_is_told_with_its_reason(tmp_path):
     write(tmp_path, "control", {"name": "policy", "success": 1.0})
     assert state(order(), ResultsFolder(tmp_path)).verdict == "not measured"
-    assert state(order(), ResultsFolder(tmp_path)).told == "nobody ran it"
+    assert state(order(), ResultsFolder(tmp_path)).figures == "nobody ran it"
     write(tmp_path, "control", {"name": "policy", "success": 1.0}, {"name": "policy & top1"})
     assert state(order(), ResultsFolder(tmp_path)).verdict == "not measured"
 

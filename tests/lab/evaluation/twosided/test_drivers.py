@@ -9,7 +9,7 @@ import torch
 from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer.motion.primitive import PrimitiveStep
-from wayfarer_lab.evaluation.parts import Variant, load_parts
+from wayfarer_lab.evaluation.model_parts import Variant, load_parts
 from wayfarer_lab.evaluation.twosided.bare import BareStep, roll
 from wayfarer_lab.evaluation.twosided.drivers import led, searched
 from wayfarer_lab.evaluation.twosided.wishes import ORDERS

@@ -11,9 +11,9 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo
 from wayfarer_lab.evaluation.commands.shared import progress
 from wayfarer_lab.evaluation.maneuvers.case_runner import CaseRunner
+from wayfarer_lab.evaluation.maneuvers.repair import ALL
 from wayfarer_lab.evaluation.twosided import ranges
 from wayfarer_lab.evaluation.twosided.compare import compare, show
-from wayfarer_lab.evaluation.twosided.repair import ALL
 from wayfarer_lab.evaluation.twosided.served import SERVED, Served
 from wayfarer_lab.evaluation.twosided.situations import SITUATIONS
 

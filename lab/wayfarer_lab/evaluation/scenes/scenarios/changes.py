@@ -23,7 +23,7 @@ from wayfarer_lab.evaluation.figures import mean, quantile, share
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
 from wayfarer_lab.evaluation.scenes.pairs import random_pairs
-from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
+from wayfarer_lab.evaluation.scenes.scenarios.outcome import Outcome
 from wayfarer_lab.evaluation.scenes.scene_run import SceneRig, SceneRun, arrived, person
 from wayfarer_lab.evaluation.tasks import Watch
 
@@ -65,7 +65,7 @@ class ScenarioWalk:
         return min(ceil((at - self.start) * FPS - 1e-6), len(self.hips) - 1)
 
 
-def doors(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
+def doors(rig: SceneRig, seed: int, people: int, watch: Watch) -> Outcome:
     """The door of the agent's goal shuts in front of it, and opens after 6 s."""
     random = np.random.default_rng(seed)
     scene, shutters = bake(corridor()), corridor_doors()
@@ -91,10 +91,10 @@ def doors(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
         watch(number + 1, people)
     row: Row = {"name": "doors", "success": share(success)}
     row |= _delays("shut", shuts) | _delays("open", opens)
-    return Seen(row | monitor.figures(), scene, monitor)
+    return Outcome(row | monitor.figures(), scene, monitor)
 
 
-def crates(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
+def crates(rig: SceneRig, seed: int, people: int, watch: Watch) -> Outcome:
     """A crate is dropped 2 m ahead of an agent, on its way."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
@@ -118,7 +118,7 @@ def crates(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
         watch(len(felt), people)
     row: Row = {"name": "crates", "success": share(success)}
     row |= _delays("crate", felt)
-    return Seen(row | monitor.figures(), scene, monitor)
+    return Outcome(row | monitor.figures(), scene, monitor)
 
 
 def _walk(

@@ -22,7 +22,7 @@ from wayfarer.world.scenes.messages import Crowd
 from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.scenes.pairs import random_pairs, shortest_lengths
-from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen, walk_paths
+from wayfarer_lab.evaluation.scenes.scenarios.outcome import Outcome, walk_paths
 from wayfarer_lab.evaluation.scenes.scene_run import SceneRig, person, walked
 from wayfarer_lab.evaluation.tasks import Watch
 
@@ -30,7 +30,7 @@ PACE: Final = 0.5
 """m/s: an agent that is slower than this on average, plus 10 s, has failed."""
 
 
-def cubes(rig: SceneRig, seed: int, pairs: int, watch: Watch) -> Seen:
+def cubes(rig: SceneRig, seed: int, pairs: int, watch: Watch) -> Outcome:
     """The paper's setting: 20 x 20 m, 30 boxes, random pairs. Agents do not see each other."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
@@ -56,7 +56,7 @@ def cubes(rig: SceneRig, seed: int, pairs: int, watch: Watch) -> Seen:
         "walked_ratio": mean((gone / optimum)[there].tolist()),
         "seconds_median": quantile(seconds[there].tolist(), 0.5),
     }
-    return Seen(row | play.figures(), scene, play.monitor)
+    return Outcome(row | play.figures(), scene, play.monitor)
 
 
 LANES: Final = (-0.7, 0.0, 0.7)
@@ -66,7 +66,7 @@ CLEAR: Final = 90.0
 """Seconds by which all must have come through."""
 
 
-def corridor(rig: SceneRig, seed: int, each: int, watch: Watch) -> Seen:
+def corridor(rig: SceneRig, seed: int, each: int, watch: Watch) -> Outcome:
     """`each` people at either end walk to the other end; those in front go farthest."""
     random = np.random.default_rng(seed)
     scene = bake(corridor_spec())
@@ -84,7 +84,7 @@ ROOM, WALL, DOOR = 5.0, 0.16, 1.2
 """Metres: side of a room, thickness of the wall between two of them, width of its door."""
 
 
-def doorway(rig: SceneRig, seed: int, each: int, watch: Watch) -> Seen:
+def doorway(rig: SceneRig, seed: int, each: int, watch: Watch) -> Outcome:
     """`each` people in either of two rooms walk through the door between them to the other."""
     random = np.random.default_rng(seed)
     beside = (ROOM - DOOR) / 2
@@ -109,7 +109,7 @@ def _streams(
     ends: Sequence[tuple[Point2, Point2]],
     random: np.random.Generator,
     watch: Watch,
-) -> Seen:
+) -> Outcome:
     """People who walk from one end to the other, and see each other."""
     play = rig.run(scene, len(ends), avoid=True, every=2)
     people = [person(k, random, a, b) for k, (a, b) in enumerate(ends)]
@@ -121,14 +121,14 @@ def _streams(
         "seconds_median": quantile(seconds.tolist(), 0.5),
         "seconds_last": float(seconds.max()) if there.all() else float("nan"),
     }
-    return Seen(row | play.figures(), scene, play.monitor)
+    return Outcome(row | play.figures(), scene, play.monitor)
 
 
 EVERY: Final = 8
 """Frames between measured ones: 5 a second."""
 
 
-def square(seconds: float, rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
+def square(seconds: float, rig: SceneRig, seed: int, people: int, watch: Watch) -> Outcome:
     """One call populates it; after that there are no commands."""
     scene = bake(town_square())
     play = rig.run(scene, people, avoid=True, every=EVERY)
@@ -143,21 +143,21 @@ def square(seconds: float, rig: SceneRig, seed: int, people: int, watch: Watch) 
         "success": float((~stuck).mean()),
         "goals_per_minute_each": reached / len(stuck) / (seconds / 60),
     }
-    return Seen(row | play.figures(), scene, play.monitor)
+    return Outcome(row | play.figures(), scene, play.monitor)
 
 
 CLIMB_PACE = 0.4
 """m/s: an agent that is slower than this on average, plus 15 s, has failed."""
 
 
-def slope(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
+def slope(rig: SceneRig, seed: int, people: int, watch: Watch) -> Outcome:
     """Up the slope, over the platform, down the steps, and the same way back."""
     stops = ((10.0, 11.0, PLATFORM), (10.0, 18.0, 0.0), (10.0, 11.0, PLATFORM), (10.0, 1.5, 0.0))
     starts = ((9.0, 11.0), (0.8, 2.2))
     return _climb("slope", rig, bake(slope_with_steps()), starts, stops, seed, people, watch)
 
 
-def storeys(rig: SceneRig, seed: int, people: int, watch: Watch) -> Seen:
+def storeys(rig: SceneRig, seed: int, people: int, watch: Watch) -> Outcome:
     """Up fifteen stairs to the gallery, and down again."""
     stops = ((10.0, 5.0, 3.0), (1.0, 6.0, 0.0))
     starts = ((0.6, 1.4), (3.5, 7.0))
@@ -173,7 +173,7 @@ def _climb(
     seed: int,
     people: int,
     watch: Watch,
-) -> Seen:
+) -> Outcome:
     """Agents one by one, from a place within `starts` (x, y), stop by stop."""
     random = np.random.default_rng(seed)
     places = [(float(random.uniform(*starts[0])), float(random.uniform(*starts[1])))
@@ -189,4 +189,4 @@ def _climb(
         "success": float((~np.isnan(seconds)).mean()),
         "seconds_median": quantile(seconds.tolist(), 0.5),
     }
-    return Seen(row | play.figures(), scene, play.monitor)
+    return Outcome(row | play.figures(), scene, play.monitor)

@@ -5,8 +5,8 @@ import numpy as np
 from tests.lab.evaluation.people import make_world
 from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.control import random_pairs
-from wayfarer_lab.evaluation.lead import Lead
-from wayfarer_lab.evaluation.parts import load_parts
+from wayfarer_lab.evaluation.first_primitive import Lead
+from wayfarer_lab.evaluation.model_parts import load_parts
 
 
 def test_a_body_at_rest_ends_its_first_primitive_in_motion() -> None:

@@ -13,7 +13,7 @@ from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer_lab.evaluation.parts import (
+from wayfarer_lab.evaluation.model_parts import (
     OnnxPolicy,
     OnnxPosePrior,
     OnnxPredictor,

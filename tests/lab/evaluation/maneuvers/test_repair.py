@@ -7,7 +7,7 @@ from tests.lab.evaluation.people import ANNY
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.stepping.rules import MODEL, PLANNED
-from wayfarer_lab.evaluation.twosided.repair import ALL, Repair
+from wayfarer_lab.evaluation.maneuvers.repair import ALL, Repair
 
 FRAMES = 8
 SPECS = [AgentSpec(), AgentSpec(gender="female")]

@@ -26,7 +26,7 @@ class _Closed:
     refusal: WayfarerError | None = None
 
 
-class SessionGates:
+class MoveLocks:
     """One gate for each group of ids (ids.py), which a session and its agents share. Belongs to the
     event loop.
     """

@@ -9,7 +9,7 @@ const WAYS = 8; // maximum number of people whose ways are requested and drawn a
 const MARK = 0.4; // metres around a goal that belong to its mark
 const NEAR = 0.05; // metres that the server may move a goal without a message
 
-export class Errands {
+export class Commands {
   /**
    * `ask()` returns { mode, selected, speed, formation }: which people a click means, how fast they go, and in which formation
    * (`arranged`). `heightAt(x, z, y)` returns the ground's height, and `scene()` the scene's id, or "". `nobody()` returns the

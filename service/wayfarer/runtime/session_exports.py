@@ -13,7 +13,7 @@ from wayfarer.runtime.persistence.replay import replay
 from wayfarer.runtime.persistence.session_record import CapturedSession, encode_record
 from wayfarer.runtime.persistence.snapshot import decode_session
 from wayfarer.runtime.streams.publications import Publication
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.world import World
 
@@ -23,10 +23,10 @@ SETTLE_SECONDS: Final = 0.02
 command."""
 
 
-class Archive:
+class SessionExports:
     """Exports and imports sessions of some worlds, and their logs."""
 
-    def __init__(self, worlds: Worlds) -> None:
+    def __init__(self, worlds: WorldFactory) -> None:
         self._worlds = worlds
         self._limits = worlds.settings.limits
 

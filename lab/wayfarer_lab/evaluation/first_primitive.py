@@ -12,7 +12,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.spec import GENDERS, LATENT, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.slots import Motion
-from wayfarer_lab.evaluation.parts import Parts, Variant
+from wayfarer_lab.evaluation.model_parts import Parts, Variant
 from wayfarer_lab.evaluation.rollout import FrozenPoses, Seed, advance
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 

@@ -15,7 +15,7 @@ REMEMBERED: Final = 4096
 """Maximum number of groups that left and are remembered until the ownership knows of it."""
 
 
-class Residence:
+class SessionLocator:
     """The ownership, and the groups that have left this server since."""
 
     def __init__(self, ownership: Ownership | None = None) -> None:

@@ -32,7 +32,7 @@ after the motion that is sent.
 
 
 @dataclass(frozen=True)
-class Worlds:
+class WorldFactory:
     """The parts of which worlds are made."""
 
     models: LoadedModels

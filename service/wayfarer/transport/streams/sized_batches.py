@@ -26,7 +26,7 @@ ALIAS_BYTES: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class VisibleChunks:
     """Chunks that are due together, as one reader sees them."""
 
     chunks: MotionChunks
@@ -64,7 +64,7 @@ class PortionWriter:
         self._is_whole = len(writers) == 1 and not most and has_poses
 
     def batches(
-        self, shown: Shown, removed: Sequence[int], before: str, after: str
+        self, shown: VisibleChunks, removed: Sequence[int], before: str, after: str
     ) -> list[WrittenBatch]:
         """Encodes batches; none if there is nothing to send. The last one has the resume token
         `after`, the others `before`, since a client that has only those still lacks the rest.
@@ -96,7 +96,7 @@ class PortionWriter:
             found.append(WrittenBatch(portion.tier, len(portion.rows), parts))
         return found
 
-    def _portions(self, shown: Shown, news: int) -> Iterator[_Portion]:
+    def _portions(self, shown: VisibleChunks, news: int) -> Iterator[_Portion]:
         """`news`: bytes of the first batch that are already taken."""
         left = self._most - ENVELOPE_BYTES - news
         for tier, writer in enumerate(self._writers):

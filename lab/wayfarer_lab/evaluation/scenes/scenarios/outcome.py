@@ -24,7 +24,7 @@ AFTER: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Seen:
+class Outcome:
     """The row of a scenario, and what to draw of it."""
 
     row: Row
