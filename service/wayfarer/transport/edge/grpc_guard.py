@@ -41,7 +41,10 @@ Enter = Callable[[Any], Any]
 
 
 class AroundInterceptor(grpc.aio.ServerInterceptor, ABC):
-    """Wraps the handlers that it chooses."""
+    """Wraps the handlers that it chooses, each once."""
+
+    def __init__(self) -> None:
+        self._wrapped: dict[str, tuple[Any, Any]] = {}  # the last handler of each method
 
     async def intercept_service(
         self,
@@ -49,9 +52,15 @@ class AroundInterceptor(grpc.aio.ServerInterceptor, ABC):
         handler_call_details: grpc.HandlerCallDetails,
     ) -> Any:
         """Wraps the handler."""
-        handler = await continuation(handler_call_details)
-        enter = handler and self._enter(handler_call_details.method, handler)
-        return around(handler, enter) if enter else handler
+        handler, method = await continuation(handler_call_details), handler_call_details.method
+        if handler is None:
+            return None
+        known, wrapped = self._wrapped.get(method, (None, None))
+        if known is not handler:
+            enter = self._enter(method, handler)
+            wrapped = around(handler, enter) if enter else handler
+            self._wrapped[method] = handler, wrapped
+        return wrapped
 
     @abstractmethod
     def _enter(self, method: str, handler: Any) -> Enter | None:
@@ -62,6 +71,7 @@ class OpenStreamsInterceptor(AroundInterceptor):
     """Limits the number of calls that need no credentials."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._open: Counter[str] = Counter()
 
     def _enter(self, method: str, handler: Any) -> Enter | None:
@@ -108,6 +118,7 @@ class GuardInterceptor(AroundInterceptor):
     """The guard. It runs inside the interceptor that turns errors into statuses."""
 
     def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
+        super().__init__()
         self._guard = guard
         self._metrics = metrics
         self._tracing = tracing
