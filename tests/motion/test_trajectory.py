@@ -52,9 +52,26 @@ def test_a_body_that_has_to_turn_back_is_asked_for_what_people_can_do():
 def test_nobody_is_asked_past_the_goal_or_to_run_into_it(distance):
     for speed in (0.0, 2.0):
         ways = ask((0.0, distance), speed, velocity=(0.0, 1.0)).ways[0, :, 1]
-        assert (ways <= distance + 0.06).all()
+        assert (ways <= distance).all()
     slow = ask((0.0, distance), 2.0, velocity=(0.0, distance / BRAKE)).ways[0, 0, 1]
     assert slow == pytest.approx(min(distance / BRAKE * SECONDS[0], distance), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("distance", "speed", "ways"),
+    [
+        (0.2, 0.42, (0.075, 0.142, 0.189)),
+        (0.4, 0.78, (0.146, 0.286, 0.391)),
+        (0.64, 0.85, (0.169, 0.391, 0.579)),
+        (0.87, 1.02, (0.19, 0.466, 0.75)),
+    ],
+)
+def test_a_body_is_asked_to_slow_down_as_recorded_people_do(distance, speed, ways):
+    """Medians after .2, .5 and 1 s of recorded people that are at rest 1.6 s later and `distance`
+    farther (70 to 860 frames of the training data of `mocap/`, paths smoothed over .12 s).
+    """
+    asked = ask((0.0, distance), 1.2, velocity=(0.0, speed)).ways[0, :, 1].tolist()
+    assert asked == pytest.approx(ways, rel=0.2)
 
 
 def test_a_body_that_stands_is_asked_back_slowly():

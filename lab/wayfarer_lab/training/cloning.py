@@ -6,17 +6,16 @@ what it did is the answer. Seeds are as in the service: the predictor continues 
 bodies, led by posterior codes and, in some rows, by the policy itself, whose errors the posterior
 of the recorded future then takes back (DAgger; Ross et al. 2011).
 
-What tells people apart beside the way is their *manner*: a few numbers of each recorded person, and
-of each style that a person acts, which are learnt with the policy and spread as N(0, I). An agent
-draws its own from there.
+What tells people apart beside the way is their *manner* (`manners.py`). A recorded moment has that
+of the seconds around it; an agent draws its own.
 """
 
-import math
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from pydantic import BaseModel, ConfigDict
-from torch import Tensor, nn
+from torch import Tensor
 
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.frame import Frame, canonical_frame, to_local
@@ -25,6 +24,7 @@ from wayfarer.motion.predictor import Posterior
 from wayfarer.motion.trajectory import HORIZONS, Asked
 from wayfarer.spec import FPS, GENDERS, LATENT, MANNER, PRIMITIVE_FRAMES, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, PairedSampler
+from wayfarer_lab.training.manners import measured, recorded
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
 from wayfarer_lab.training.rotation import matrix_from_quaternion
@@ -33,8 +33,8 @@ from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_policy, loa
 SMOOTHING = 0.12
 """Seconds, standard deviation: paths without the sway of a step, as a service asks for them."""
 
-BLUR = 0.5
-"""Standard deviation of the noise of a recorded manner."""
+BLUR = 0.3
+"""Standard deviation of the noise on a recorded manner."""
 
 STRIDE = PRIMITIVE_FRAMES - SEED_FRAMES
 
@@ -65,25 +65,6 @@ class CloningConfig(BaseModel):
         "other": 0.06,
     }  # share of draws, see dataset.group_of
     seed: int = 0
-
-
-class Manners(nn.Module):
-    """The manner of each recorded actor.
-
-    Those of a batch have mean 0 and variance 1, of which `BLUR`² is noise: so draws from N(0, I)
-    lie among them.
-    """
-
-    def __init__(self, actors: int) -> None:
-        super().__init__()
-        self.places = nn.Embedding(actors, MANNER)
-        self.even = nn.BatchNorm1d(MANNER, affine=False)
-        nn.init.normal_(self.places.weight, std=0.05)  # only relations count; small ones move fast
-
-    def forward(self, actors: Tensor) -> Tensor:
-        """Manners [B, 8] of actors [B]."""
-        own: Tensor = self.even(self.places(actors))
-        return math.sqrt(1 - BLUR**2) * own + BLUR * torch.randn_like(own)
 
 
 class Hindsight:
@@ -122,6 +103,14 @@ def smoothed(values: Tensor, run: Tensor) -> Tensor:
     return total / weights
 
 
+class Recordings(NamedTuple):
+    """What is cloned."""
+
+    frames: Frames
+    hindsight: Hindsight
+    manners: Tensor  # [N, 8] of each frame
+
+
 class CloningTrainer:
     """Rollouts of the trained predictor over recordings; only the policy learns."""
 
@@ -137,28 +126,24 @@ class CloningTrainer:
             if start
             else TrajectoryPolicy(config.hidden)
         )
-        self.manners = Manners(int(train.actor.max()) + 1)
-        learns = [*self.policy.parameters(), *self.manners.parameters()]
-        self.optimizer = torch.optim.Adam(learns, lr=config.rate, fused=True)
+        self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
         self.lengths = (config.rollout, max(1, config.rollout // 3))
         self.samplers = {n: PairedSampler(train, self._window(n)) for n in self.lengths}
         self.trial = PairedSampler(validation, self._window(self.lengths[-1]))
-        self.validation = validation, Hindsight(validation)
-        self.train = train, Hindsight(train)
+        bodies = [step.body for step in self.serving.steps]
+        manners = measured(train, bodies)
+        self.train, self.validation = (
+            Recordings(f, Hindsight(f), recorded(manners, f, bodies)) for f in (train, validation)
+        )
         self.run: TrainingRun | None = None
 
     def _window(self, primitives: int) -> int:
         """Frames that a rollout needs, and what is asked at its last primitive."""
         return SEED_FRAMES + (primitives - 1) * STRIDE + max(HORIZONS)
 
-    def losses(
-        self, data: tuple[Frames, Hindsight], starts: Tensor, primitives: int, manner: Tensor
-    ) -> list[Tensor]:
-        """KL(posterior ‖ policy) per latent dimension, by primitive; rows as of `PairedSampler`.
-
-        `manner` [B, 8] is that of the rows.
-        """
-        frames, hindsight = data
+    def losses(self, data: Recordings, starts: Tensor, primitives: int) -> list[Tensor]:
+        """KL(posterior ‖ policy) per latent dimension, by primitive; rows as of `PairedSampler`."""
+        frames, hindsight, manners = data
         within = torch.arange(PRIMITIVE_FRAMES)
         begin = starts[:, None] + within[:SEED_FRAMES]
         hips, rotations = frames.hips[begin], frames.rotations[begin]
@@ -174,6 +159,7 @@ class CloningTrainer:
                 posterior = self.predictor.encode(seed, local)
             asked = hindsight.asked(at + SEED_FRAMES - 1, hips[:, -1, :2], frame)
             blurred = Asked(*(a + self.config.noise * torch.randn_like(a) for a in asked))
+            manner = manners[at] + BLUR * torch.randn(len(at), MANNER)
             with half_precision():
                 answer = self.policy.lead(seed, blurred, manner)
             found.append(divergence(posterior, answer))
@@ -204,8 +190,7 @@ class CloningTrainer:
             group["lr"] = cosine_rate(self.config.rate, self.run.step, self.config.steps)
         primitives = self.lengths[int(torch.rand(()) < 0.35)]
         starts = self.samplers[primitives].draw(self.config.batch)
-        manner = self.manners(self.train[0].actor[starts])
-        found = self.losses(self.train, starts, primitives, manner)
+        found = self.losses(self.train, starts, primitives)
         loss = torch.stack([kl.mean() for kl in found]).mean()
         self.optimizer.zero_grad()
         loss.backward()
@@ -215,13 +200,17 @@ class CloningTrainer:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """The divergence on people of the validation, whose manner nobody knows."""
+        """The divergence on people of the validation, with their manners and with others'."""
         state = torch.get_rng_state()
         torch.manual_seed(1)
-        manner = torch.zeros(512, MANNER)
-        losses = self.losses(self.validation, self.trial.draw(512), self.lengths[-1], manner)
+        starts, found = self.trial.draw(512), {}
+        data, length = self.validation, self.lengths[-1]
+        others = data.manners[torch.randperm(len(data.manners))]
+        for name, manners in (("kl", data.manners), ("kl_of_others", others)):
+            losses = self.losses(data._replace(manners=manners), starts, length)
+            found[f"val/{name}"] = float(torch.stack([kl.mean() for kl in losses]).mean())
         torch.set_rng_state(state)
-        return {"val/kl": float(torch.stack([kl.mean() for kl in losses]).mean())}
+        return found
 
 
 def divergence(posterior: Posterior, answer: Gaussian) -> Tensor:
@@ -249,6 +238,5 @@ def train_cloning(
 ) -> bool:
     """Trains or resumes in `folder`. True when all steps are done."""
     trainer = CloningTrainer(config, train, validation)
-    others = {"manners": trainer.manners}
-    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer, others)
+    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)

@@ -21,7 +21,7 @@ from wayfarer.motion.frame import Frame, canonical_frame
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer_lab.training.mocap.selection import Use
-from wayfarer_lab.training.mocap.store import ClipRange, Dataset, mirror
+from wayfarer_lab.training.mocap.store import Dataset, mirror
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Part = TypeVar("Part")
@@ -52,7 +52,7 @@ class Frames(Poses):
     hips_rotation: Tensor  # [N, 3, 3]
     betas: Tensor  # [N, 10]
     gender: Tensor  # [N] index in `GENDERS`
-    actor: Tensor  # [N] number of the person, or of the style that a person acts; images apart
+    acted: Tensor  # [N] whether the person acts a style
 
     def world(self, starts: Tensor, length: int) -> Tensor:
         """Windows in the world [B, length, 67, 3]."""
@@ -144,7 +144,7 @@ def random_betas(count: int) -> Tensor:
 
 def load_frames(folder: Path, split: str, mix: Mapping[str, float]) -> Frames:
     """`load_poses` with markers, which takes a minute or two for the shipped data."""
-    poses, betas, gender, actor = _read(folder, split, mix)
+    poses, betas, gender, acted = _read(folder, split, mix)
     bodies = load_marker_bodies(SHIPPED)
     return Frames(
         hips=poses.hips,
@@ -155,7 +155,7 @@ def load_frames(folder: Path, split: str, mix: Mapping[str, float]) -> Frames:
         hips_rotation=matrix_from_quaternion(poses.rotations[:, 0]),
         betas=betas,
         gender=gender,
-        actor=actor,
+        acted=acted,
     )
 
 
@@ -172,7 +172,7 @@ def load_poses(folder: Path, split: str, mix: Mapping[str, float]) -> Poses:
 def _read(
     folder: Path, split: str, mix: Mapping[str, float]
 ) -> tuple[Poses, Tensor, Tensor, Tensor]:
-    """Poses, and of each the betas [N, 10] and the gender [N] of the body, and the actor [N]."""
+    """Poses, and of each the betas [N, 10] and gender [N] of the body, and if it acts a style."""
     data = Dataset.load(folder)
     chosen = [c for c in data.clips if c.split == split]
     if not chosen:
@@ -201,19 +201,12 @@ def _read(
     )
     betas = torch.tensor([c.betas for c in chosen], dtype=torch.float32)[owner]
     gender = torch.tensor([GENDERS.index(c.gender) for c in chosen])[owner]
-    names, number = np.unique([_actor(c) for c in chosen], return_inverse=True)
-    recorded = torch.from_numpy(number)[owner[: len(rows)]]
-    return poses, betas, gender, torch.cat([recorded, recorded + len(names)])
-
-
-def _actor(clip: ClipRange) -> str:
-    """Whose manner a clip shows: takes of 100STYLE are named after the style, all by one person."""
-    acted = clip.subject == STYLED
-    return f"{clip.subject} {clip.name.split('_')[0]}" if acted else clip.subject
+    acted = torch.tensor([c.subject == STYLED for c in chosen])[owner]
+    return poses, betas, gender, acted
 
 
 STYLED = "bvh100"
-"""The person of 100STYLE, whose style differs in each take."""
+"""The person of 100STYLE, who acts another style in each take."""
 
 GROUPS = ("walk", "run", "sideways", "backward", "start_stop", "turn", "standing", "other")
 """Kinds of frames that a training's `mix` gives shares to."""

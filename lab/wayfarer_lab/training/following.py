@@ -40,12 +40,14 @@ from wayfarer_lab.training.cloning import load_trajectory_policy
 from wayfarer_lab.training.costs import Costs, costs_of, waist_height
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
-from wayfarer_lab.training.likeness import EVERY, BodyFrames, Likeness, joined
+from wayfarer_lab.training.likeness import Likeness
+from wayfarer_lab.training.manners import measured
 from wayfarer_lab.training.orders import Orders, draw_orders
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_predictor
+from wayfarer_lab.training.views import EVERY, BodyFrames, joined
 
 RUNNING = 1.9
 """m/s: an agent that is asked to go faster may leave the floor with both feet."""
@@ -65,8 +67,24 @@ ASIDE = 2.5
 """Weight of the way to the side and backward, in terms of that ahead: few were recorded there, and
 a critic would slow everybody down."""
 
+URGED = 4.0
+"""The same of setting off."""
+
+SETTING_OFF = 0.5
+"""Share of the requested speed below which an agent sets off."""
+
+PAUSE = 0.3
+"""Least chance at every step that half of the agents that stand are asked for something else: who
+waits in a crowd goes on soon."""
+
 SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
+
+REMEMBERED = 0.2
+"""Share that a window of .8 s has in the manner that an agent shows."""
+
+WILDEST = 6.0
+"""Standard deviations beyond which a window counts no more."""
 
 ARRIVING = 1.2
 """Metres to the goal within which a critic of walks alone does not judge."""
@@ -102,6 +120,7 @@ class FollowingConfig(BaseModel):
     seam_weight: float = 0.3  # of a m/s of change between seed and first frame
     like_weight: float = 0.0  # of the critic's verdict, see likeness.py
     like_rate: float = 2e-4  # of the critic's own training
+    manner_weight: float = 0.0  # of a deviation² from the manner that an agent has drawn
     like_sideways: bool = False  # it judges side steps, steps backward and arrivals, too
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
     change: tuple[float, float] = (0.015, 0.015)  # chance at every step that an agent is asked for
@@ -152,6 +171,7 @@ class FollowingTrainer:
         self.orders = {g: draw_orders(c.place, c.facing) for g, c in self.crowds.items()}
         self.change = _spaced(config.change, config.agents)
         self.kl_weight = _spaced(config.kl_weight, config.agents)
+        self.brief = torch.arange(config.agents) % 2 == 1
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
         length = config.horizon * (PRIMITIVE_FRAMES - SEED_FRAMES) + 1
         critics = GENDERS if config.like_weight else ()
@@ -159,6 +179,9 @@ class FollowingTrainer:
             g: Likeness(train, self.bodies[g], self.sites, length, config.like_rate)
             for g in critics
         }
+        bodies = list(self.bodies.values())
+        self.manners = measured(train, bodies) if config.manner_weight else None
+        self.shown = {g: c.manner.clone() for g, c in self.crowds.items()}
         self.run: TrainingRun | None = None
 
     def learning(self) -> dict[str, nn.Module | Optimizer]:
@@ -218,12 +241,13 @@ class FollowingTrainer:
             )
         return Advance(after, costs, away(answer, before), view)
 
-    def cost(self, costs: Costs, orders: Orders) -> Tensor:
-        """The weighted sum [A]."""
+    def cost(self, costs: Costs, orders: Orders, speed: Tensor) -> Tensor:
+        """The weighted sum [A], for bodies that moved at `speed` [A] before the step."""
         config = self.config
         floating = costs.floating * (orders.speed < RUNNING)
         pace = torch.where(orders.goes, orders.speed.clamp(SLOWEST, 1.0), 1.0)
         pull = torch.where(orders.goes & ~orders.walks, ASIDE, 1.0)
+        pull = torch.where(orders.walks & (speed < SETTING_OFF * orders.speed), URGED, pull)
         total = (
             config.way_weight * pull * costs.way / pace
             + config.facing_weight * costs.facing
@@ -250,12 +274,12 @@ class FollowingTrainer:
         seen = torch.zeros(len(Costs._fields) + 1)
         views, same = self._first(gender, crowd), torch.ones(config.agents, dtype=torch.bool)
         for step in range(config.horizon):
-            other = self._ask(crowd, orders)
+            other, speed = self._ask(crowd, orders), crowd.speed.detach()
             same &= ~other | (step == 0)
             crowd, costs, far, view = self.advance(gender, crowd, orders)
             views += [view] if view else []
             price = self.kl_weight * torch.where(orders.slow, SLOW_KL, 1.0)
-            total = total + (sound * (self.cost(costs, orders) + price * far)).mean()
+            total = total + (sound * (self.cost(costs, orders, speed) + price * far)).mean()
             seen += torch.stack([c.detach().nan_to_num().mean() for c in (*costs, far)])
             sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
         total = total / config.horizon
@@ -270,6 +294,13 @@ class FollowingTrainer:
             warm = min(1.0, self.run.step / WARMING)
             total = total + warm * config.like_weight * verdict.cost.mean()
             told |= {"critic_right": verdict.right, "unlike": verdict.mean}
+            if self.manners is not None:
+                seen_manners = self.manners.of(joined(views), crowd.betas, GENDERS.index(gender))
+                off = self._off(gender, crowd, seen_manners.detach())
+                # the slope of `off`²: that of a single window would punish the swing of limbs, too
+                slope = (sound[:, None] * off.clamp(-2, 2) * seen_manners).mean()
+                total = total + warm * config.manner_weight * slope
+                told["manner"] = float(off.square().mean())
         self.optimizer.zero_grad()
         total.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 0.5)
@@ -277,6 +308,12 @@ class FollowingTrainer:
             self.optimizer.step()
         self._go_on(gender, crowd.detached(), orders)
         return told | {"fallen": float(1 - sound.mean())}
+
+    def _off(self, gender: str, crowd: TrainingCrowd, seen: Tensor) -> Tensor:
+        """Deviations [A, 8] of what agents showed in the last seconds from their manners."""
+        shown = self.shown[gender].lerp(seen.clamp(-WILDEST, WILDEST), REMEMBERED)
+        self.shown[gender] = shown
+        return shown - crowd.manner
 
     def _first(self, gender: str, crowd: TrainingCrowd) -> list[BodyFrames]:
         """The last frame before an update, where there is a critic to see it."""
@@ -291,6 +328,7 @@ class FollowingTrainer:
         orders.follow(place)
         near = ((place - orders.goal).norm(dim=-1) < 0.15) & (orders.speed > 0)
         chance = torch.where(near, self.change.clamp(min=0.1), self.change)
+        chance = torch.where(self.brief & ~orders.goes, chance.clamp(min=PAUSE), chance)
         other = torch.rand(self.config.agents) < chance
         orders.put(other, draw_orders(place, crowd.facing.detach()))
         return other
@@ -301,6 +339,7 @@ class FollowingTrainer:
         rows = torch.nonzero(leave).squeeze(-1)
         if len(rows):
             crowd.put(rows, self.samplers[gender].draw(len(rows)))
+            self.shown[gender][rows] = crowd.manner[rows]
         orders.put(leave, draw_orders(crowd.place, crowd.facing))
         self.crowds[gender] = crowd
 

@@ -9,19 +9,16 @@ with slopes in place of rewards). It sees two agents at once, and so also how mu
 """
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import torch
 from torch import Tensor, nn
 
-from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.quality import Sites
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
 from wayfarer_lab.training.rotation import matrix_from_quaternion
-
-EVERY: Final = 2
-"""Stride of the frames that it sees."""
+from wayfarer_lab.training.views import EVERY, BodyFrames
 
 PACK: Final = 2
 """Windows that it sees at once."""
@@ -41,46 +38,9 @@ RENEWAL: Final = 100
 AMONG: Final = 24
 """Number of nearest ways, of which one is taken at random."""
 
-TURN: Final = 0.4
-"""Metres that count as much as a radian, where ways are compared."""
-
 SLOPE: Final = 3.0
 """Weight of the squared slope at recorded windows, which keeps the critic smooth (R1, Mescheder et
 al. 2018)."""
-
-
-class BodyFrames(NamedTuple):
-    """Bodies at some frames, world space."""
-
-    markers: Tensor  # [A, T, 67, 3]
-    hips: Tensor  # [A, T, 3]
-    turns: Tensor  # [A, T, 3, 3] rotations of the hips
-
-    def ways(self) -> Tensor:
-        """Where hips are in the middle and at the end, seen from the first frame, and how far they
-        have turned [A, 5].
-        """
-        frame = canonical_frame(self.hips[:, 0], self.turns[:, 0])
-        middle = self.hips.shape[1] // 2
-        places = to_local(frame, self.hips[:, [middle, -1]])[..., :2]
-        facing = (self.turns[:, -1, :2, 1][:, None] @ frame.rotation[:, :2, :2])[:, 0]
-        turn = torch.atan2(-facing[:, 0], facing[:, 1])
-        return torch.cat([places.flatten(1), TURN * turn[:, None]], -1)
-
-    def windows(self) -> Tensor:
-        """The markers seen from the first frame, some at once [A / PACK, PACK, T, 67, 3]."""
-        frame = canonical_frame(self.hips[:, 0], self.turns[:, 0])
-        local = to_local(frame, self.markers.flatten(1, 2)).unflatten(1, self.markers.shape[1:3])
-        return local.unflatten(0, (-1, PACK))
-
-    def of(self, rows: Tensor) -> "BodyFrames":
-        """That of some agents, by index."""
-        return BodyFrames(*(column[rows] for column in self))
-
-
-def joined(views: list[BodyFrames]) -> BodyFrames:
-    """One after the other in time."""
-    return BodyFrames(*(torch.cat(columns, 1) for columns in zip(*views, strict=True)))
 
 
 class Critic(nn.Module):
@@ -176,7 +136,7 @@ class Likeness:
         some = self.recorded.view(torch.arange(1024))
         frames_seen, markers = some.markers.shape[1:3]
         self.critic = Critic(frames_seen, markers, sites)
-        self.critic.scale(some.windows().flatten(0, 1))
+        self.critic.scale(some.windows(PACK).flatten(0, 1))
         self.optimizer = torch.optim.Adam(self.critic.parameters(), lr=rate, betas=(0.5, 0.99))
         self.asked = 0
 
@@ -204,8 +164,8 @@ class Likeness:
         chosen = chosen[order[: len(order) // PACK * PACK]]
         if not len(chosen):
             return Judgement(torch.zeros(len(rows)), 0.0, 0.0)
-        made = view.of(chosen).windows()
-        right = self._learn(made.detach(), self.recorded.like(ways[chosen]).windows())
+        made = view.of(chosen).windows(PACK)
+        right = self._learn(made.detach(), self.recorded.like(ways[chosen]).windows(PACK))
         self.critic.requires_grad_(False)
         cost = 0.25 * (self.critic(made) - 1).clamp(-2, 2) ** 2
         self.critic.requires_grad_(True)

@@ -24,9 +24,9 @@ CURVED: Final = 0.3
 TIGHT, WIDE = 1.0, 4.0
 """Metres: radii of curves."""
 
-AHEAD: Final = 1.3
-"""Metres from an agent to the goal of its curve, which turns about it: a service aims as far along
-a path."""
+AHEAD: Final = 2.2
+"""Metres from an agent to the goal of its curve, which turns about it: so far that it does not slow
+down."""
 
 
 @dataclass

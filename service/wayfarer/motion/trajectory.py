@@ -4,7 +4,7 @@ A recorded person's own future shows what the person was about to do. So a polic
 recordings which latent leads where (`lab/wayfarer_lab/training/cloning.py`). While it serves, the
 same numbers are computed here from the request: a goal, a speed and a facing. They are those of
 motion matching (Clavet, GDC 2016): velocities and headings that approach their targets
-exponentially.
+exponentially. So does the way to a stop.
 """
 
 from math import cos, sin
@@ -28,6 +28,9 @@ at the 99th percentile, 6.1 at the 99.9th)."""
 
 BRAKE: Final = 0.6
 """Seconds: the requested speed is at most the way to the goal divided by this."""
+
+SETTLE: Final = 0.45
+"""Seconds in which the way to the goal comes to 1/e at the earliest."""
 
 CREEP: Final = 0.3
 """Greatest speed of a standing body back to the place where it should stand, m/s."""
@@ -67,8 +70,9 @@ def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked
     eased = EASE * (1 - torch.exp(-seconds / EASE))
     ways = aim[:, None] * seconds + (velocity - aim)[:, None] * eased
     # no request leads past the goal
-    along = _length(ways)
-    ways = ways * torch.minimum(torch.ones_like(along), (distance[:, None] + 0.05) / along)
+    settled = 1 - torch.exp(-seconds / SETTLE)
+    along, left = _length(ways), distance[:, None] * settled
+    ways = ways * torch.minimum(torch.ones_like(along), left / along)
     return Asked(ways, _facings(seed, way, distance, facing))
 
 

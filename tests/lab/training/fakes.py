@@ -37,7 +37,7 @@ def gliding_frames(clips: int = 4, length: int = 90, seed: int = 0) -> Frames:
         weight=torch.ones(n),
         betas=torch.zeros(n, 10),
         gender=torch.arange(n) // length % 2,
-        actor=torch.arange(n) // length,
+        acted=torch.zeros(n, dtype=torch.bool),
     )
 
 
@@ -66,7 +66,7 @@ def walking_frames(clips: int = 4, length: int = 60, seed: int = 0) -> Frames:
         weight=torch.ones(n),
         betas=shapes,
         gender=gender,
-        actor=torch.arange(n) // length,
+        acted=torch.zeros(n, dtype=torch.bool),
     )
 
 

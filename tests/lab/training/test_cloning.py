@@ -17,7 +17,6 @@ from wayfarer.spec import FPS, GENDERS, STEP_SECONDS
 from wayfarer_lab.training.cloning import (
     CloningConfig,
     Hindsight,
-    Manners,
     divergence,
     load_trajectory_policy,
     smoothed,
@@ -78,17 +77,6 @@ def test_smoothing_keeps_to_a_stretch():
     assert smoothed(sway, torch.arange(80, 0, -1))[20:60].abs().max() < 0.4
 
 
-def test_manners_tell_actors_apart_and_are_spread_as_draws():
-    torch.manual_seed(0)
-    manners = Manners(50)
-    actors = torch.arange(50).repeat(100)
-    drawn = manners(actors)
-    assert torch.allclose(drawn.mean(0), torch.zeros(8), atol=0.02)
-    assert torch.allclose(drawn.std(0), torch.ones(8), atol=0.02)
-    own = drawn.view(100, 50, 8)
-    assert torch.allclose(own.std(0), torch.full((50, 8), 0.5), atol=0.15)
-
-
 def test_the_divergence_is_that_of_normal_distributions():
     generator = torch.Generator().manual_seed(0)
     mean, other, log, width = (torch.randn(4, 128, generator=generator) * 0.5 for _ in range(4))
@@ -122,7 +110,8 @@ def test_cloning_learns_resumes_and_is_followed(runs, tmp_path):
     assert any(not torch.equal(a, b) for a, b in pairs)
 
     out = tmp_path / "alike"
-    alike = following.model_copy(update={"horizon": 4, "steps": 4, "like_weight": 1.0})
+    judged = {"horizon": 4, "steps": 4, "like_weight": 1.0, "manner_weight": 1.0}
+    alike = following.model_copy(update=judged)
     assert not train_following(alike, data, held, out, minutes=0.0001)
     assert train_following(alike, data, held, out)
     assert torch.load(out / "last.pt", weights_only=True)["critic_male"]["mean"].any()

@@ -10,7 +10,8 @@ from wayfarer.body.library import load_body
 from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import FPS
-from wayfarer_lab.training.likeness import EVERY, PACK, TURN, Likeness, RecordedWindows, joined
+from wayfarer_lab.training.likeness import PACK, Likeness, RecordedWindows
+from wayfarer_lab.training.views import EVERY, TURN, joined
 
 LENGTH = 33
 SECONDS = (LENGTH - 1) / FPS

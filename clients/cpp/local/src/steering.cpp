@@ -5,7 +5,7 @@
 namespace wayfarer::local {
 namespace {
 
-constexpr double TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3, GONE_BY = 0.2;
+constexpr double TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3, GONE_BY = 0.2, FARTHER = 1.5;
 constexpr double PACE = 0.7;  // m/s: nobody who walks to a goal is slower before its end, unless that is asked
 
 double between(Point a, Point b) { return std::acos(bounded(dot(a, b), -1, 1)); }
@@ -149,7 +149,8 @@ Point Steering::ahead(const Start& start, const GoalRow& goal) const {
   const double distance = length(to);
   if (!goal.through || dot(to, goal.onward) <= 0) return goal.place;  // who is past it has missed it, and turns back
   const double lookahead = std::max(lookahead_, lookahead_seconds_ * goal.speed);
-  return goal.place + std::max(lookahead * std::cos(goal.bend) - distance, 0.0) * goal.onward;
+  const double beyond = std::max(lookahead * std::cos(goal.bend) - distance, 0.0);
+  return start.hips + FARTHER * (to + beyond * goal.onward);  // a body slows down before its goal
 }
 
 // where a person who begins to brake now comes to rest

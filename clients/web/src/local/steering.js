@@ -7,6 +7,7 @@ export const STEP_SECONDS = 0.2;
 
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
 const GONE_BY = 0.2; // metres
+const FARTHER = 1.5; // factor on the way to a point that is passed: a body slows down before its goal
 const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one is asked for
 
 /** @typedef {[number, number]} Point */
@@ -157,7 +158,8 @@ export class Steering {
     const to = minus(goal.place, start.hips), distance = Math.hypot(...to);
     if (!goal.through || dot(to, goal.onward) <= 0) return goal.place; // a person past it has missed it, and turns back
     const lookahead = Math.max(this.lookahead, this.lookaheadSeconds * goal.speed);
-    return plus(goal.place, times(Math.max(lookahead * Math.cos(goal.bend) - distance, 0), goal.onward));
+    const beyond = Math.max(lookahead * Math.cos(goal.bend) - distance, 0);
+    return plus(start.hips, times(FARTHER, plus(to, times(beyond, goal.onward))));
   }
 
   /** Where a person comes to rest that begins to brake now. @param {Gait} gait @param {Start} start @returns {Point} */

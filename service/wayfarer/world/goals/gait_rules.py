@@ -27,6 +27,9 @@ TRIM_MOST: Final = 0.15
 PACE: Final = 0.7
 """Maximum requested speed, m/s, of which a walker at its goal must keep the share `pausing`."""
 
+FARTHER: Final = 1.5
+"""Factor on the way to a point that is aimed at and passed: a body slows down before its goal."""
+
 GONE_BY: Final = 0.2
 """Metres beyond the radius of a point to pass through, within which it counts as passed once a
 walker leaves it behind: nobody turns back for so short a distance.
@@ -215,9 +218,11 @@ def aim_rows(
                 beyond = sight * cos(float(goals.bend[row])) - sqrt(to_x * to_x + to_y * to_y)
                 # An agent that has missed it turns back: the point beyond would be at its own feet.
                 is_past = to_x * goals.onward[row, 0] + to_y * goals.onward[row, 1] <= 0
-                beyond = 0.0 if is_past else max(beyond, 0.0)
-                place_x += goals.onward[row, 0] * beyond
-                place_y += goals.onward[row, 1] * beyond
+                if not is_past:
+                    to_x += goals.onward[row, 0] * max(beyond, 0.0)
+                    to_y += goals.onward[row, 1] * max(beyond, 0.0)
+                    place_x = float(hips[row, last, 0]) + FARTHER * to_x
+                    place_y = float(hips[row, last, 1]) + FARTHER * to_y
             facing_x = facing_y = 0.0
             if mode == STRAFING:
                 facing_x, facing_y = float(goals.heading[row, 0]), float(goals.heading[row, 1])
