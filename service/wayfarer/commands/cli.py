@@ -143,7 +143,10 @@ _command(
     app, "config", "wayfarer.config.page:app", "Print the settings, as JSON schema or as a table."
 )
 _command(
-    app, "generate", "wayfarer.clips.generate:generate", "Write a person's walk as GLB, BVH or npz."
+    app,
+    "generate",
+    "wayfarer.clips.generate:generate",
+    "Write people's walks as GLB, VRMA, BVH, npz or USD.",
 )
 _command(
     app, "render", f"{LAB}.evaluation.render:render", "Draw motion: film strips, sheets, films."
