@@ -11,7 +11,8 @@ from pydantic import BaseModel, ConfigDict
 from wayfarer.config.settings import Settings
 
 ADOPTED: Final = "?"
-"""In place of an owner: a group is being adopted. No node has this name."""
+"""In place of an owner: a group is being adopted, or may be a silent node's. No node has this name.
+"""
 
 SILENT_S: Final = 1.5
 """Seconds without a renewal after which nobody is sent to a node: its process may be stopped, and
@@ -65,7 +66,7 @@ class NodeInfo(ClusterMessage):
     host: str  # empty: clients call it at the host at which they called the entry
     grpc_port: int
     http_port: int
-    fingerprint: str  # hash over model, bodies, format: sessions move only between equals
+    fingerprint: str  # hash over model, bodies, release, format: sessions move only between equals
     capacity: int  # agents at most, by its limits
     machine: str = ""  # see `tenancy.machine`; with `pid` it names the process
     pid: int = 0
@@ -108,6 +109,7 @@ class Changes(ClusterMessage):
     generation: int  # of the directory: another one knows nothing of the versions before
     version: int
     whole: bool = False
+    settled: bool = True  # else nodes have still to name their groups
     groups: dict[str, str] = {}  # owners; empty: nobody any more; `ADOPTED`: nobody yet
     nodes: tuple[NodeInfo, ...] | None = None  # all live ones, when they have changed
 
