@@ -66,7 +66,7 @@ class NodeInfo(ClusterMessage):
     host: str  # empty: clients call it at the host at which they called the entry
     grpc_port: int
     http_port: int
-    fingerprint: str  # hash over model, bodies, release, format: sessions move only between equals
+    fingerprint: str  # hash over model, bodies, format: sessions move only between equals
     capacity: int  # agents at most, by its limits
     machine: str = ""  # see `tenancy.machine`; with `pid` it names the process
     pid: int = 0
