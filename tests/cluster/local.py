@@ -60,7 +60,12 @@ class LocalCluster:
                 command = [STORE, "--port", str(port), "--bind", "127.0.0.1", "--save", ""]
                 self._redis = subprocess.Popen(command, stdout=subprocess.DEVNULL)
                 patch.setenv("RAY_REDIS_ADDRESS", f"127.0.0.1:{port}")
-            self._ray = RayCluster()
+            try:
+                self._ray = RayCluster()
+            except BaseException:  # Ray does not start on a machine without a core to spare
+                if self._redis:
+                    self._redis.kill()
+                raise
         self.link = self._ray.directory(LeaseRules(LEASE_S))
         for _ in range(self._count):
             self.add_node()

@@ -7,7 +7,7 @@ import pytest
 
 from tests.cluster import virtual_time
 from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
-from wayfarer.cluster.directory import DRIFT, SHARES, Directory, LeaseRules, rendezvous
+from wayfarer.cluster.directory import AWAY_S, DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, Changes, NodeLoad
 from wayfarer.cluster.tenancy import CLAIM_S
@@ -259,6 +259,66 @@ def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     assert not bench.nodes["n0"].may_step()  # what it lost is still there
     bench.nodes["n0"].released(group)
     assert bench.nodes["n0"].may_step()
+
+
+def test_what_a_silent_node_without_keepers_may_have_is_nobodys_only_once_it_cannot_come_back():
+    """All nodes were silent for longer than a lease; they come back one after the other."""
+
+    def silent():
+        bench = Bench(["n0", "n1"])
+        group = bench.new_session("n0")
+        bench.beat()
+        view = GroupMap()
+        view.take(bench.directory.look(view.seen)[1])
+        bench.later(25.0)
+        bench.beat("n1")
+        bench.beat("n1")
+        return bench, group, view
+
+    def found(bench, group, view):
+        view.take(bench.directory.look(view.seen)[1])
+        return view.owner(named(group))
+
+    bench, group, view = silent()
+    with pytest.raises(Unavailable, match="silent"):
+        found(bench, group, view)
+    with pytest.raises(Unavailable, match="silent"):
+        bench.directory.place(group)
+    with pytest.raises(Unavailable, match="silent"):
+        bench.nodes["n1"].endpoint_of(named(group))
+    bench.beat("n0")
+    bench.beat("n0")
+    assert found(bench, group, view).name == bench.owner(group) == "n0"
+    assert not bench.directory.counters["lost"] and not bench.directory._missing
+
+    bench, group, view = silent()
+    bench.present["n0"].clear()  # it has been deleted there meanwhile
+    bench.beat("n0")
+    bench.beat("n0")
+    assert found(bench, group, view) is None
+
+    bench, group, view = silent()
+    bench.directory.ended("n0")
+    assert found(bench, group, view) is None and bench.directory.counters["lost"] == 1
+
+    bench, group, view = silent()
+    bench.later(AWAY_S - 5, "n1")
+    with pytest.raises(Unavailable):
+        found(bench, group, view)
+    bench.later(10, "n1")
+    assert found(bench, group, view) is None and not bench.directory._away
+
+
+def test_a_directory_that_starts_does_not_say_that_anything_does_not_exist():
+    bench = Bench(["n0"], settled=False)
+    group = bench.new_session("n0")
+    bench.beat()
+    node, gone = bench.nodes["n0"], "f" * 12
+    assert node.endpoint_of(named(group)) is None, "it is here"
+    with pytest.raises(Unavailable, match="not all nodes"):
+        node.endpoint_of(named(gone))
+    bench.later(LEASE * DRIFT + 0.25, "n0")
+    assert node.endpoint_of(named(gone)) is None
 
 
 def test_a_silent_node_may_be_ended_while_another_has_its_copies():

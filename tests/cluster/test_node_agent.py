@@ -294,10 +294,7 @@ def test_all_sessions_of_a_scene_stand_still_together():
     async def content(name):
         return b"content"
 
-    async def prepare(name, content):
-        pass
-
-    pair.moves["n1"].content, pair.moves["n2"].prepare = content, prepare
+    pair.moves["n1"].content = content
     slow("n1", "freeze")
     slow("n2", "take")
 

@@ -215,7 +215,17 @@ class Sim:
         self.greatest = {}
         self.calls = set()
         self.seen = dict.fromkeys(
-            ("adopted", "moved", "fenced", "stepped", "drained", "lost answers", "handed on"), 0
+            (
+                "adopted",
+                "moved",
+                "fenced",
+                "stepped",
+                "drained",
+                "lost answers",
+                "handed on",
+                "found",
+            ),
+            0,
         )
         self.restart()
         self.directory._settled_at = self.now
@@ -324,6 +334,17 @@ class Sim:
                 assert epoch == 0 or epoch >= self.greatest.get(name, 0)
                 self.greatest[name] = max(self.greatest.get(name, 0), epoch)
                 self.seen["stepped"] += 1
+        self.check_found()
+
+    def check_found(self):
+        """What this directory has known, and some node still has, is nowhere said not to exist."""
+        for node in self.nodes.values():
+            for name in self.living.intersection(node.moves.open):
+                known = node.tenancy.epoch(name) > self.directory._generation
+                waits = node.moves.frozen.get(name) or group_of(name) in node.tenancy.lost
+                if known and not waits:
+                    assert self.directory._told_owner(group_of(name)), f"{name} is {node.name}'s"
+                    self.seen["found"] += 1
 
     def stepped(self):
         """Sessions that somebody steps."""

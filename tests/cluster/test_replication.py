@@ -49,17 +49,13 @@ class Neighbours:
     def __init__(self):
         self.kept = {"n2": Replicas(), "n3": Replicas()}
         self.away = self.broken = False
-        self.refuses, self.contents, self.baked, self.messages = None, [], [], []
+        self.refuses, self.contents, self.messages = None, [], []
 
     async def call(self, node, verb, *told, seconds=0):
         if self.away:
             raise Unavailable("away")
         self.messages.append(verb)
         return getattr(self, verb)(self.kept[node.name], *told)
-
-    def prepare(self, kept, scene_id):
-        assert scene_id + CONTENT in kept._kept
-        self.baked.append(scene_id)
 
     def keep(self, kept, owner, copies):
         self.contents += [name for name in copies if name.endswith(CONTENT)]
@@ -131,7 +127,7 @@ async def test_the_content_of_a_scene_is_sent_once_to_each_neighbour_and_until_i
     assert copies.peers.kept["n2"]._kept[content].state == b"content"
     sent = len(copies.peers.contents)
     await copies.rounds(6)
-    assert len(copies.peers.contents) == sent and copies.peers.baked == list(SCENES)
+    assert len(copies.peers.contents) == sent
     copies.work.neighbour = "n3"
     await copies.rounds(6)
     assert content in copies.peers.kept["n3"]._kept and len(copies.peers.contents) == sent + 1

@@ -19,6 +19,7 @@ from wayfarer.errors import (
 )
 from wayfarer.ids import group_of
 from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
+from wayfarer.runtime.persistence import scene_entries
 from wayfarer.runtime.persistence.capture import capture_planned, capture_session
 from wayfarer.runtime.persistence.session_record import decode_record, encode_record
 from wayfarer.runtime.persistence.snapshot import decode_session
@@ -289,6 +290,18 @@ async def test_a_session_in_lock_step_that_is_not_moved_after_all_goes_on_bit_fo
             assert getattr(a.chunks, name).tobytes() == getattr(b.chunks, name).tobytes()
 
 
+async def test_a_scene_of_another_release_is_baked_again(servers, monkeypatch):
+    here, there = await servers.start(), await servers.start()
+    made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
+    with monkeypatch.context() as patch:
+        patch.setattr(scene_entries, "__version__", "0")
+        content = await here.scenes.content(made.scene_id)
+    came = await there.scenes.adopt(made.scene_id, content, here.scenes.obstacles(made.scene_id))
+    assert (came.area, came.content_hash) == (made.area, made.content_hash)
+    record = scene_entries.decode_scene("scene-1", content, here.scenes.obstacles(made.scene_id))
+    assert record.baked is None
+
+
 async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
     here, there = await servers.start(), await servers.start()
     made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
@@ -299,8 +312,7 @@ async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
     await here.give(person, goals((6, 10))[0])
     await here.scenes.put_obstacle(scene, "crate", Cylinder((1.0, 1.0), 0.5, 1.0))
     content = await here.scenes.content(scene)
-    await there.scenes.prepare(scene, content)
-    assert await there.scenes.list_scenes() == []
+    there.scenes._registry._bake = None  # it is not baked again
 
     await here.scenes.freeze(scene)
     packed = []

@@ -58,6 +58,10 @@ that have ended, so that none is entered by a message that it sent before."""
 LOGGED: Final = 8192
 """Changes of the view that are kept; a reader that has seen less gets the whole view."""
 
+AWAY_S: Final = 600.0
+"""How long a node whose lease has ended may come back. Until then nobody hears that what it may
+have does not exist."""
+
 AT_ONCE: Final = 4
 """Groups that a draining node moves at a time."""
 
@@ -136,6 +140,7 @@ class Directory:
         self._generation = self._epoch = generation
         self._lease_s = rules.lease_s * DRIFT
         self._settled_at = clock() + self._lease_s
+        self._was_settled = False  # when it was looked at last
         self._nodes: dict[str, _Node] = {}
         self._groups: dict[str, _Entry] = {}
         self._version = 0
@@ -144,6 +149,8 @@ class Directory:
         self._placed: OrderedDict[str, str] = OrderedDict()  # group → node
         self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
         self._came: set[int] = set()  # numbers of the nodes that have ever come
+        self._away: dict[str, float] = {}  # nodes that may come back; when their leases had ended
+        self._missing: dict[str, set[str]] = {}  # groups without an owner; who of them may have it
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
         self._random = random.Random(seed)
 
@@ -178,6 +185,8 @@ class Directory:
                 self._own(group, told.name, known or self._next_epoch())
             if not self._has(told.name, group, epoch):
                 lost.append(group)
+        if whole is not None:
+            self._has_told(told.name)
         # an adoption that the node had been asked for continues
         freed = told.freed if whole is None else node.used.difference(told.held)
         for group in node.used.intersection(freed):
@@ -201,8 +210,11 @@ class Directory:
         its next life (`LeaseRules.keep`).
         """
         _remember(self._over, name, None)
-        for one in [one for one in self._nodes if name in (one, one.rpartition("-")[0])]:
-            self._end(self._nodes.pop(one))
+        for one in [*self._nodes, *self._away]:
+            if name in (one, one.rpartition("-")[0]):
+                if one in self._nodes:
+                    self._end(self._nodes.pop(one))
+                self._has_told(one)
 
     def _end(self, node: _Node) -> None:
         self._nodes_changed()
@@ -214,20 +226,39 @@ class Directory:
             if entry.keepers is None:
                 # the node that gave it away may not know that, and still hold it frozen
                 giver = entry.before[:1] if entry.before else ()
-                entry.keepers = (*node.keepers, *giver)
+                entry.keepers = (*node.keepers, *giver, node.info.name)
             self._pass_on(group)
 
     def expire(self) -> None:
         """Fence the nodes whose lease has ended, or whose process has."""
         now = self._clock()
+        if self._settled() and not self._was_settled:
+            self._was_settled = True
+            self._touch("")  # readers shall know it
         heard = {name for name, node in self._nodes.items() if not node.is_silent(now)}
         for name, node in list(self._nodes.items()):
             if node.has_ended(name not in heard and not heard.isdisjoint(node.keepers)):
                 self.ended(name)
         over = now - self._lease_s
-        for node in [n for n in self._nodes.values() if n.heard_at <= over]:
+        silent = [node for node in self._nodes.values() if node.heard_at <= over]
+        for node in silent:  # first: none of them adopts what another had
             self.counters["expired"] += 1
-            self._end(self._nodes.pop(node.info.name))
+            self._away[node.info.name] = now
+            del self._nodes[node.info.name]
+        for node in silent:
+            self._end(node)
+        for name in [name for name, since in self._away.items() if since < now - AWAY_S]:
+            self._has_told(name)
+
+    def _has_told(self, name: str) -> None:
+        """A node that was away has come, and has named its groups, or it never will."""
+        if self._away.pop(name, None) is None:
+            return
+        for group, may_have in list(self._missing.items()):
+            may_have.discard(name)
+            if not may_have:
+                self.counters["lost"] += 1
+                self._disown(group)
 
     def drain(self, name: str) -> None:
         """Asks a node to give its sessions away and to end. Raises NotFound, FailedPrecondition."""
@@ -315,6 +346,8 @@ class Directory:
             if entry.owner not in self._nodes or self._is_adopted(group):
                 raise Unavailable(f"the node of group {group} has ended; ask again")
             return self._nodes[entry.owner].info
+        if group in self._missing:
+            raise Unavailable(f"the node of group {group} is silent; ask again")
         if placed is not None and not placed.draining:
             return placed.info
         able = self._able(now)
@@ -409,6 +442,7 @@ class Directory:
             generation=self._generation,
             version=self._version,
             whole=whole,
+            settled=self._was_settled,
             groups={g: self._told_owner(g) for g in touched},
             nodes=tuple(node.info for node in self._nodes.values())
             if whole or self._nodes_version > version
@@ -418,7 +452,7 @@ class Directory:
     def _told_owner(self, group: str) -> str:
         entry = self._groups.get(group)
         if entry is None:
-            return ""
+            return ADOPTED if group in self._missing else ""
         return entry.owner if entry.keepers is None else ADOPTED
 
     def _status(self) -> Status:
@@ -450,14 +484,17 @@ class Directory:
         return self._clock() >= self._settled_at
 
     def _pass_on(self, group: str, first: str = "") -> None:
-        """To `first`, or the next node that may have a replica; without any, what lived there is
-        lost.
+        """To `first`, or the next node that may have a replica. Without any, it is the first node's
+        that names it, of those that are away now; without these, what lived there is lost.
         """
         entry = self._groups[group]
         left = [name for name in (first, *(entry.keepers or ())) if name in self._nodes]
         if not left:
-            self.counters["lost"] += 1
             self._disown(group)
+            if self._away:
+                self._missing[group] = set(self._away)
+            else:
+                self.counters["lost"] += 1
             return
         self._own(group, left[0], self._next_epoch())
         self._groups[group].before = (entry.owner, entry.epoch)
@@ -470,6 +507,7 @@ class Directory:
 
     def _disown(self, group: str) -> None:
         entry = self._groups.pop(group, None)
+        self._missing.pop(group, None)
         if entry is not None and entry.owner in self._nodes:
             self._nodes[entry.owner].used.discard(group)
         self._touch(group)

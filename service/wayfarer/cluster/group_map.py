@@ -16,6 +16,7 @@ class GroupMap:
 
     def __init__(self) -> None:
         self.seen = (0, 0)  # generation and version
+        self._settled = True
         self.nodes: dict[str, NodeInfo] = {}
         self._places: dict[tuple[str, int], Endpoint] = {}  # by host and port, the latest last
         self._owners: dict[str, str] = {}
@@ -24,6 +25,7 @@ class GroupMap:
         """Enter changes since `seen`."""
         if changes is None:
             return
+        self._settled = changes.settled
         if changes.whole:
             self._owners = {}
         for group, owner in changes.groups.items():
@@ -48,11 +50,14 @@ class GroupMap:
     def owner(self, name: str) -> NodeInfo | None:
         """The node that has what has this id; None: nobody is known to.
 
-        Raises Unavailable while that node is being started again, or another one adopts it.
+        Raises Unavailable while that node is being started again or is silent, another one adopts
+        it, or nodes have still to tell a directory that has started what they have.
         """
         owner = self._owners.get(group_of(name))
         if owner is not None and owner not in self.nodes:
-            raise Unavailable(f"the node of {name!r} has ended, another one adopts it; try again")
+            raise Unavailable(f"the node of {name!r} has ended or is silent; try again")
+        if owner is None and not self._settled:
+            raise Unavailable("not all nodes have come back to the directory; try again")
         return None if owner is None else self.nodes[owner]
 
     def node_for(self, name: str) -> NodeInfo | None:

@@ -11,7 +11,8 @@ from pydantic import BaseModel, ConfigDict
 from wayfarer.config.settings import Settings
 
 ADOPTED: Final = "?"
-"""In place of an owner: a group is being adopted. No node has this name."""
+"""In place of an owner: a group is being adopted, or may be a silent node's. No node has this name.
+"""
 
 SILENT_S: Final = 1.5
 """Seconds without a renewal after which nobody is sent to a node: its process may be stopped, and
@@ -108,6 +109,7 @@ class Changes(ClusterMessage):
     generation: int  # of the directory: another one knows nothing of the versions before
     version: int
     whole: bool = False
+    settled: bool = True  # else nodes have still to name their groups
     groups: dict[str, str] = {}  # owners; empty: nobody any more; `ADOPTED`: nobody yet
     nodes: tuple[NodeInfo, ...] | None = None  # all live ones, when they have changed
 

@@ -32,7 +32,6 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.ids import group_of
 from wayfarer.transport.edge.caller import Caller, enter
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import Arrival, is_scene
@@ -111,11 +110,6 @@ class NodeAgent:
             except WayfarerError as error:
                 refused[name] = str(error)
         return refused
-
-    async def prepare(self, scene_id: str) -> None:
-        """Bakes a scene that may come, and whose content is kept. Raises WayfarerError."""
-        kept = self._replicas.of(group_of(scene_id))
-        await self._moves.prepare(scene_id, _content(kept, scene_id))
 
     async def present(self, owner: str, names: list[str]) -> set[str]:
         """Drops replicas of sessions and scenes that the owner does not have any more. Returns the
@@ -329,7 +323,6 @@ class NodeAgent:
                 content[name + CONTENT] = await self._moves.content(name)
                 if refused := await self._nodes.call(node, "keep", own, content, seconds=KEEP_S):
                     raise ResourceExhausted(refused[name + CONTENT])
-                await self._nodes.call(node, "prepare", name, seconds=KEEP_S)
         except WayfarerError as error:
             log.error("scene not moved", group=group, to=order.to, reason=str(error))
             return

@@ -15,10 +15,10 @@ KEPT_S: Final = 60.0
 """Seconds after which a replica without renewal is dropped."""
 
 KEEP_S: Final = 120.0
-"""Seconds within which a node keeps the content of a scene that it is sent, or has baked it."""
+"""Seconds within which a node keeps the content of a scene that it is sent."""
 
 CONTENT: Final = "/content"
-"""Suffix of a scene's id: its constant content. The replica under the id is its state."""
+"""Suffix of a scene's id: its constant content, baked. The replica under the id is its state."""
 
 
 @dataclass(slots=True)

@@ -2,7 +2,7 @@
 call has made, changed or ended before that call is answered. Runs on the node's event loop.
 
 A copy is the whole state of a session or scene. The constant content of a scene is sent once to
-each neighbour. Logs of recorded sessions are not copied.
+each neighbour, with its baked ground. Logs of recorded sessions are not copied.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from typing import Final
 import structlog
 
 from wayfarer.cluster.messages import NodeInfo, NodeLink
-from wayfarer.cluster.replicas import CONTENT, KEEP_S
+from wayfarer.cluster.replicas import CONTENT
 from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import WayfarerError
 from wayfarer.ids import group_of
@@ -57,7 +57,6 @@ class Replication:
         self._link = link
         self._sending = asyncio.Lock()  # else an older state could arrive after a newer one
         self._due = set[str]()  # for which calls wait
-        self._baked = set[asyncio.Task[None]]()  # scenes, at the neighbour
 
     async def running(self) -> None:
         """For ever."""
@@ -145,14 +144,4 @@ class Replication:
         if refused:
             log.warning("scene not copied", scene_id=scene_id, to=node.name, reason=refused[name])
             return
-        baking = asyncio.create_task(self._bake(node, scene_id), name="bake")
-        self._baked.add(baking)
-        baking.add_done_callback(self._baked.discard)
-
-    async def _bake(self, node: NodeInfo, scene_id: str) -> None:
-        """Has the neighbour bake a scene, so that an adoption need not wait for that."""
-        try:
-            await self._link.call(node, "prepare", scene_id, seconds=KEEP_S)
-            log.info("scene baked", scene_id=scene_id, by=node.name)
-        except WayfarerError as error:
-            log.warning("scene not baked", scene_id=scene_id, by=node.name, reason=str(error))
+        log.info("scene copied", scene_id=scene_id, to=node.name)

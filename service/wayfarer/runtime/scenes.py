@@ -173,7 +173,7 @@ class SceneService:
     # Moves to another server: its content at any time, the rest with its sessions
 
     async def content(self, scene_id: str) -> bytes:
-        """The parts of it that never change, for `prepare`. Raises NotFound."""
+        """The parts of it that never change, baked, for `adopt`. Raises NotFound."""
         entry = self._registry.entry(scene_id)
         return await self._work(lambda: content_bytes(entry))
 
@@ -181,21 +181,16 @@ class SceneService:
         """The parts of it that change, for `adopt`. Raises NotFound."""
         return obstacles_bytes(self._registry.entry(scene_id))
 
-    async def prepare(self, scene_id: str, content: bytes) -> None:
-        """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
-        record = await self._work(lambda: decode_scene(scene_id, content))
-        await self._work(lambda: self._registry.prepare(record.source.spec))
-
     async def adopt(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
-        """Adopts a scene from another server.
+        """Adopts a scene from another server. Nothing is baked again.
 
         Raises InvalidArgument, AlreadyExists, ResourceExhausted.
         """
         record = await self._work(lambda: decode_scene(scene_id, content, obstacles))
-        source, at, version = record.source, record.created_at, record.version
+        source, at, version, baked = record.source, record.created_at, record.version, record.baked
         await self._work(
             lambda: self._registry.restore(
-                scene_id, source, at, version, record.obstacles, reported=False
+                scene_id, source, at, version, record.obstacles, reported=False, baked=baked
             )
         )
         return await self._persistence.durable(self._registry.info(scene_id))

@@ -163,15 +163,11 @@ def test_restores_a_scene_as_it_was():
         registry.restore("scene-1", SOURCE, 5.0, 0, {})
 
 
-def test_what_is_prepared_is_baked_once_and_is_not_there_before_it_comes():
+def test_what_another_server_has_baked_is_not_baked_again():
     counted = Counted()
-    registry = SceneRegistry(Limits(scenes=1), bake=counted)
-    registry.prepare(SOURCE.spec)
-    registry.prepare(SOURCE.spec)
-    assert registry.infos() == [] and counted.bakes == 1
-    registry.restore("scene-1", SOURCE, 5.0, 0, {}, reported=False)
-    assert counted.bakes == 1
-    registry.prepare(SceneSpec((FIELD,), (BOX,)))
-    registry.delete("scene-1")
-    registry.prepare(SOURCE.spec)
-    assert counted.bakes == 3, "only so many are kept as there may be scenes"
+    registry = SceneRegistry(bake=counted)
+    made = bake(SOURCE.spec)
+    registry.restore("scene-1", SOURCE, 5.0, 0, {}, reported=False, baked=made)
+    registry.restore("scene-2", SOURCE, 5.0, 0, {}, reported=False)
+    assert counted.bakes == 0
+    assert registry.scene("scene-1").mesh is registry.scene("scene-2").mesh is made.mesh

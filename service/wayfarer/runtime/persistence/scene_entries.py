@@ -1,13 +1,18 @@
-"""The journal's entries of scenes as bytes: their content, and their obstacles, which change."""
+"""The journal's entries of scenes as bytes: their content, and their obstacles, which change. What
+goes to another server, besides: the content with its baked ground, which takes long to make.
+"""
 
+import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
 import structlog
 from pydantic import Base64Bytes, ConfigDict, TypeAdapter
 
+from wayfarer import __version__
 from wayfarer.errors import InvalidArgument
+from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import (
     Box,
     Cylinder,
@@ -107,6 +112,7 @@ class SceneRecord:
     created_at: float
     version: int
     obstacles: Mapping[str, Obstacle]
+    baked: Scene | None = None  # without obstacles; None: it has still to be baked
 
 
 def scene_part(kept: SceneEntry) -> ScenePart:
@@ -133,8 +139,12 @@ def obstacles_part(kept: SceneEntry) -> ObstaclesPart:
 
 
 def content_bytes(kept: SceneEntry) -> bytes:
-    """The part of a scene that never changes, for another server."""
-    return SCENE.dump_json(scene_part(kept))
+    """The part of a scene that never changes, baked, for another server.
+
+    It is pickled, which is safe between nodes: what they call each other with is pickled, too.
+    """
+    text, baked = SCENE.dump_json(scene_part(kept)), pickle.dumps(kept.baked)
+    return pickle.dumps((text, __version__, baked))
 
 
 def obstacles_bytes(kept: SceneEntry) -> bytes:
@@ -142,12 +152,16 @@ def obstacles_bytes(kept: SceneEntry) -> bytes:
     return OBSTACLES.dump_json(obstacles_part(kept))
 
 
-def decode_scene(scene_id: str, content: bytes, obstacles: bytes = b"") -> SceneRecord:
-    """A scene of another server. Raises InvalidArgument."""
+def decode_scene(scene_id: str, content: bytes, obstacles: bytes) -> SceneRecord:
+    """A scene of another server; of another release, it has to be baked again. Raises
+    InvalidArgument.
+    """
     try:
-        return _record(scene_id, content, obstacles or None)
-    except ValueError as error:  # pydantic's are such, too
+        text, version, baked = pickle.loads(content)
+        record = _record(scene_id, text, obstacles)
+    except (ValueError, EOFError, pickle.UnpicklingError) as error:  # pydantic's are ValueErrors
         raise InvalidArgument(f"scene {scene_id!r} is unsound: {error}", "scene") from None
+    return replace(record, baked=pickle.loads(baked)) if version == __version__ else record
 
 
 def decode_scenes(entries: Entries) -> list[SceneRecord]:

@@ -78,12 +78,8 @@ class SessionMoves:
     # The content of a scene: it is large and is sent ahead of the scene
 
     async def content(self, scene_id: str) -> bytes:
-        """The parts of a scene that never change. Raises NotFound."""
+        """The parts of a scene that never change, baked. Raises NotFound."""
         return await self._context.service.scenes.content(scene_id)
-
-    async def prepare(self, scene_id: str, content: bytes) -> None:
-        """Bakes a scene that may come. Raises InvalidArgument, ResourceExhausted."""
-        await self._context.service.scenes.prepare(scene_id, content)
 
     # Copies
 

@@ -31,11 +31,11 @@ def main(megabytes: int, seconds: float) -> None:
     """Bakes each spec that comes until the other end is closed."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # a library's output must not be an answer
-    step_back()
     bound_memory(megabytes)
     specs: SimpleQueue[SceneSpec] = SimpleQueue()
     threading.Thread(target=_listen, args=(sys.stdin.buffer, specs), daemon=True).start()
     bake(EVERYTHING)
+    step_back()  # not before: on a busy machine it would hardly begin
     _answer(answers, pickle.dumps(True))
     while True:
         spec = specs.get()

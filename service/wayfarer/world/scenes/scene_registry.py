@@ -6,7 +6,6 @@ take milliseconds to seconds, so they belong on a worker thread.
 """
 
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -103,7 +102,6 @@ class SceneRegistry:
         self._bake = bake
         self._listener = listener
         self._entries: dict[str, SceneEntry] = {}
-        self._prepared: OrderedDict[str, Scene] = OrderedDict()  # by content, the latest last
         self._lock = Lock()
         self._queue = BoundedSemaphore(MAX_BAKES)
         self._baking = Lock()
@@ -123,11 +121,6 @@ class SceneRegistry:
         scene_id = scene_id or new_scene_id(self._new_group())
         return self._add(scene_id, source, scene, now, time.perf_counter() - started)
 
-    def prepare(self, spec: SceneSpec) -> None:
-        """Bakes a scene for a later `restore`. Takes time. Raises as `create`."""
-        if self._alike(spec) is None:
-            self._baked(spec, prepared=True)
-
     def restore(
         self,
         scene_id: str,
@@ -137,13 +130,15 @@ class SceneRegistry:
         obstacles: Mapping[str, Obstacle],
         *,
         reported: bool = True,
+        baked: Scene | None = None,
     ) -> None:
         """Restores a kept scene, also beyond `limits.scenes`, since people are in it. Takes time.
 
-        Not `reported`: the listener does not know it yet. Raises as `create` and `put`.
+        Not `reported`: the listener does not know it yet. `baked`: as another server made it.
+        Raises as `create` and `put`.
         """
         started = time.perf_counter()
-        baked = self._alike(source.spec) or self._baked(source.spec)
+        baked = self._alike(source.spec) or baked or self._baked(source.spec)
         scene = baked
         for name, obstacle in obstacles.items():
             scene = scene.put(name, obstacle)
@@ -241,17 +236,11 @@ class SceneRegistry:
     def _alike(self, spec: SceneSpec) -> Scene | None:
         """The baked scene of equal content, if there is one."""
         content, entries = spec.content_hash, list(self._entries.values())
-        here = next((one.baked for one in entries if one.baked.content_hash == content), None)
-        return here or self._prepared.get(content)
+        return next((one.baked for one in entries if one.baked.content_hash == content), None)
 
-    def _baked(self, spec: SceneSpec, prepared: bool = False) -> Scene:
+    def _baked(self, spec: SceneSpec) -> Scene:
         with self._turn():
-            scene = self._alike(spec) or self._bake(spec)
-            if prepared:  # before the next caller's turn, which may need the same scene
-                self._prepared[spec.content_hash] = scene
-                while len(self._prepared) > self._limits.scenes:
-                    self._prepared.popitem(last=False)
-            return scene
+            return self._alike(spec) or self._bake(spec)
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
