@@ -157,12 +157,12 @@ export class Person {
   }
 
   /**
-   * The inputs of the next step that depend on the goal. `ahead` is the goal that steering sees, `judged` the
-   * goal by which arrival is judged (see guide.js). A person that has waited for others does not hesitate.
+   * The inputs of the next step that depend on the goal. `ahead` is the goal that steering sees, and `judged` the
+   * goal by which arrival is judged (see guide.js).
    * @param {Begun} begun @param {import("./guide.js").Course} course
    */
-  next({ seed, start, gait: before }, { ahead, judged, waited }) {
-    const ready = waited || (this.plannedChunks + this.reaction) % this.steering.reactions === 0;
+  next({ seed, start, gait: before }, { ahead, judged }) {
+    const ready = (this.plannedChunks + this.reaction) % this.steering.reactions === 0;
     const gait = this.steering.decide(before, start, ahead, ready);
     const noise = noiseOf(this.spec.seed, this.plannedChunks);
     return { seed, start, gait, goal: judged, noise, targets: this.steering.targets(gait, start, ahead) };

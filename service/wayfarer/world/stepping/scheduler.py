@@ -350,13 +350,12 @@ class Scheduler:
         seed, gait = planned.seed.take(rows), planned.gait.take(rows)
         gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
         goals = self._paths.at(rows, gait.waypoint)
-        slots = self._table.rows
-        chunk = slots.planned_chunks[rows]
-        ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
-        ready |= slots.memory.waited[rows] > 0  # it sees the way become free
         faults.stage = Stage.WAY
         course = self._guide.course(rows, seed, gait, goals)
         faults.stage = Stage.STEERING
+        slots = self._table.rows
+        chunk = slots.planned_chunks[rows]
+        ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
         gait = self._steering.decide(gait, seed, course.ahead, ready)
         faults.stage = outer
         return seed, gait, course
