@@ -9,6 +9,7 @@ import grpc
 from google.protobuf.any_pb2 import Any as AnyMessage
 from google.protobuf.message_factory import GetMessageClass
 from google.rpc.status_pb2 import Status
+
 from wayfarer_client.v1 import (
     admin_pb2,
     agent_pb2,

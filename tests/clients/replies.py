@@ -1,10 +1,10 @@
 """Replies of a stand-in server: streams, control, sessions."""
 
 import grpc
-from wayfarer_client.v1 import agent_pb2, control_pb2, motion_pb2, session_pb2
 
 from tests.clients.fake_server import Refusal
 from tests.golden import messages
+from wayfarer_client.v1 import agent_pb2, control_pb2, motion_pb2, session_pb2
 
 GONE = Refusal(grpc.StatusCode.UNAVAILABLE, "the server is shutting down")
 HEADER = motion_pb2.StreamMotionResponse(

@@ -9,6 +9,11 @@ import numpy as np
 import pytest
 from google.protobuf.duration_pb2 import Duration
 from google.rpc.error_details_pb2 import BadRequest, RetryInfo
+
+import wayfarer_client as wf
+from tests.clients.fake_server import FakeServer, Refusal
+from tests.clients.replies import GONE, HEADER, batch, new_session, resumed
+from tests.golden import messages
 from wayfarer_client.v1 import (
     admin_pb2,
     agent_pb2,
@@ -18,11 +23,6 @@ from wayfarer_client.v1 import (
     session_pb2,
     snapshot_pb2,
 )
-
-import wayfarer_client as wf
-from tests.clients.fake_server import FakeServer, Refusal
-from tests.clients.replies import GONE, HEADER, batch, new_session, resumed
-from tests.golden import messages
 
 
 async def test_refusals_say_which_field_and_when_to_come_back(server, client):

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import grpc
 import pytest
-from wayfarer_client.v1 import common_pb2, control_pb2, motion_pb2
 
 import wayfarer_client as wf
 from tests.clients.fake_server import ASKED, FOREVER, Refusal
 from tests.clients.replies import GONE, HEADER, batch, moved, replied, resumed
+from wayfarer_client.v1 import common_pb2, control_pb2, motion_pb2
 
 
 async def test_control(server, client):

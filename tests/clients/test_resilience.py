@@ -7,11 +7,11 @@ import grpc
 import pytest
 from google.protobuf.duration_pb2 import Duration
 from google.rpc.error_details_pb2 import QuotaFailure, RetryInfo
-from wayfarer_client.v1 import goal_pb2, motion_pb2, session_pb2
 
 import wayfarer_client as wf
 from tests.clients.fake_server import ASKED, FOREVER, Refusal
 from tests.clients.replies import GONE, HEADER, HEARTBEAT, batch, event, moved, new_session, resumed
+from wayfarer_client.v1 import goal_pb2, motion_pb2, session_pb2
 
 # streams
 

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from wayfarer_client.v1 import catalog_pb2, motion_pb2
 
 from tests.golden import gait, homes, messages, rules, tiers, vectors, words
 from tests.golden.vectors import FILE, FIRST_FRAME, FOLDER, Vector
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer_client.poses import PoseLayout
+from wayfarer_client.v1 import catalog_pb2, motion_pb2
 
 DOCUMENT = json.loads(FILE.read_text())
 ENTRIES = DOCUMENT["vectors"]

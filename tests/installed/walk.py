@@ -15,10 +15,10 @@ from itertools import pairwise
 
 import numpy as np
 import websockets
-from wayfarer_client.v1 import motion_pb2
 
 from wayfarer_client import AgentSpec, Client, Frames, Session
 from wayfarer_client.stream import read
+from wayfarer_client.v1 import motion_pb2
 from wayfarer_client.wire import BatchReader
 
 GOAL = (0.0, 0.0, 2.5)  # metres; glTF's axes, Y up: straight ahead of an agent at the origin

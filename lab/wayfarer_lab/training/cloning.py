@@ -103,7 +103,7 @@ def smoothed(values: Tensor, run: Tensor) -> Tensor:
     return total / weights
 
 
-class Recordings(NamedTuple):
+class ClonedFrames(NamedTuple):
     """What is cloned."""
 
     frames: Frames
@@ -133,7 +133,7 @@ class CloningTrainer:
         bodies = [step.body for step in self.serving.steps]
         manners = measured(train, bodies)
         self.train, self.validation = (
-            Recordings(f, Hindsight(f), recorded(manners, f, bodies)) for f in (train, validation)
+            ClonedFrames(f, Hindsight(f), recorded(manners, f, bodies)) for f in (train, validation)
         )
         self.run: TrainingRun | None = None
 
@@ -141,7 +141,7 @@ class CloningTrainer:
         """Frames that a rollout needs, and what is asked at its last primitive."""
         return SEED_FRAMES + (primitives - 1) * STRIDE + max(HORIZONS)
 
-    def losses(self, data: Recordings, starts: Tensor, primitives: int) -> list[Tensor]:
+    def losses(self, data: ClonedFrames, starts: Tensor, primitives: int) -> list[Tensor]:
         """KL(posterior ‖ policy) per latent dimension, by primitive; rows as of `PairedSampler`."""
         frames, hindsight, manners = data
         within = torch.arange(PRIMITIVE_FRAMES)
