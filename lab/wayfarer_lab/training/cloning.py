@@ -104,7 +104,7 @@ def smoothed(values: Tensor, run: Tensor) -> Tensor:
 
 
 class ClonedFrames(NamedTuple):
-    """What is cloned."""
+    """Recorded frames with the questions and the manners that go with them."""
 
     frames: Frames
     hindsight: Hindsight

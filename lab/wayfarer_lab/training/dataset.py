@@ -206,7 +206,7 @@ def _read(
 
 
 STYLED = "bvh100"
-"""The person of 100STYLE, who acts another style in each take."""
+"""The person of 100STYLE: each of its takes is an acted style."""
 
 GROUPS = ("walk", "run", "sideways", "backward", "start_stop", "turn", "standing", "other")
 """Kinds of frames that a training's `mix` gives shares to."""

@@ -10,7 +10,8 @@ bodies.
 A later such stage (`configs/policy_alike.toml`) makes it steady and alive. Users ask for something
 else before a body has come to its aim, and no recorded person shows what to do then. So agents are
 asked for something else after 1 to 100 steps, the first of them in nearly every step; these may
-diverge more cheaply. All learn from a critic to move as recorded people do (`likeness.py`).
+diverge more cheaply. All learn from a critic to move as recorded people do (`likeness.py`). With a
+`manner_weight` each is also taught the manner that it has drawn (`manners.py`).
 """
 
 import copy
@@ -74,8 +75,8 @@ SETTING_OFF = 0.5
 """Share of the requested speed below which an agent sets off."""
 
 PAUSE = 0.3
-"""Least chance at every step that half of the agents that stand are asked for something else: who
-waits in a crowd goes on soon."""
+"""Least chance at every step that half of the agents that stand are asked for something else: in a
+crowd people wait for moments."""
 
 SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""

@@ -1,10 +1,10 @@
-"""How people differ who do the same: eight numbers of a motion, measured.
+"""The manner of a motion: eight numbers that tell apart people that do the same.
 
-Over .8 s a body goes some way. How it then holds and swings its limbs, beside what people of that
-shape usually do on such a way, is its *manner*: means and deviations of its markers against the
-hips, less those that a small network expects, in units of the spread that it expects. The eight
-principal components of that over recorded stretches of some seconds, each with variance 1, are
-what a policy is given. A recorded stretch shows its own; an agent has drawn one from N(0, I).
+A window of .8 s has a way. Its features are means and standard deviations of the markers against
+the hips. A small network learns which features are usual for a way and a body's shape, and how much
+they vary. The difference, in these units and averaged over 3 s, is projected on its eight principal
+components among recorded people, each scaled to variance 1. So a recorded stretch has a manner, and
+an agent draws its own from N(0, I).
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ FEATURES: Final = 2 * MARKERS * 3
 
 
 class Manners(nn.Module):
-    """What is usual, and how a motion differs from it."""
+    """The usual features of a way, and the directions in which people differ from them."""
 
     base: Tensor
     basis: Tensor
@@ -85,9 +85,8 @@ class Manners(nn.Module):
 
     def surprise(self, view: BodyFrames, betas: Tensor, gender: int) -> Tensor:
         """Negative log likelihood of recorded windows, mean."""
-        mean, log_spread = self._usual(view, betas, gender)
-        off = (features(view) - mean) * torch.exp(-log_spread)
-        return (0.5 * off**2 + log_spread).mean()
+        _, log_spread = self._usual(view, betas, gender)
+        return (0.5 * self.unusual(view, betas, gender) ** 2 + log_spread).mean()
 
 
 def features(view: BodyFrames) -> Tensor:
@@ -101,8 +100,9 @@ def features(view: BodyFrames) -> Tensor:
 
 
 def measured(frames: Frames, bodies: Sequence[MarkerBody]) -> Manners:
-    """What is usual among recorded people who do not act a style, and how they differ. `bodies`:
-    one of each gender. Takes a minute or two.
+    """Learns from recorded people, without acted styles. `bodies`: one of each gender.
+
+    Takes a minute or two, and leaves the state of random numbers as it was.
     """
     state = torch.get_rng_state()
     torch.manual_seed(0)
@@ -120,12 +120,14 @@ def measured(frames: Frames, bodies: Sequence[MarkerBody]) -> Manners:
 
 
 def recorded(manners: Manners, frames: Frames, bodies: Sequence[MarkerBody]) -> Tensor:
-    """The manner of each frame [N, 8]."""
+    """The manner of each frame [N, 8]; 0 in unbroken stretches that are shorter than a window."""
     starts, unusual = _unusual(manners, frames, bodies)
     shown = ((unusual - manners.base) @ manners.basis).clamp(-MOST, MOST)
-    middles = starts + LENGTH // 2
-    nearest = torch.searchsorted(middles, torch.arange(len(frames.run))).clamp(max=len(starts) - 1)
-    return shown[nearest]
+    each = torch.arange(len(frames.run))
+    ends, own = starts + frames.run[starts], each + frames.run
+    after = torch.searchsorted(starts + LENGTH // 2, each).clamp(max=len(starts) - 1)
+    window = torch.where(ends[after] == own, after, (after - 1).clamp(min=0))
+    return shown[window] * (ends[window] == own)[:, None]
 
 
 def _learn(manners: Manners, frames: Frames, bodies: Sequence[MarkerBody]) -> None:

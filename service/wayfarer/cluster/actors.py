@@ -142,9 +142,10 @@ def watch(node: NodeInfo) -> Callable[[bool], bool]:
     poll.register(process, select.POLLIN)
 
     def has_ended(forsaken: bool) -> bool:
-        if forsaken and _is_stopped(node.pid):
-            log.error("a stopped node is ended", node=node.name)
-            signal.pidfd_send_signal(process, signal.SIGKILL)
+        with contextlib.suppress(OSError):  # it has just ended
+            if forsaken and _is_stopped(node.pid):
+                log.error("a stopped node is ended", node=node.name)
+                signal.pidfd_send_signal(process, signal.SIGKILL)
         return bool(poll.poll(0))
 
     weakref.finalize(has_ended, os.close, process)
@@ -152,9 +153,8 @@ def watch(node: NodeInfo) -> Callable[[bool], bool]:
 
 
 def _is_stopped(pid: int) -> bool:
-    with contextlib.suppress(OSError):  # it has just ended
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
-    return False
+    """Raises OSError if it has ended."""
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
 
 
 class DirectoryActor(Directory):

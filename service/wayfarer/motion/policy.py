@@ -153,7 +153,7 @@ INPUTS = 2 * MARKERS * 3 + 4 * len(HORIZONS) + MANNER
 class TrajectoryPolicy(nn.Module):
     """Latents that lead along a trajectory, for seeds of two frames.
 
-    An agent's *manner* tells people apart: without it everybody would move like the mean of all.
+    An agent's *manner* is to tell people apart (`lab/wayfarer_lab/training/manners.py`).
     """
 
     def __init__(self, hidden: int = HIDDEN) -> None:

@@ -1,5 +1,5 @@
-"""The journal's entries of scenes as bytes: their content, and their obstacles, which change. What
-goes to another server, besides: the content with its baked ground, which takes long to make.
+"""Scenes as bytes: in the journal their content, and their obstacles, which change. To another
+server goes the content with its baked ground, which takes long to make.
 """
 
 import pickle
@@ -141,7 +141,7 @@ def obstacles_part(kept: SceneEntry) -> ObstaclesPart:
 def content_bytes(kept: SceneEntry) -> bytes:
     """The part of a scene that never changes, baked, for another server.
 
-    It is pickled, which is safe between nodes: what they call each other with is pickled, too.
+    It is pickled, which is safe between nodes: Ray pickles all arguments of their calls.
     """
     text, baked = SCENE.dump_json(scene_part(kept)), pickle.dumps(kept.baked)
     return pickle.dumps((text, __version__, baked))

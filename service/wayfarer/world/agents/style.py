@@ -5,7 +5,7 @@ Everything follows from the noise seed, so the same seed gives the same motion.
     reaction   a standing agent sets off at its own one of several moments, 0.2 s apart; this
                needs no memory of when the command came, and repeated commands do not delay it
     own noise  a part of the noise of each of its steps
-    manner     an input of its policy, which learned it from different people
+    manner     an input of its policy, which may heed it or not
 """
 
 from functools import lru_cache
