@@ -11,7 +11,6 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
-from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.rows import Double, Flags, Int, Rows
 
@@ -27,8 +26,6 @@ class AgentRecord:
     seq: int  # of the next chunk
     motion: Motion  # one row: the state after the last sent frame
     footing: Footing  # one row
-    memory: Memory  # one row
-    aims: Aims  # one row
     goal_revision: int
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
