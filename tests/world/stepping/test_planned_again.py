@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from tests.world.scenes.grounds import enter, field, world_in
+from tests.world.scenes.grounds import DOOR, enter, field, world_in
 from tests.world.scenes.test_world_scenes import goal
-from wayfarer.navigation.scene_spec import Box
-
-DOOR = (Box((2.7, 6.0), (5.4, 0.2), 3.0), Box((9.3, 6.0), (5.4, 0.2), 3.0))  # 1.2 m
 
 
 def at_a_door():
