@@ -7,7 +7,7 @@ import pytest
 
 from tests.runtime.kept_worlds import STICK, assert_same_poses, fake_worlds
 from tests.runtime.servers import Servers
-from tests.world.scenes.grounds import BOX, FIELD
+from tests.world.scenes.grounds import BOX, DOOR, FIELD, field
 from wayfarer.config.limits import Limits
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import (
@@ -73,7 +73,20 @@ def walking(now):
     return world, sent
 
 
-def move(world, now, arrives=None):
+def at_a_door(now):
+    """A world with eight people who have met at a door, and its makers."""
+    worlds = fake_worlds(lead=1, phases=2)
+    scene = worlds.scenes.add(field(*DOOR)).scene_id
+    world = worlds.live()
+    world.create_session(SessionSpec("s", scene=scene), 0.0)
+    places = [(4.5 + k, y) for y in (4.2, 7.8) for k in range(4)]
+    specs = [AgentSpec(noise_seed=k, position=place) for k, place in enumerate(places)]
+    for person, (x, y) in zip(world.create_agents("s", specs, 0.0), places, strict=True):
+        world.give(person.agent_id, goals((x, 12 - y))[0], 0.0)
+    return worlds, world, list(world.advance(now))
+
+
+def move(world, now, arrives=None, worlds=None):
     """The world in which the session continues, and the chunks sent at once."""
     session = world.registry.session("s")
     assert world.members.freeze(session, True)
@@ -82,7 +95,7 @@ def move(world, now, arrives=None):
     assert not world.skip(now + 60).any(), "nothing of it is late meanwhile"
     taken = capture_planned(world, "s")._replace(log=NOTHING)
     session = decode_record(encode_record(taken, STICK), STICK, Limits())
-    there = fake_worlds(lead=1, phases=2).live()
+    there = (worlds or fake_worlds(lead=1, phases=2)).live()
     made = there.members.put_session(session.record, arrives or now, live=session.rows)
     there.members.freeze(made, False)
     return there, rest
@@ -90,11 +103,21 @@ def move(world, now, arrives=None):
 
 def test_who_is_moved_walks_on_bit_for_bit_and_on_time():
     at = 2.113
-    stayed, before = walking(at)
-    leaves, moved = walking(at)
+    assert_moved_alike(at, *walking(at), *walking(at), None)
+
+
+def test_people_who_are_moved_before_a_door_go_on_bit_for_bit():
+    at = 3.113
+    (_, stayed, before), (worlds, leaves, moved) = at_a_door(at), at_a_door(at)
+    assert stayed.slots.planned.memory.waited.max() > 0.3
+    assert_moved_alike(at, stayed, before, leaves, moved, worlds)
+
+
+def assert_moved_alike(at, stayed, before, leaves, moved, worlds):
+    """A session that is moved three times, by `worlds`, shows what it shows where it stays."""
     names = [{c.agent_id: i for i, c in enumerate(w.list_agents("s"))} for w in (stayed, leaves)]
     for _ in range(3):  # there, and on, and on
-        leaves, rest = move(leaves, at)
+        leaves, rest = move(leaves, at, worlds=worlds)
         moved += rest
         for _ in range(9):
             at += 0.11

@@ -19,6 +19,7 @@ from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.observer import Observers, Start
 from wayfarer.world.record_checks import check_agent_record, check_session_record
 from wayfarer.world.rows import Double, Index
+from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.load import Load
 
@@ -32,6 +33,7 @@ class Membership:
     population: Population
     goals: GoalCommands
     scenery: WorldScenes
+    routes: Routes
     load: Load
     limits: Limits
     observers: Observers
@@ -142,11 +144,14 @@ class Membership:
     def live_rows(self, session: Session, show: Callable[[Index], Double]) -> LiveRows:
         """Rows of a frozen session whose chunks are all sent; `show(rows)` returns due times."""
         slots, rows = self.slots, _rows(session)
+        route, way = self.routes.take(rows)
         return LiveRows(
             shown_at=show(rows),
             replanned=slots.replanned[rows],
             held=slots.held[rows],
             near_since=slots.near_since[rows],
+            route=route,
+            way=way,
             begun_seq=np.array([a.begun_seq for a in session.agents.values()], np.int64),
         )
 
@@ -155,6 +160,7 @@ class Membership:
         slots.replanned[rows] = live.replanned
         slots.held[rows] = live.held
         slots.near_since[rows] = live.near_since
+        self.routes.put(rows, live.route, live.way)
         for agent, begun in zip(agents, live.begun_seq.tolist(), strict=True):
             agent.begun_seq = begun
         self.population.keep_schedule(rows.tolist(), live.shown_at, now)

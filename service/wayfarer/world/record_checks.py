@@ -54,8 +54,6 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
     _check_path(record, limits, where)
     _check_rows(record.motion, f"{where}.motion")
     _check_rows(record.footing, f"{where}.footing")
-    _check_rows(record.memory, f"{where}.memory")
-    _check_rows(record.aims, f"{where}.aims")
     _check_behaviour(record, limits, f"{where}.behaviour")
     gait, seed = record.motion.gait, record.motion.seed
     if not (0 <= gait.mode[0] < len(Mode)):

@@ -147,6 +147,7 @@ class World:
             population=self._population,
             goals=self._goals,
             scenery=self._scene_context.scenery,
+            routes=self._scene_context.routes,
             load=self.load,
             limits=settings.limits,
             observers=self._observers,

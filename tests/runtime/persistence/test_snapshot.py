@@ -308,8 +308,6 @@ def test_the_header_names_every_part_of_a_record():
         "seq",
         "motion",
         "footing",
-        "memory",
-        "aims",
     }
     assert {f.name for f in fields(SessionRecord)} == {f.name for f in fields(SessionPart)} | {
         "agents"

@@ -10,7 +10,6 @@ from wayfarer.world.agents.agent import AgentSpec, AgentState, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode, Motion
-from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.output.ground import Footing
 
@@ -90,8 +89,6 @@ def record(mode, arrived=True, stop=True):
         seq=7,
         motion=motion,
         footing=Footing.empty(1),
-        memory=Memory.empty(1),
-        aims=Aims.empty(1),
         goal_revision=1,
         path=(goal,),
         passed=0,

@@ -162,10 +162,10 @@ def test_who_comes_into_a_slot_has_a_clean_record(world, reports):
 
 def test_what_rules_remember_is_forgotten(faults):
     slots = faults._slots
-    slots.memory.waited[1] = np.nan
+    slots.planned.memory.waited[1] = np.nan
     slots.route.passage[1] = 1
     faults.agents([1], Stage.ENGINE, BrokenError())
-    assert slots.memory.waited[1] == 0 and slots.route.passage[1] == 0
+    assert slots.planned.memory.waited[1] == 0 and slots.route.passage[1] == 0
 
 
 def test_numbers_that_are_none_are_refused():

@@ -19,6 +19,9 @@ BOX = Box((6.0, 6.0), (4.0, 1.0), 2.0)
 WALL = Box((6.0, 6.0), (12.2, 0.4), 2.0)
 """Divides the field."""
 
+DOOR = (Box((2.7, 6.0), (5.4, 0.2), 3.0), Box((9.3, 6.0), (5.4, 0.2), 3.0))
+"""A wall with a door of 1.2 m, which divides the field."""
+
 ISLANDS = (FIELD, Floor(rectangle(20.0, 0.0, 32.0, 12.0)))
 
 

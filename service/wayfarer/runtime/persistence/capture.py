@@ -14,7 +14,7 @@ from wayfarer.runtime.persistence.journal_entries import (
 )
 from wayfarer.runtime.persistence.journal_file import EntryKind
 from wayfarer.runtime.persistence.session_record import CapturedSession
-from wayfarer.runtime.persistence.snapshot import AgentPart, AgentRows, RetiredColumns, SessionPart
+from wayfarer.runtime.persistence.snapshot import AgentPart, AgentRows, SessionPart
 from wayfarer.world.agents.agent import AgentChange
 from wayfarer.world.agents.behaviour import Agent
 from wayfarer.world.agents.registry import Session
@@ -45,14 +45,7 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
     models = [world.models.numbered(number).stamp for number in slots.model[rows].tolist()]
     return CapturedAgents(
         [_member(*known) for known in zip(agents, revisions, models, strict=True)],
-        AgentRows(
-            seq=seq,
-            motion=motion,
-            retired=RetiredColumns.empty(len(rows)),
-            footing=slots.footing.take(rows),
-            memory=slots.memory.take(rows),
-            aims=slots.aims.take(rows),
-        ),
+        AgentRows.of(seq, motion, slots.footing.take(rows)),
     )
 
 
@@ -61,7 +54,8 @@ def capture_planned(world: World, session_id: str) -> CapturedSession:
     taken, agents = capture_session(world, session_id), world.registry.session(session_id).agents
     rows = np.array([agent.slot for agent in agents.values()])
     motion = world.slots.planned.take(rows.astype(np.int64))
-    crowd = replace(taken.agents, rows=replace(taken.agents.rows, motion=motion))
+    sent = taken.agents.rows
+    crowd = replace(taken.agents, rows=AgentRows.of(sent.seq, motion, sent.footing))
     return taken._replace(
         agents=crowd, crowd=world.crowds.copy(session_id), rows=world.live_rows(session_id)
     )

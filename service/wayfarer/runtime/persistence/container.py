@@ -19,7 +19,7 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 
 VERSION: Final = 1
 
-BETWEEN_SERVERS: Final = 8
+BETWEEN_SERVERS: Final = 9
 """To be raised when what only servers send each other changes: live sessions, replicas, and the
 calls that bring them (cluster/node_agent.py). Nodes of other numbers are of another kind.
 """

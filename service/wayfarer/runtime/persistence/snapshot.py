@@ -22,12 +22,12 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
-from wayfarer.world.agents.slots import Motion
+from wayfarer.world.agents.slots import Gait, Motion, Seeds
 from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.behaviours import AnyBehaviour
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.record_checks import check_session_record
-from wayfarer.world.rows import Flags, Float, Int, Rows, Shape
+from wayfarer.world.rows import Flags, Float, Index, Int, Rows, Shape
 
 M = TypeVar("M", bound=BaseModel)
 H = TypeVar("H", bound="SnapshotHeader")
@@ -81,11 +81,18 @@ class AgentRows(Rows):
     """Agents at rest: the arrays of `AgentRecord`."""
 
     seq: Int
-    motion: Motion
+    seed: Seeds
+    gait: Gait
     retired: RetiredColumns
     footing: Footing
     memory: Memory
     aims: Aims
+
+    @classmethod
+    def of(cls, seq: Index, motion: Motion, footing: Footing) -> "AgentRows":
+        """Joins its parts."""
+        retired = RetiredColumns.empty(len(seq))
+        return cls(seq, motion.seed, motion.gait, retired, footing, motion.memory, motion.aims)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,15 +184,7 @@ def agent_part(record: AgentRecord) -> AgentPart:
 
 def pack_agent(record: AgentRecord) -> bytes:
     """The arrays of an agent: one row."""
-    rows = AgentRows(
-        seq=np.array([record.seq]),
-        motion=record.motion,
-        retired=RetiredColumns.empty(1),
-        footing=record.footing,
-        memory=record.memory,
-        aims=record.aims,
-    )
-    return pack(rows).tobytes()
+    return pack(AgentRows.of(np.array([record.seq]), record.motion, record.footing)).tobytes()
 
 
 def join_session(
@@ -207,9 +206,7 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
     return AgentRecord(
         **{field.name: getattr(part, field.name) for field in fields(AgentPart)},
         seq=int(row.seq[0]),
-        motion=row.motion,
-        memory=row.memory,
-        aims=row.aims,
+        motion=Motion(row.seed, row.gait, row.memory, row.aims),
         footing=row.footing,
     )
 

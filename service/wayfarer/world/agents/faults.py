@@ -386,7 +386,7 @@ class Faults:
         """Forgets the rules' state of the agent, since it may be the cause of the failure."""
         slots = self._slots
         if stage in HOLDING:
-            slots.memory.put(np.array([slot]), Memory.empty(1))
+            slots.planned.memory.put(np.array([slot]), Memory.empty(1))
             slots.route.passage[slot] = Passage.UNKNOWN
 
 

@@ -22,7 +22,6 @@ from wayfarer.world.agents.registry import Registry, Session
 from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.spawn import Spawner
 from wayfarer.world.agents.timeline import Timeline
-from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.ground import Footing, standing
 from wayfarer.world.output.legs import Legs, measure_legs
 from wayfarer.world.rows import Double
@@ -151,8 +150,6 @@ class Population:
         slots = self._table.rows
         rows = np.array(entered)
         slots.footing.put(rows, Footing.join([record.footing for record in records]))
-        slots.memory.put(rows, Memory.join([record.memory for record in records]))
-        slots.aims.put(rows, Aims.join([record.aims for record in records]))
         slots.goal_revision[entered] = [record.goal_revision for record in records]
         slots.revised_chunk[entered] = [record.seq - 1 for record in records]
 

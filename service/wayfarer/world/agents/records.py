@@ -6,14 +6,15 @@ put them into one.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.route import WAY, Route
 from wayfarer.world.agents.slots import Motion
-from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.ground import Footing
-from wayfarer.world.rows import Double, Flags, Int, Rows
+from wayfarer.world.rows import Double, Flags, Int, Rows, Shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,6 @@ class AgentRecord:
     seq: int  # of the next chunk
     motion: Motion  # one row: the state after the last sent frame
     footing: Footing  # one row
-    memory: Memory  # one row
-    aims: Aims  # one row
     goal_revision: int
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
@@ -47,6 +46,8 @@ class LiveRows(Rows):
     replanned: Flags  # as in slots.py, as for all below
     held: Flags
     near_since: Int
+    route: Route
+    way: Annotated[Double, Shape(WAY, 3)]  # the points of that route
     begun_seq: Int  # of the first chunk of its behaviour, or of the part of a routine
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 from wayfarer.world.rows import Flags, Float, Int, Int8, Rows
 
@@ -12,6 +13,10 @@ class Passage(IntEnum):
     UNKNOWN = 0  # not searched yet
     OPEN = 1
     CLOSED = 2  # no way leads to the goal at present
+
+
+WAY: Final = 32
+"""Maximum points of a way that moves to another server; a longer one is searched again there."""
 
 
 @dataclass(slots=True, eq=False)

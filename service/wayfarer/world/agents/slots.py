@@ -73,6 +73,8 @@ class Motion(Rows):
 
     seed: Seeds
     gait: Gait
+    memory: Memory  # of avoiding others
+    aims: Aims  # among others
 
 
 @dataclass(slots=True)
@@ -107,8 +109,6 @@ class Slots(Rows):
     scene: Int  # number of the scene that it is in; 0: none
     avoids: Flags  # whether it avoids the others of its session
     route: Route
-    memory: Memory  # of avoiding others
-    aims: Aims
     footing: Footing  # after the frames already sent
     sight: Int8  # Sight
 

@@ -16,7 +16,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.heading import facing_at
-from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
+from wayfarer.world.agents.slots import Mode, Motion
 from wayfarer.world.output.quaternion import multiply
 
 
@@ -61,7 +61,8 @@ class Spawner:
         hips = np.array([*spec.position, -body.sole_height(betas, rotations, places, markers)])
         quaternions = np.concatenate([multiply(turn, pose[0])[None], pose[1:]])
 
-        seed, gait = Seeds.empty(1), Gait.empty(1)
+        stand = Motion.empty(1)
+        seed, gait = stand.seed, stand.gait
         seed.markers[:] = markers + hips
         seed.translation[:] = hips
         seed.rotations[:] = quaternions
@@ -69,4 +70,4 @@ class Spawner:
         gait.stop_place[:] = spec.position
         gait.stop_facing[:] = facing_at(spec.heading)
         gait.rested[:] = True
-        return Motion(seed, gait)
+        return stand

@@ -12,6 +12,7 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
+from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import bounded
 from wayfarer.world.rows import Array, Flags, Float, Index, columns
@@ -50,11 +51,12 @@ class CollisionAvoidance:
         rows: Index,
         hips: Float,
         led: Index,
+        memory: Memory,
         goals: GoalColumns,
         ahead: GoalColumns,
         half: Float,
     ) -> None:
-        """Makes rows `led` of `ahead` walk around others, or wait for them.
+        """Makes rows `led` of `ahead` walk around others, or wait for them, and remember it.
 
         `rows` are their slots, `hips` [A, 2] their places, `half` [A] half the width of their ways.
         They will stop at their `goals`.
@@ -86,7 +88,7 @@ class CollisionAvoidance:
             half[which],
             crowd.own,
         )
-        self._slots.memory.put(some, course.memory)
+        memory.put(led[which], course.memory)
         turn_aside(arrays, led[which], hips[which], preferred, course.velocity, course.waits)
 
     def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:

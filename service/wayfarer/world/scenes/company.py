@@ -8,15 +8,15 @@ from wayfarer.errors import Text
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
-from wayfarer.world.agents.slots import Mode, Slots
+from wayfarer.world.agents.slots import Mode, Motion, Slots
 from wayfarer.world.agents.velocity import SLOW
+from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
 from wayfarer.world.scenes.detours import AHEAD, STOPS, Detours
 from wayfarer.world.scenes.lanes import SIDEWAYS, lanes
 from wayfarer.world.scenes.passages import turns
-from wayfarer.world.scenes.people import SessionPeople
 from wayfarer.world.scenes.planner import Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.spots import FARTHEST, take_spots
@@ -71,7 +71,7 @@ class Company:
         self._tell = tell
         self._detours = Detours(slots, routes, scenery)
 
-    def place(self, rows: Index, hips: Float, arrived: Flags, goals: GoalColumns) -> None:
+    def place(self, rows: Index, hips: Float, start: Motion, goals: GoalColumns) -> None:
         """Puts the goals of rows [A] at `hips` [A, 2] at their spots.
 
         An agent that can reach no spot near enough waits there: its goal is not `given`.
@@ -79,13 +79,19 @@ class Company:
         slots = self._slots
         if slots.avoids[rows].any():
             waits = take_spots(
-                self._avoidance.crowd, slots, rows, hips, arrived, goals, self._scenery.walls
+                self._avoidance.crowd, slots, rows, hips, start, goals, self._scenery.walls
             )
             for row in np.flatnonzero(waits).tolist():
-                self._wait(int(rows[row]), self._avoidance.crowd.session(int(rows[row])))
+                self._wait(int(rows[row]), start.aims.part(row, row + 1))
 
     def bar(
-        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
+        self,
+        rows: Index,
+        hips: Float,
+        led: Index,
+        start: Motion,
+        goals: GoalColumns,
+        ahead: GoalColumns,
     ) -> None:
         """Leads rows `led` around people who stand in their ways, or stops them in front.
 
@@ -94,21 +100,23 @@ class Company:
         which = np.flatnonzero(self._slots.avoids[rows])
         if not len(which):
             return
-        some, crowd = rows[which], self._avoidance.crowd
-        barred = self._detours.update(some, hips[which], goals.position[led[which]], crowd)
-        if not (barred.is_barred.any() or (self._slots.memory.waited[some] > PATIENCE).any()):
+        some, mine, crowd = rows[which], led[which], self._avoidance.crowd
+        places, aims, waited = goals.position[mine], start.aims, start.memory.waited[mine]
+        barred = self._detours.update(some, hips[which], places, crowd, aims.barred[mine])
+        aims.barred[mine] = seconds = barred.seconds.astype(np.float32)
+        if not (barred.is_barred.any() or (waited > PATIENCE).any()):
             return
-        rests = self._slots.planned.gait.speed[some] < SLOW
+        rests = start.gait.speed[mine] < SLOW
         waits = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
-        self._settle(some, hips[which], waits, goals.through[led[which]])
-        ahead.given[led[which[waits]]] = False
-        seconds = self._slots.aims.barred[some]
+        off = np.linalg.norm(aims.asked[mine] - hips[which], axis=-1)
+        stays = ~goals.through[mine] & (off < FARTHEST) & (waits | (waited > PATIENCE))
+        aims.spot[mine[stays]] = hips[which[stays]]  # it makes no progress, and stops where it is
+        ahead.given[mine[waits]] = False
         reported = barred.is_barred & (seconds >= REPORT_S) & (seconds < REPORT_S + 0.19)
         for row in np.flatnonzero(reported).tolist():
             first = crowd.own[0][crowd.places[some[row]]]
             others = crowd.slots[first + np.flatnonzero(barred.by[row])]
             self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
-        waited = self._slots.memory.waited[some]
         stuck = ~barred.is_barred & (waited >= STUCK) & (waited < STUCK + STEP_SECONDS)
         for row in np.flatnonzero(stuck).tolist():
             everybody = crowd.session(int(some[row]))
@@ -117,10 +125,16 @@ class Company:
             self._blocked(int(some[row]), others, "are in the way")
 
     def take_turns(
-        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
+        self,
+        rows: Index,
+        hips: Float,
+        led: Index,
+        memory: Memory,
+        goals: GoalColumns,
+        ahead: GoalColumns,
     ) -> None:
         """Makes rows `led` wait before narrow places that others come out of; see `bar`."""
-        slots, crowd = self._slots, self._avoidance.crowd
+        crowd = self._avoidance.crowd
         which = self._in_scenes(rows, ahead.given[led])
         which = which[crowd.in_company(rows[which])]
         if not len(which):
@@ -131,7 +145,7 @@ class Company:
         turn = turns(crowd.people, crowd.places[some], points, clear, crowd.own)
         way = turn.place - hips[which]
         ahead.given[led[which[turn.there]]] = False
-        slots.memory.waited[some[turn.there]] += STEP_SECONDS
+        memory.waited[led[which[turn.there]]] += STEP_SECONDS
         aside = np.flatnonzero(turn.waits & ~turn.there)
         ahead.position[led[which[aside]], :2] = turn.place[aside]
         pass_through(ahead, led[which[aside]], way[aside])
@@ -199,21 +213,17 @@ class Company:
         slots = self._slots
         return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
 
-    def _settle(self, rows: Index, hips: Float, barred: Flags, through: Flags) -> None:
-        """Stops rows [A] that are near their goals and make no progress where they are."""
-        aims, waited = self._slots.aims, self._slots.memory.waited[rows]
-        off = np.linalg.norm(aims.asked[rows] - hips, axis=-1)
-        stays = ~through & (off < FARTHEST) & (barred | (waited > PATIENCE))
-        aims.spot[rows[stays]] = hips[stays]
+    def _wait(self, slot: int, aims: Aims) -> None:
+        """Counts how long an agent waits at a spot too far from its goal, and reports the start.
 
-    def _wait(self, slot: int, everybody: SessionPeople) -> None:
-        """Counts how long an agent waits at a spot too far from its goal, and reports the start."""
-        aims = self._slots.aims
-        if aims.barred[slot] <= 0:
-            gaps = np.linalg.norm(everybody.people.position - aims.asked[slot], axis=-1)
+        `aims` are its own: one row.
+        """
+        if aims.barred[0] <= 0:
+            everybody = self._avoidance.crowd.session(slot)
+            gaps = np.linalg.norm(everybody.people.position - aims.asked[0], axis=-1)
             others = everybody.slots[(gaps < FARTHEST) & everybody.stand]
             self._blocked(slot, others, "stand at the goal and leave no room")
-        aims.barred[slot] += STEP_SECONDS
+        aims.barred[0] += STEP_SECONDS
 
     def _blocked(self, slot: int, others: Index, why: str) -> None:
         slots = self._slots

@@ -52,7 +52,7 @@ class SceneContext:
         self._slots = slots
         self._timeline = timeline
         self._events: list[Event] = []
-        routes = Routes(slots)
+        self.routes = routes = Routes(slots)
         planner = Planner(
             slots,
             routes,

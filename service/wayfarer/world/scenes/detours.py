@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Array, Flags, Index
+from wayfarer.world.rows import Array, Flags, Float, Index
 from wayfarer.world.scenes.around import stand_before, way_around
 from wayfarer.world.scenes.people import Gathering, SessionPeople
 from wayfarer.world.scenes.planner import RETRY
@@ -55,6 +55,7 @@ class Barred(NamedTuple):
     is_barred: Flags
     near: Array  # metres to the nearest of them; inf: none
     by: NDArray[np.bool_]  # [A, S] which people of their session: rows from its first on
+    seconds: Array  # for which they have closed the way
 
 
 class Detours:
@@ -65,23 +66,24 @@ class Detours:
         self._routes = routes
         self._scenery = scenery
 
-    def update(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
-        """Makes rows that want to go to `goals` [A, 3] walk around standing people.
+    def update(
+        self, rows: Index, hips: Array, goals: Array, crowd: Gathering, seconds: Float
+    ) -> Barred:
+        """Makes rows that want to go to `goals` [A, 3] walk around standing people, which have
+        closed their ways for `seconds` [A].
 
         A way around becomes the route. One is looked for per call and session, for the agent that
         has waited longest.
         """
-        slots, route, aims = self._slots, self._slots.route, self._slots.aims
-        barred = self._barred(rows, hips, goals, crowd)
-        seconds = np.where(barred.is_barred, aims.barred[rows] + STEP_SECONDS, 0)
-        aims.barred[rows] = seconds
+        slots, route = self._slots, self._slots.route
+        barred = self._barred(rows, hips, goals, crowd, seconds)
         flat = slots.scene[rows] == NOWHERE
         route.wait[rows[flat]] = np.maximum(route.wait[rows[flat]] - 1, 0)
         due = np.flatnonzero(barred.is_barred & (route.wait[rows] == 0))
         sessions = slots.session[rows[due]]
         for number in np.unique(sessions).tolist():
             some = due[sessions == number]
-            row = int(some[seconds[some].argmax()])
+            row = int(some[barred.seconds[some].argmax()])
             slot = int(rows[row])
             route.wait[slot] = RETRY
             if self._look(slot, hips[row], goals[row], crowd.session(slot)):
@@ -90,7 +92,9 @@ class Detours:
 
     # Private
 
-    def _barred(self, rows: Index, hips: Array, goals: Array, crowd: Gathering) -> Barred:
+    def _barred(
+        self, rows: Index, hips: Array, goals: Array, crowd: Gathering, seconds: Float
+    ) -> Barred:
         me, (first, last) = crowd.places[rows], crowd.own
         near = np.full(len(rows), np.inf)
         by = np.zeros((len(rows), int((last - first).max())), np.bool_)
@@ -98,7 +102,8 @@ class Detours:
             points, people = self._routes.ahead(rows, hips, goals, AHEAD), crowd.people
             own, standing = (first[me], last[me]), (people.position, people.height, crowd.stand)
             stand_before(me, np.float64(hips), points, own, standing, IN_WAY, near, by)
-        return Barred(np.isfinite(near), near, by)
+        is_barred = np.isfinite(near)
+        return Barred(is_barred, near, by, np.where(is_barred, seconds + STEP_SECONDS, 0))
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
         """Looks for a way around, and lays it; returns whether there is one."""

@@ -9,7 +9,7 @@ from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.route import Passage
-from wayfarer.world.agents.slots import Gait, Seeds, Slots
+from wayfarer.world.agents.slots import Motion, Seeds, Slots
 from wayfarer.world.agents.velocity import moving
 from wayfarer.world.rows import Array, Flags, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
@@ -95,22 +95,24 @@ class SceneGuide:
         self.company = Company(slots, routes, scenery, self.avoidance, tell)
         self.making_way = MakingWay(slots, scenery, self.avoidance)
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
+    def course(self, rows: Index, start: Motion, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
         self.avoidance.look(rows)
-        hips = np.ascontiguousarray(seed.translation[:, -1, :2])
-        self.company.place(rows, hips, gait.arrived, goals)
+        hips = np.ascontiguousarray(start.seed.translation[:, -1, :2])
+        self.company.place(rows, hips, start, goals)
         in_scene = self._slots.scene[rows] != NOWHERE
         if not in_scene.any():
-            return self._on_floor(rows, hips, gait, goals)
+            return self._on_floor(rows, hips, start, goals)
         if in_scene.all():
-            return self._led(rows, hips, gait, goals)
+            return self._led(rows, hips, start, goals)
         ahead = goals.take(np.arange(len(rows)))
         radius = goals.radius.copy()
         for which, lead in ((in_scene, self._led), (~in_scene, self._on_floor)):
             mine = np.flatnonzero(which)
             if len(mine):
-                led = lead(rows[mine], hips[mine], gait.take(mine), goals.take(mine))
+                part = start.take(mine)
+                led = lead(rows[mine], hips[mine], part, goals.take(mine))
+                start.put(mine, part)
                 ahead.put(mine, led.ahead)
                 radius[mine] = led.judged.radius
         return NextTarget(ahead, replace(goals, radius=radius))
@@ -139,34 +141,38 @@ class SceneGuide:
 
     # Within
 
-    def _on_floor(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
+    def _on_floor(self, rows: Index, hips: Array, start: Motion, goals: GoalColumns) -> NextTarget:
         """The targets of rows on the flat floor without a scene; see `course`."""
         ahead = goals.take(np.arange(len(rows)))
-        wanted = goals.given & ~gait.arrived
-        self._slots.aims.wants[rows] = wanted
+        start.aims.wants = wanted = goals.given & ~start.gait.arrived
         led = np.flatnonzero(wanted & self._slots.avoids[rows])
         if len(led):
             some, places = rows[led], hips[led]
             self.company.lead_on_floor(some, places, led, goals, ahead)
-            self._go_among_others(some, places, led, goals, ahead)
-        self.making_way.update(rows, hips, gait, ~wanted, ahead)
+            self._go_among_others(some, places, led, start, goals, ahead)
+        self.making_way.update(rows, hips, start, ~wanted, ahead)
         return NextTarget(ahead, goals)
 
     def _go_among_others(
-        self, rows: Index, hips: Array, led: Index, goals: GoalColumns, ahead: GoalColumns
+        self,
+        rows: Index,
+        hips: Array,
+        led: Index,
+        start: Motion,
+        goals: GoalColumns,
+        ahead: GoalColumns,
     ) -> None:
-        self.company.bar(rows, hips, led, goals, ahead)
-        self.company.take_turns(rows, hips, led, goals, ahead)
+        self.company.bar(rows, hips, led, start, goals, ahead)
+        self.company.take_turns(rows, hips, led, start.memory, goals, ahead)
         half = self.company.keep_lanes(rows, hips, led, goals, ahead)
-        self.avoidance.bend(rows, hips, led, goals, ahead, half)
+        self.avoidance.bend(rows, hips, led, start.memory, goals, ahead, half)
 
-    def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
+    def _led(self, rows: Index, hips: Array, start: Motion, goals: GoalColumns) -> NextTarget:
         """The targets of rows that are all in scenes; see `course`."""
-        route = self._slots.route
+        route, gait = self._slots.route, start.gait
         away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
         back = ~goals.through & (away > goals.radius + STRAYED)
-        wanted = goals.given & (~gait.arrived | back)
-        self._slots.aims.wants[rows] = wanted
+        start.aims.wants = wanted = goals.given & (~gait.arrived | back)
         self._planner.update(rows, hips, gait, goals, wanted)
         known = (route.revision[rows] == self._slots.goal_revision[rows]) & (
             route.waypoint[rows] == gait.waypoint
@@ -179,8 +185,8 @@ class SceneGuide:
         led = np.flatnonzero(wanted & open_)
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
-            self._go_among_others(rows[led], hips[led], led, goals, ahead)
-        self.making_way.update(rows, hips, gait, ~wanted, ahead)
+            self._go_among_others(rows[led], hips[led], led, start, goals, ahead)
+        self.making_way.update(rows, hips, start, ~wanted, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Feeding, Gait, Mode, Slots
+from wayfarer.world.agents.slots import Feeding, Mode, Motion, Slots
+from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.rows import Array, Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import PATIENCE
@@ -53,28 +54,31 @@ class MakingWay:
         self._avoidance = avoidance
 
     def update(
-        self, rows: Index, hips: Float, gait: Gait, stays: Flags, ahead: GoalColumns
+        self, rows: Index, hips: Float, start: Motion, stays: Flags, ahead: GoalColumns
     ) -> None:
         """Writes to `ahead` where rows [A] at `hips` [A, 2] step that `stays`: aside, or back."""
-        spots, memory = self._slots.aims.spot, self._slots.memory
-        memory.yields[rows[stays & (gait.mode == Mode.WALKING)]] = 0.0  # it made way as it walked
-        which = np.flatnonzero(stays & self._may_step(rows, hips, ahead))
+        gait, memory, spots = start.gait, start.memory, start.aims.spot
+        memory.yields[stays & (gait.mode == Mode.WALKING)] = 0.0  # it made way as it walked
+        which = np.flatnonzero(stays & self._may_step(rows, hips, start, ahead))
         for mine, them in self._avoidance.sessions(rows, which):
             stops = them.people.position + COASTS * them.people.velocity
             for row, me in zip(mine.tolist(), them.rows(rows[mine]).tolist(), strict=True):
-                slot, here, others = int(rows[row]), hips[row], np.delete(stops, me, 0)
-                aside = bool(memory.yields[slot] > 0)
-                comes = comer(them, me, spots[slot] if aside else here, aside)
-                if not aside and not (comes and self._leaves(slot, here, *comes, others)):
-                    continue
-                place = self._next_place(slot, here, comes is not None)
-                if memory.yields[slot] > 0:
+                here, others = hips[row], np.delete(stops, me, 0)
+                aside = bool(memory.yields[row] > 0)
+                comes = comer(them, me, spots[row] if aside else here, aside)
+                if not aside:
+                    step = self._step(int(rows[row]), here, *comes, others) if comes else None
+                    if step is None:
+                        continue
+                    spots[row], memory.retreat[row] = here, step
+                place = next_place(memory, row, here, spots[row], comes is not None)
+                if memory.yields[row] > 0:
                     ahead.given[row] = not is_stopped(here, place, stops[me], others)
                     ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
                     ahead.radius[row], ahead.speed[row] = 0.1, 0.8
                     ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
 
-    def _may_step(self, rows: Index, hips: Float, ahead: GoalColumns) -> Flags:
+    def _may_step(self, rows: Index, hips: Float, start: Motion, ahead: GoalColumns) -> Flags:
         """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks.
 
         An agent that faces a heading, or is far from its goal, may not.
@@ -82,13 +86,13 @@ class MakingWay:
         slots, people = self._slots, self._avoidance.crowd.people
         askers = people.position[people.walks & (people.aims.barred > PATIENCE)]
         near = (np.linalg.norm(hips[:, None] - askers, axis=-1) < SIGHT + CLOSES).any(1)
-        at_goal = np.linalg.norm(hips - slots.aims.asked[rows], axis=-1) < FARTHEST
+        at_goal = np.linalg.norm(hips - start.aims.asked, axis=-1) < FARTHEST
         free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
         free &= slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
-        return free & (near | (slots.memory.yields[rows] > 0))
+        return free & (near | (start.memory.yields > 0))
 
-    def _leaves(self, slot: int, here: Float, way: Array, left: float, others: Array) -> bool:
-        """Whether a slot finds a free place to step to from `here` [2], `left` of a way [2].
+    def _step(self, slot: int, here: Float, way: Array, left: float, others: Array) -> Array | None:
+        """The direction of a slot's step from `here` [2], `left` of a way [2], to a free place.
 
         `others` [N, 2]: where everybody else would come to a stand.
         """
@@ -98,18 +102,15 @@ class MakingWay:
         places = here + ASIDE * steps
         free = (clear(places) >= room) & (np.abs(left + ASIDE * np.sin(sides)) >= CLOSES)
         free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
-        if free.any():
-            self._slots.aims.spot[slot] = here
-            self._slots.memory.retreat[slot] = steps[free.argmax()]
-        return bool(free.any())
+        return steps[free.argmax()] if free.any() else None
 
-    def _next_place(self, slot: int, here: Float, needed: bool) -> Float:
-        """Where a slot steps to [2]; counts the seconds since its place was last `needed`."""
-        memory, home = self._slots.memory, self._slots.aims.spot[slot]
-        seconds = RETURNS if needed else max(memory.yields[slot] - STEP_SECONDS, 0.01)
-        returns = seconds < STEP_SECONDS / 2
-        memory.yields[slot] = 0 if returns and np.linalg.norm(home - here) < HOME else seconds
-        return home if returns else home + ASIDE * memory.retreat[slot]
+
+def next_place(memory: Memory, row: int, here: Float, home: Float, needed: bool) -> Float:
+    """Where a person steps to [2]; counts the seconds since its `home` was last `needed`."""
+    seconds = RETURNS if needed else max(memory.yields[row] - STEP_SECONDS, 0.01)
+    returns = seconds < STEP_SECONDS / 2
+    memory.yields[row] = 0 if returns and np.linalg.norm(home - here) < HOME else seconds
+    return home if returns else home + ASIDE * memory.retreat[row]
 
 
 def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> tuple[Array, float] | None:

@@ -101,8 +101,8 @@ def crowd_of(slots: Slots, rows: Index) -> Gathering:
         velocity=velocity,
         walks=walks,
         radius=np.full(len(found), RADIUS, np.float32),
-        memory=slots.memory.take(found),
-        aims=slots.aims.take(found),
+        memory=slots.planned.memory.take(found),
+        aims=slots.planned.aims.take(found),
     )
     return Gathering(people, found, own, stand, places)
 
@@ -118,7 +118,7 @@ def _arrays(slots: Slots) -> SlotArrays:
         gait.speed,
         gait.mode,
         gait.arrived,
-        slots.aims.wants,
+        slots.planned.aims.wants,
         slots.goal_revision,
         slots.route.revision,
         slots.route.passage,

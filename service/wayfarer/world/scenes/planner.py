@@ -92,7 +92,7 @@ class Planner:
         moved = np.linalg.norm(self.routes.ends(rows)[:, :2] - goals[:, :2], axis=-1)
         left = route.length[rows] - route.progress[rows]
         gone: Flags = moved > np.maximum(GOAL_MOVES, GOAL_SHARE * left)
-        waits = self.slots.memory.waited[rows] > ASTRAY[1]
+        waits = self.slots.planned.memory.waited[rows] > ASTRAY[1]
         astray = (off > OFF) | (off > ASTRAY[0]) & waits
         return gone | astray & (route.wait[rows] == 0)
 

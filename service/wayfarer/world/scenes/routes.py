@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wayfarer.process.compiled import compiled, inner, warm
-from wayfarer.world.agents.route import Passage
+from wayfarer.world.agents.route import WAY, Passage, Route
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int, Int8
 
@@ -111,6 +111,19 @@ class Routes:
     def forget(self, rows: Index | Sequence[int]) -> None:
         """Removes the ways of these rows."""
         self._slots.route.passage[rows] = Passage.UNKNOWN
+
+    def take(self, rows: Index) -> tuple[Route, Double]:
+        """The routes of these rows, and their points [A, WAY, 3]."""
+        self._reserve(WAY)
+        return self._slots.route.take(rows), self._points[rows, :WAY]
+
+    def put(self, rows: Index, route: Route, points: Array) -> None:
+        """Leads these rows as taken; what does not fit is searched again."""
+        fits = (route.points > 1) & (route.points <= WAY)
+        for row in np.flatnonzero(fits).tolist():
+            self.lay(int(rows[row]), points[row, : route.points[row]], 0, 0)
+        route.passage[(route.passage == OPEN) & ~fits] = Passage.UNKNOWN
+        self._slots.route.put(rows, route)
 
     def _reserve(self, points: int = 0) -> None:
         slots, width = len(self._slots.active), self._along.shape[1]

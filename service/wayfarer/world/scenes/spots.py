@@ -13,7 +13,7 @@ import numpy as np
 
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Slots
+from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int, columns
@@ -93,10 +93,10 @@ class Everyone(NamedTuple):
 
 
 class Walkers(NamedTuple):
-    """Columns of all slots, and of the rows [A] that are about to be stepped."""
+    """Columns of all slots, and those of the rows [A] that are about to be stepped."""
 
     avoids: Flags
-    places: Index  # among everybody
+    places: Index  # among everybody; here the rows' begin
     asked: Float
     spot: Float
     barred: Float
@@ -113,7 +113,7 @@ def take_spots(
     slots: Slots,
     rows: Index,
     hips: Float,
-    arrived: Flags,
+    start: Motion,
     goals: GoalColumns,
     walls: Callable[[int], tuple[Clear, float]],
 ) -> Flags:
@@ -123,20 +123,21 @@ def take_spots(
     walls of a slot's scene, and the metres that the slot keeps from them.
     Returns whether each row waits at a spot that is too far from the goal to count as arrived.
     """
-    others, aims, count = _everyone(crowd), slots.aims, len(crowd.stand)
+    others, aims, count = _everyone(crowd), start.aims, len(crowd.stand)
     claims, waits = (
         Claims(np.empty((count, 2), np.float32), np.empty(count)),
         np.zeros(len(rows), bool),
     )
-    of_slots = slots.avoids, crowd.places, aims.asked, aims.spot, aims.barred
-    walkers = Walkers(*of_slots, hips, arrived, *columns(GoalArrays, goals)[:3], goals.through)
+    own = aims.asked, aims.spot, aims.barred, hips, start.gait.arrived
+    of_goals = *columns(GoalArrays, goals)[:3], goals.through
+    walkers = Walkers(slots.avoids, crowd.places, *own, *of_goals)
     row, known = next_taken(others, walkers, rows, 0, False, claims, waits)
     while row < len(rows):
         slot = int(rows[row])
-        place, goal, spot = others.position[crowd.places[slot]], aims.asked[slot], aims.spot[slot]
+        place, goal, spot = others.position[crowd.places[slot]], aims.asked[row], aims.spot[row]
         clear, room = walls(slot)
         some = claims.places[:known], claims.apart[:known]
-        aims.spot[slot] = _free_spot(place, goal, *some, clear, room, spot)
+        aims.spot[row] = _free_spot(place, goal, *some, clear, room, spot)
         row, known = next_taken(others, walkers, rows, row, True, claims, waits)
     return waits
 
@@ -187,35 +188,35 @@ def next_taken(
             continue
         if not (found and row == begin):
             if not goes:
-                those.barred[slot] = 0.0
+                those.barred[row] = 0.0
             if them.last[me] - them.first[me] < 2:
                 continue
             x, y = those.position[row, 0], those.position[row, 1]
-            if those.asked[slot, 0] != x or those.asked[slot, 1] != y:
-                those.asked[slot, 0], those.asked[slot, 1] = x, y
-                those.spot[slot, 0], those.spot[slot, 1] = x, y
+            if those.asked[row, 0] != x or those.asked[row, 1] != y:
+                those.asked[row, 0], those.asked[row, 1] = x, y
+                those.spot[row, 0], those.spot[row, 1] = x, y
             if goes and not those.through[row]:
-                count = _claimed(them, those, me, slot, claims)
+                count = _claimed(them, those, me, row, claims)
                 if count >= 0:
                     return row, count
-        x, y = those.spot[slot, 0], those.spot[slot, 1]
-        moved = those.asked[slot, 0] != x or those.asked[slot, 1] != y
+        x, y = those.spot[row, 0], those.spot[row, 1]
+        moved = those.asked[row, 0] != x or those.asked[row, 1] != y
         if moved and those.given[row] and not those.through[row]:
             those.position[row, 0], those.position[row, 1] = x, y
             those.radius[row] = min(those.radius[row], np.float32(RADIUS))
-            if apart(those.spot, slot, those.asked, slot) > FARTHEST:
-                waits[row] = apart(those.spot, slot, those.hips, row) < WAITS
+            if apart(those.spot, row, those.asked, row) > FARTHEST:
+                waits[row] = apart(those.spot, row, those.hips, row) < WAITS
                 those.given[row] = not waits[row]
                 those.radius[row] = -1.0
     return len(rows), 0
 
 
 @inner
-def _claimed(them: Everyone, those: Walkers, me: int, slot: int, claims: Claims) -> int:
+def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) -> int:
     """The number of claims around a person's goal, if its spot is taken; -1: it is not."""
     taken, free, count, spot, asked = False, True, 0, those.spot, those.asked
-    mine = apart(them.position, me, spot, slot)
-    near = apart(them.position, me, asked, slot) <= NEAR
+    mine = apart(them.position, me, spot, row)
+    near = apart(them.position, me, asked, row) <= NEAR
     for other in range(them.first[me], them.last[me] if near else them.first[me]):
         stands = them.stand[other]
         if other == me:  # who has arrived and still walks claims its spot, too
@@ -223,21 +224,21 @@ def _claimed(them: Everyone, those: Walkers, me: int, slot: int, claims: Claims)
         if abs(them.height[other] - them.height[me]) >= 1.0:
             continue
         claim = them.position if stands else them.spot
-        if apart(claim, other, asked, slot) >= AROUND:
+        if apart(claim, other, asked, row) >= AROUND:
             continue
-        share = apart(them.asked, other, asked, slot) < SHARED
+        share = apart(them.asked, other, asked, row) < SHARED
         claims.places[count, 0], claims.places[count, 1] = claim[other, 0], claim[other, 1]
         claims.apart[count] = APART if share else STRANGERS
         theirs = apart(claim, other, them.position, other)
         before = theirs < mine - KEEPS or (
             theirs <= mine + KEEPS and them.number[other] < them.number[me]
         )
-        free = free and apart(claim, other, asked, slot) >= claims.apart[count]
-        gap = apart(claim, other, spot, slot) - claims.apart[count]
+        free = free and apart(claim, other, asked, row) >= claims.apart[count]
+        gap = apart(claim, other, spot, row) - claims.apart[count]
         taken = taken or ((stands or before) and gap < -SLACK)
         count += 1
     if not near or (free and mine > RADIUS):  # an agent that stays there has settled
-        spot[slot, 0], spot[slot, 1] = asked[slot, 0], asked[slot, 1]
+        spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
         return -1
     return count if taken else -1
 

@@ -170,7 +170,7 @@ class _Search:
             rank=rank,
             cost=cost[kept],
             done=self._done(after, frames, goals),
-            motion=Motion(end, after),
+            motion=replace(nodes.motion.take(mother), seed=end, gait=after),
         )
         return level, following
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import pick
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Gait, Seeds
+from wayfarer.world.agents.slots import Motion
 from wayfarer.world.rows import Flags, Index
 
 
@@ -17,8 +17,7 @@ class Batch:
     rows: Index
     model: int  # number
     gender: str
-    seed: Seeds
-    gait: Gait  # of the next step
+    start: Motion  # from which they are stepped, with the gait of the next step
     goals: GoalColumns  # by which arrival is judged
     inputs: StepInputs
     candidates: int
@@ -30,8 +29,7 @@ class Batch:
         return replace(
             self,
             rows=self.rows[which],
-            seed=self.seed.take(which),
-            gait=self.gait.take(which),
+            start=self.start.take(which),
             goals=self.goals.take(which),
             inputs=pick(self.inputs, which),
             reduced=self.reduced[which],

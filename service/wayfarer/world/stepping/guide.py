@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol
 
 from wayfarer.engines.engine import Float
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Gait, Seeds
+from wayfarer.world.agents.slots import Motion, Seeds
 from wayfarer.world.rows import Index
 
 
@@ -23,8 +23,10 @@ class NextTarget(NamedTuple):
 class Guide(Protocol):
     """Called by the scheduler before every step, for the rows about to be stepped together."""
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
-        """The next targets of these rows. Changes `goals`: arrival is judged by the result."""
+    def course(self, rows: Index, start: Motion, goals: GoalColumns) -> NextTarget:
+        """The next targets of these rows. Changes `goals`: arrival is judged by the result; and
+        what is remembered of others in `start`.
+        """
         ...
 
     def obstacles(self, rows: Index, seed: Seeds) -> Float:

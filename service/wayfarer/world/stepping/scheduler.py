@@ -1,6 +1,7 @@
 """Decides which agents are stepped, and when; their new frames enter playback."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -10,10 +11,10 @@ from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepOutputs, no_obstacles
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
-from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.faults import ENGINE_CALLS, Faults, NotFiniteError, Stage, check_finite
-from wayfarer.world.agents.slots import Gait, Motion, Seeds, SlotTable
+from wayfarer.world.agents.slots import Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
@@ -194,23 +195,23 @@ class Scheduler:
         """A batch of the slots [A] that are tried with as many candidates as the first."""
         slots = self._table.rows
         self._faults.stage = Stage.STEERING
-        seed, gait, course = self._next(rows)
-        asked = self._steering.candidates(gait.mode)
+        start, course = self._next(rows)
+        asked = self._steering.candidates(start.gait.mode)
         tried = asked if level is None else np.minimum(asked, level.candidates)
         count = int(tried[0])
         if len(together := np.flatnonzero(tried == count)) < len(rows):
             rows, asked = rows[together], asked[together]
-            seed, gait = seed.take(together), gait.take(together)
+            start = start.take(together)
             course = NextTarget(course.ahead.take(together), course.judged.take(together))
         self._faults.stage = Stage.INPUTS
+        seed, gait = start.seed, start.gait
         # a single candidate is not scored
         obstacles = self._guide.obstacles(rows, seed) if count > 1 else no_obstacles(len(rows))
         return Batch(
             rows=rows,
             model=int(slots.model[rows[0]]),
             gender=GENDERS[slots.gender[rows[0]]],
-            seed=seed,
-            gait=gait,
+            start=start,
             goals=course.judged,
             inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
             candidates=count,
@@ -222,27 +223,28 @@ class Scheduler:
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
         """Puts the new frames into playback; the next step starts at their end."""
         slots, rows, rules = self._table.rows, batch.rows, self._rules
-        start = batch.seed.translation[:, -1]
+        seed, before = batch.start.seed, batch.start.gait
+        start = seed.translation[:, -1]
         outputs = mirror_outputs(outputs, batch.mirrored)
         is_broken = broken(start, outputs)
         translation, rotations = outputs.translation, outputs.rotations
         markers, contacts = outputs.next_seed_markers, outputs.contacts > 0.5
         if is_broken.any():
             translation[is_broken] = start[is_broken, None]
-            rotations[is_broken] = batch.seed.rotations[is_broken, -1:]
+            rotations[is_broken] = seed.rotations[is_broken, -1:]
         rules.tell(MODEL, rows, translation, rotations)
         frames = NewFrames(translation, rotations, contacts, markers)
-        legs, mode = slots.legs.take(rows), batch.gait.mode
+        legs, mode = slots.legs.take(rows), before.mode
         lock = slots.foot_lock[rows], self._shares
         for acting in rules.in_turn(*self._corrections):
-            mended, upright, hips = corrected(acting, mode, legs, lock, batch.seed, frames)
+            mended, upright, hips = corrected(acting, mode, legs, lock, seed, frames)
             self.mended_steps += int(np.count_nonzero(mended))
             for name in acting[-1:]:
                 rules.tell(name, rows, translation, rotations)
         last = slice(-SEED_FRAMES, None)
-        gait = observe(batch.gait, start, translation, batch.goals)
+        gait = observe(before, start, translation, batch.goals)
         flags = REPLANNED * slots.replanned[rows] + REDUCED * batch.reduced
-        flags += ARRIVED * (gait.arrived & ~batch.gait.arrived)
+        flags += ARRIVED * (gait.arrived & ~before.arrived)
         flags += FIRST * slots.coasted[rows]  # coasted agents had another pose
         chunks = Chunks(
             translation=translation,
@@ -251,7 +253,11 @@ class Scheduler:
             flags=flags,
             goal_revision=slots.goal_revision[rows],
             candidates=np.full(len(rows), batch.candidates, np.int16),
-            end=Motion(Seeds(markers, translation[:, last], rotations[:, last]), gait),
+            end=replace(
+                batch.start,
+                seed=Seeds(markers, translation[:, last], rotations[:, last]),
+                gait=gait,
+            ),
         )
         gets_up = is_broken
         if rules.acts("getting up"):
@@ -262,7 +268,7 @@ class Scheduler:
             unknown = np.where(is_broken[which], np.float32(np.nan), np.float32(0))
             posture = upright[which] + unknown, hips[which] + unknown
             self._fell(rows[which], mode[which], *posture)
-            chunks = self._mend(rows, chunks, batch.seed, which)
+            chunks = self._mend(rows, chunks, seed, which)
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(np.count_nonzero(batch.reduced))
         if self._faults.contained and is_broken.any():
@@ -343,22 +349,24 @@ class Scheduler:
         order = order[: self._full]
         return rows[order], int(is_due[order].sum())
 
-    def _next(self, rows: Index) -> tuple[Seeds, Gait, NextTarget]:
-        """The seeds of the next step of some slots, their gait during it, and its targets."""
-        planned, faults = self._table.rows.planned, self._faults
+    def _next(self, rows: Index) -> tuple[Motion, NextTarget]:
+        """From what some slots go on, with their gait during the next step, and its targets."""
+        slots, faults = self._table.rows, self._faults
         outer, faults.stage = faults.stage, Stage.STEERING
-        seed, gait = planned.seed.take(rows), planned.gait.take(rows)
-        gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
-        goals = self._paths.at(rows, gait.waypoint)
+        start = slots.planned.take(rows)
+        start.gait = self._steering.advance(start.gait, self._paths.at(rows, start.gait.waypoint))
+        goals = self._paths.at(rows, start.gait.waypoint)
+        ready = sets_off(
+            slots.noise_seed[rows], slots.planned_chunks[rows], self._steering.reactions
+        )
+        # who has waited for others, not for its own moment, sees the way become free
+        ready |= start.memory.waited > STEP_SECONDS * (self._steering.reactions - 0.5)
         faults.stage = Stage.WAY
-        course = self._guide.course(rows, seed, gait, goals)
+        course = self._guide.course(rows, start, goals)
         faults.stage = Stage.STEERING
-        slots = self._table.rows
-        chunk = slots.planned_chunks[rows]
-        ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
-        gait = self._steering.decide(gait, seed, course.ahead, ready)
+        start.gait = self._steering.decide(start.gait, start.seed, course.ahead, ready)
         faults.stage = outer
-        return seed, gait, course
+        return start, course
 
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows
@@ -378,7 +386,8 @@ class Scheduler:
         frames = got_up(seed.take(mended_rows), stands)
         mended.translation[mended_rows], mended.rotations[mended_rows] = frames
         mended.contacts[mended_rows] = True
-        stands.gait.waypoint[:] = chunks.end.gait.waypoint[mended_rows]
+        end = chunks.end.take(mended_rows)
+        stands.gait.waypoint, stands.memory, stands.aims = end.gait.waypoint, end.memory, end.aims
         mended.end.put(mended_rows, stands)
         self.resets += len(mended_rows)
         return mended

@@ -1,6 +1,7 @@
 """Chunks that are planned without the engine: agents that rest, coast, or are held by a fault."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.faults import Faults, Stage
-from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
+from wayfarer.world.agents.slots import Mode, Motion, SlotTable
 from wayfarer.world.goals.steering import Steering, observe
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.coasting import coast
@@ -28,7 +29,7 @@ class Unstepped:
         steering: Steering,
         faults: Faults,
         due: Callable[[float], Index],
-        next_step: Callable[[Index], tuple[Seeds, Gait, NextTarget]],
+        next_step: Callable[[Index], tuple[Motion, NextTarget]],
         append: Callable[[Index, Chunks, int], None],
         reset: Callable[[int], Motion],
     ) -> None:
@@ -59,14 +60,14 @@ class Unstepped:
         return self._each(Stage.RESTING, rows, self._rest)
 
     def _rest(self, rows: Index) -> int:
-        seed, gait, (_, goals) = self._next(rows)
-        idle = np.flatnonzero((gait.mode == Mode.STANDING) & ~goals.more)
-        rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
-        start = seed.translation[:, -1]
+        after, (_, goals) = self._next(rows)
+        idle = np.flatnonzero((after.gait.mode == Mode.STANDING) & ~goals.more)
+        rows, after, goals = rows[idle], after.take(idle), goals.take(idle)
+        seed, start = after.seed, after.seed.translation[:, -1]
         translation = np.repeat(start[:, None], NEW_FRAMES, axis=1)
         rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
         contacts = np.ones((len(rows), NEW_FRAMES, 2), np.bool_)
-        after = Motion(seed, observe(gait, start, translation, goals))
+        after.gait = observe(after.gait, start, translation, goals)
         self._plan(rows, translation, rotations, contacts, after, ChunkFlag.HELD)
         self.held_steps += len(rows)
         return len(rows)
@@ -81,16 +82,16 @@ class Unstepped:
 
     def _coast(self, rows: Index) -> int:
         slots = self._table.rows
-        seed, before, (ahead, judged) = self._next(rows)
+        start, (ahead, judged) = self._next(rows)
+        seed, before = start.seed, start.gait
         targets = self._steering.targets(before, seed, ahead)
         translation, rotations, contacts, end = coast(
             seed, before, targets, ahead, slots.planned_chunks[rows]
         )
         gait = observe(before, seed.translation[:, -1], translation, judged)
         arrives = np.where(gait.arrived & ~before.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
-        self._plan(
-            rows, translation, rotations, contacts, Motion(end, gait), ChunkFlag.REDUCED | arrives
-        )
+        after = replace(start, seed=end, gait=gait)
+        self._plan(rows, translation, rotations, contacts, after, ChunkFlag.REDUCED | arrives)
         slots.coasted[rows] = True
         self.coasted_steps += len(rows)
         return len(rows)
@@ -108,18 +109,18 @@ class Unstepped:
 
     def _stand(self, rows: Index) -> None:
         slots = self._table.rows
-        planned = slots.planned.take(rows)
-        seed, gait = planned.seed, planned.gait
-        if (gait.mode == Mode.STANDING).all():
+        after = slots.planned.take(rows)
+        seed = after.seed
+        if (after.gait.mode == Mode.STANDING).all():
             translation = np.repeat(seed.translation[:, -1:], NEW_FRAMES, axis=1)
             rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
-            stand = Motion(seed, gait)
         else:
             stand = Motion.join([self._reset(int(row)) for row in rows])
             translation, rotations = got_up(seed, stand)
-            stand.gait.waypoint[:] = gait.waypoint
+            stand.gait.waypoint[:] = after.gait.waypoint
+            after.seed, after.gait = stand.seed, stand.gait
         contacts = np.ones((len(rows), NEW_FRAMES, 2), np.bool_)
-        self._plan(rows, translation, rotations, contacts, stand, ChunkFlag.HELD)
+        self._plan(rows, translation, rotations, contacts, after, ChunkFlag.HELD)
 
     def _each(self, stage: Stage, rows: Index, run: Callable[[Index], int]) -> int:
         """The sum of the results of `run` for slots [A], all together or in parts."""
