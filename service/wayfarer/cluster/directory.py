@@ -440,7 +440,8 @@ class Directory:
             return None
         # the log has every change since its oldest
         whole = generation != self._generation or version + 1 < self._log[0][0]
-        touched = set(self._groups) if whole else {g for at, g in self._log if at > version and g}
+        known = {*self._groups, *self._missing}
+        touched = known if whole else {g for at, g in self._log if at > version and g}
         return Changes(
             generation=self._generation,
             version=self._version,
