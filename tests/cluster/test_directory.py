@@ -254,6 +254,7 @@ def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     assert bench.owner(group) == "n0"
     bench.later(LEASE * (DRIFT - 1) + 0.25, "n1")
     assert bench.owner(group) == "n1"
+    bench.adopt("n1", bench.beat("n1")["n1"].orders[0])
     assert bench.beat("n0")["n0"].fenced
     assert bench.beat("n0")["n0"].lost == (group,)
     assert not bench.nodes["n0"].may_step()  # what it lost is still there
@@ -280,8 +281,9 @@ def test_what_a_silent_node_without_keepers_may_have_is_nobodys_only_once_it_can
         return view.owner(named(group))
 
     bench, group, view = silent()
-    with pytest.raises(Unavailable, match="silent"):
-        found(bench, group, view)
+    for reader in (view, GroupMap()):  # that of an entry that starts, too
+        with pytest.raises(Unavailable, match="silent"):
+            found(bench, group, reader)
     with pytest.raises(Unavailable, match="silent"):
         bench.directory.place(group)
     with pytest.raises(Unavailable, match="silent"):
@@ -434,12 +436,44 @@ def test_who_gave_a_group_to_a_node_that_died_with_it_may_still_have_it():
     assert not bench.beat("n0")["n0"].orders and not directory.counters["lost"]
 
 
+@pytest.mark.parametrize("declined", [False, True])
+def test_who_has_taken_a_group_gets_it_when_its_giver_dies_before_that_is_decided(declined):
+    bench = Bench(["n0", "n1", "n2"])
+    group = bench.new_session("n0")
+    bench.beat()
+    epoch, directory = bench.nodes["n0"].epoch(named(group)), bench.directory
+    directory._nodes["n0"].keepers = ("n2", "n1")
+    directory.ended("n0")
+    if declined:
+        directory.decline(group, "n2", directory._groups[group].epoch, "")
+    adopter = bench.owner(group), directory._groups[group].epoch
+    given = directory.claim(group, "n0", epoch, "n1")
+    assert given == directory.claim(group, "n0", epoch, "n1") and bench.owner(group) == "n1"
+    assert not bench.beat("n1")["n1"].orders
+    with pytest.raises(Aborted):
+        directory.claim(group, "n2", adopter[1], "n2")
+
+
+def test_a_node_that_was_silent_gets_back_what_is_still_being_adopted():
+    bench = Bench(["n0", "n1"])
+    group = bench.new_session("n0")
+    bench.beat()
+    bench.later(LEASE * DRIFT + 0.25, "n1")
+    (order,) = bench.beat("n1")["n1"].orders
+    bench.beat("n0")
+    assert not bench.beat("n0")["n0"].lost and bench.nodes["n0"].may_step()
+    assert bench.nodes["n0"].epoch(named(group)) > order.epoch
+    with pytest.raises(Aborted):
+        bench.directory.claim(group, "n1", order.epoch, "n1")
+    assert bench.owner(group) == "n0" and not bench.beat("n1")["n1"].orders
+
+
 def test_a_node_and_the_directory_that_disagree_notice_it():
     bench = Bench(["n0", "n1"])
     other, gone = bench.new_session("n0"), bench.new_session("n0")
     bench.beat()
     directory, seconds = bench.directory, SHARES / 4
-    directory._own(other, "n1", directory._next_epoch())
+    directory._own(other, "n1")
     del bench.nodes["n0"]._held[gone]
     bench.present["n0"] = {other}
     bench.later(seconds, "n0")

@@ -285,14 +285,20 @@ def handle(result=None):
     return SimpleNamespace(look=asked, until_ready=asked)
 
 
-async def test_a_directory_that_does_not_answer_is_looked_for_again(monkeypatch):
-    """Its first handle is kept: Ray ends an actor of one program when that is let go."""
+@pytest.mark.parametrize("of_another_release", [False, True])
+async def test_a_directory_that_does_not_answer_is_looked_for_again(
+    monkeypatch, of_another_release
+):
+    """Its first handle is kept: Ray ends an actor of one program when that is let go. To another
+    release's, Ray makes a handle whose methods take no arguments.
+    """
     from wayfarer.cluster import actors
 
-    lost = handle(actors.ray.exceptions.RayError())
+    error = TypeError if of_another_release else actors.ray.exceptions.RayError
+    lost = handle(error())
     link = actors.RayLink(lost)
     monkeypatch.setattr(actors.ray, "get_actor", lambda name, space: handle(f"{name} is here"))
-    with pytest.raises(errors.Unavailable, match="RayError"):
+    with pytest.raises(errors.Unavailable, match=error.__name__):
         await link.call("look")
     link._actor._finding.join()
     assert await link.call("look") == "directory is here"

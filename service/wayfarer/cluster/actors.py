@@ -70,7 +70,7 @@ class _Actor:
                     self._handle = await on_daemon(lambda: ray.get_actor(self._name, NAMESPACE))
                 asked = getattr(self._handle, method).remote(*told).future()
                 return await asyncio.wrap_future(asked)
-        except (TimeoutError, ValueError, ray.exceptions.RayError) as error:
+        except (TimeoutError, TypeError, ValueError, ray.exceptions.RayError) as error:
             cause = getattr(error, "cause", None)
             if isinstance(cause, WayfarerError):
                 raise cause from None

@@ -6,7 +6,8 @@ rules, on which "never two owners" rests:
 - A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
   here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
 - A group changes its owner only by its owner's wish (`claim`), or after its owner has ended or
-  its lease has. Each change gives it an epoch greater than any before.
+  its lease has. Each change gives it an epoch greater than any before. Until it is adopted, it is
+  given back to its owner that returns, or to the node that had taken it from that.
 - A move is decided here and nowhere else. The owner freezes what lives in the group and sends it to
   the new node, which asks for the group once it has everything, and resumes it after the answer.
   An owner that does not hear from the new node asks to keep the group. The first of these two
@@ -27,7 +28,7 @@ import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from wayfarer.cluster.messages import (
     ADOPTED,
@@ -112,7 +113,7 @@ class _Node:
 class _Entry:
     owner: str
     epoch: int
-    before: tuple[str, int] | None = None  # owner and epoch before, if it came from one
+    before: tuple[str, int] | None = None  # who had it before, with its epoch, if it came from one
     keepers: tuple[str, ...] | None = None  # being adopted: who else may have a replica, in order
 
 
@@ -178,11 +179,12 @@ class Directory:
         for group, epoch in told.held.items():
             self._epoch = max(self._epoch, epoch)
             entry = self._groups.get(group)
-            if entry is None or (entry.owner != told.name and entry.epoch < epoch):
+            had = self._had(entry, told.name, epoch)
+            if entry is None or had or (entry.owner != told.name and entry.epoch < epoch):
                 # made there, or come with a snapshot; or given up as lost, and who adopted it
                 # meanwhile may have ended, too; or of an earlier directory, whose lease still holds
-                known = epoch if told.leased or entry is not None else 0
-                self._own(group, told.name, known or self._next_epoch())
+                known = epoch if told.leased or not (entry is None or had) else 0
+                self._own(group, told.name, known)
             if not self._has(told.name, group, epoch):
                 lost.append(group)
         if whole is not None:
@@ -201,7 +203,7 @@ class Directory:
         self._nodes_changed()
         self._came.add(info.number)
         for group in self._waiting.pop(info.number, ()):
-            self._own(group, info.name, self._next_epoch())
+            self._own(group, info.name)
         return node
 
     def ended(self, name: str) -> None:
@@ -227,6 +229,7 @@ class Directory:
                 # the node that gave it away may not know that, and still hold it frozen
                 giver = entry.before[:1] if entry.before else ()
                 entry.keepers = (*node.keepers, *giver, node.info.name)
+                entry.before = node.info.name, entry.epoch
             self._pass_on(group)
 
     def expire(self) -> None:
@@ -298,19 +301,19 @@ class Directory:
             entry.keepers = None  # said twice; or it was to adopt the group, and needs no replica
             return entry.epoch
         is_its = entry is not None and (entry.owner, entry.epoch) == (owner, epoch)
+        is_its = is_its or self._had(entry, owner, epoch)
         if entry is not None and owner == to and not is_its and self._is_adopted(group):
             # it is its own if there is no replica
             raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
-        if source is None or not is_its:
+        if not is_its:
             raise self._not_its(group, owner, epoch)
-        if not self._alike(target, source):
+        if source is not None and not self._alike(target, source):
             raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
         if self._is_adopted(group):
             self.counters["adopted"] += 1
         elif to != owner:
             self.counters["moved"] += 1
-        self._own(group, to, self._next_epoch())
-        self._groups[group].before = (owner, epoch)
+        self._own(group, to, before=(owner, epoch))
         return self._groups[group].epoch
 
     def decline(self, group: str, owner: str, epoch: int, to: str) -> None:
@@ -437,7 +440,8 @@ class Directory:
             return None
         # the log has every change since its oldest
         whole = generation != self._generation or version + 1 < self._log[0][0]
-        touched = set(self._groups) if whole else {g for at, g in self._log if at > version and g}
+        known = {*self._groups, *self._missing}
+        touched = known if whole else {g for at, g in self._log if at > version and g}
         return Changes(
             generation=self._generation,
             version=self._version,
@@ -496,13 +500,13 @@ class Directory:
             else:
                 self.counters["lost"] += 1
             return
-        self._own(group, left[0], self._next_epoch())
-        self._groups[group].before = (entry.owner, entry.epoch)
-        self._groups[group].keepers = tuple(left[1:])
+        self._own(group, left[0], before=entry.before, keepers=tuple(left[1:]))
 
-    def _own(self, group: str, owner: str, epoch: int) -> None:
+    def _own(self, group: str, owner: str, epoch: int = 0, **more: Any) -> None:
+        """`epoch`: 0: the next one. `more`: see `_Entry`."""
         self._disown(group)
-        self._groups[group] = _Entry(owner, epoch)
+        self._epoch += 1
+        self._groups[group] = _Entry(owner, epoch or self._epoch, **more)
         self._nodes[owner].used.add(group)
 
     def _disown(self, group: str) -> None:
@@ -517,15 +521,13 @@ class Directory:
         entry = self._groups[group]
         return entry.owner == name and (entry.keepers is None or entry.epoch == epoch)
 
+    def _had(self, entry: _Entry | None, name: str, epoch: int) -> bool:
+        """It was the last owner of a group that is being adopted; what it had is no replica."""
+        return entry is not None and entry.keepers is not None and entry.before == (name, epoch)
+
     def _is_adopted(self, group: str) -> bool:
         """Its owner has still to find replicas of what lived there."""
         return self._groups[group].keepers is not None
-
-    def _next_epoch(self) -> int:
-        self._epoch += 1
-        return self._epoch
-
-    # ---- lives of nodes
 
     def _alike(self, one: _Node, other: _Node) -> bool:
         return one.info.fingerprint == other.info.fingerprint
@@ -544,9 +546,8 @@ class Directory:
         if node.keepers and node.keepers[0] in able:
             return
         if able:
-            ring = sorted(able, key=_hash)
-            after = [other for other in ring if _hash(other) > _hash(name)]
-            node.keepers = ((after or ring)[0], *node.keepers[:1])
+            after = [other for other in able if _hash(other) > _hash(name)]
+            node.keepers = (min(after or able, key=_hash), *node.keepers[:1])
 
     def _nodes_changed(self) -> None:
         self._touch("")

@@ -43,6 +43,7 @@ class NodeFinder:
         self._looking = asyncio.Lock()
         self._looked_at = float("-inf")
         self.closing = False
+        self._why = ""
         self._heard_at = float("-inf")
         self.status: Status | None = None
         self.head: bool | None = None
@@ -50,11 +51,12 @@ class NodeFinder:
 
     async def watch(self) -> None:
         """Follows the directory, without end."""
+        was_away = None
         while True:
-            was_away = self.away
             await self._look()
             if self.away != was_away:
-                log.info("directory is away" if self.away else "directory answers")
+                was_away = self.away
+                log.info(f"directory is away: {self._why}" if was_away else "directory answers")
             await asyncio.sleep(LOOK_S)
 
     async def _look(self) -> None:
@@ -64,13 +66,14 @@ class NodeFinder:
             if self._looked_at > asked_at:
                 return
             self._looked_at = time.monotonic()
-            with contextlib.suppress(WayfarerError):
+            try:
                 status, changes = await self._directory.call("look", self._view.seen)
                 self._view.take(changes)
                 self.status = status
-                told = {one.node.name: one.silent_s for one in status.nodes}
-                self._silent = {name for name, silent_s in told.items() if silent_s > SILENT_S}
+                self._silent = {n.node.name for n in status.nodes if n.silent_s > SILENT_S}
                 self._heard_at = time.monotonic()
+            except WayfarerError as error:
+                self._why = str(error)
 
     @property
     def away(self) -> bool:

@@ -140,11 +140,7 @@ class RayCluster:
             options["scheduling_strategy"] = NodeAffinitySchedulingStrategy(machine, soft=False)
         actor = ray.remote(NodeActor).options(name=plan.name, max_concurrency=CALLS, **options)
         if not self._own and _runs(plan.name):
-            log.info(
-                "a node runs already, with the options that it was started with; drain it to give "
-                "it others",
-                node=plan.name,
-            )
+            log.info("a node runs already; drain it to change its options", node=plan.name)
         self._nodes[plan.name] = actor.remote(plan, serve)
         self._drain_s = plan.settings.drain_s
 

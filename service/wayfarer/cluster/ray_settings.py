@@ -2,7 +2,7 @@
 
 import os
 
-# A Ray that `ray start` makes needs the last three, too (docs/cluster-operations.md).
+# A Ray that `ray start` makes needs all but the second, too (docs/cluster-operations.md).
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no call home
 os.environ.setdefault("RAY_DEDUP_LOGS", "0")  # else it swallows lines of nodes that look alike
 # in seconds: after a minute without Ray's head, Ray ends processes that wait for it. Entries and
