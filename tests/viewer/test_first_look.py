@@ -170,6 +170,34 @@ def test_a_cross_lets_the_selected_go(page: Page):
     assert page.evaluate("document.querySelector('input[name=send]:checked').value") == "nearest"
 
 
+def test_it_says_when_nobody_is_there(page: Page):
+    told = "document.querySelector('#pitch')?.textContent"
+    dot = "getComputedStyle(document.querySelector('#connection'), '::before').backgroundColor"
+    amber, green = "rgb(232, 163, 61)", "rgb(47, 158, 68)"
+    full = """{ const { fetch } = globalThis; globalThis.full = true;
+      globalThis.fetch = (url, ...rest) => {
+        if (!/agents$/.test(url) || !full) return fetch(url, ...rest);
+        globalThis.asked ??= JSON.parse(rest[0].body).agents.length;
+        return Promise.resolve(new Response('{"detail": "full"}', { status: 429 }));
+      }; }"""
+    made = page.call("Page.addScriptToEvaluateOnNewDocument", source=full)
+    page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor")
+    page.wait_for("document.querySelector('#connection')?.textContent === 'busy'", 60)
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
+    assert page.evaluate(f"[{dot}, {told}.split('.')[0]]") == [amber, "People are coming"]
+    page.evaluate("full = false")
+    page.wait_for(f"{told}.startsWith('These people walk')", 60)
+    page.wait_for(f"{dot} === '{green}' || wayfarer.crowd.busy(performance.now() / 1000)", 60)
+    page.wait_for(f"{PEOPLE}.length === asked", 60)  # those who are still coming would stay
+    page.evaluate(
+        f"wayfarer.selection.choose({PEOPLE}); document.querySelector('#remove').click()"
+    )
+    page.wait_for(f"{told}.startsWith('Add people first.')", 30)
+    page.evaluate("document.querySelector('#more-people').click()")
+    page.wait_for(f"{told}.startsWith('These people walk')", 60)
+    assert page.problems == []
+
+
 def test_names_do_not_lie_over_each_other(page: Page):
     page.resize(1440, 900)
     page.evaluate("document.querySelector('#labels').click()")
