@@ -189,9 +189,7 @@ def test_it_says_when_nobody_is_there(page: Page):
     page.wait_for(f"{told}.startsWith('These people walk')", 60)
     page.wait_for(f"{dot} === '{green}' || wayfarer.crowd.busy(performance.now() / 1000)", 60)
     page.wait_for(f"{PEOPLE}.length === asked", 60)  # those who are still coming would stay
-    page.evaluate(
-        f"wayfarer.selection.choose({PEOPLE}); document.querySelector('#remove').click()"
-    )
+    page.evaluate(f"wayfarer.selection.choose({PEOPLE}); document.querySelector('#remove').click()")
     page.wait_for(f"{told}.startsWith('Add people first.')", 30)
     page.evaluate("document.querySelector('#more-people').click()")
     page.wait_for(f"{told}.startsWith('These people walk')", 60)
