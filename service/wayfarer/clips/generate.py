@@ -32,7 +32,7 @@ from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene import bake
 from wayfarer.runtime.walk import walk
-from wayfarer.spec import BETAS, FPS
+from wayfarer.spec import BETAS, FPS, TURN
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
@@ -126,7 +126,8 @@ def generate(
         ),
     ] = None,
     heading: Annotated[
-        float, typer.Option(help="Heading at the start, in radians; 0 faces +Y.")
+        float,
+        typer.Option(help="Heading at the start, in radians; 0 faces +Y.", min=-TURN, max=TURN),
     ] = 0.0,
     seconds: Annotated[
         float | None,
