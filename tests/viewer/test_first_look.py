@@ -34,6 +34,16 @@ HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) 
   return !inside || !(one.contains(seen) || seen?.contains(one));
 }}).map((one) => one.id || one.textContent)"""
 
+COVERED = """(() => {
+  let under = 0, all = 0;
+  for (let x = 5; x < innerWidth; x += 10) for (let y = 5; y < innerHeight; y += 10) {
+    all += 1;
+    if (document.elementFromPoint(x, y)?.closest("#sheet")) under += 1;
+  }
+  return under / all;
+})()"""
+"""Part of the window that panels cover."""
+
 # controls below a line of news: clicks go through it, but nobody can read what it covers
 UNDER_NEWS = f"""(() => {{
   const line = document.createElement("p");
@@ -100,14 +110,11 @@ def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
         page.wait_for(f"document.querySelector('#timeline').hidden !== {str(timeline).lower()}", 10)
         assert page.evaluate(UNDER_NEWS) == []
         assert page.evaluate(HIDDEN_CONTROLS) == []
+        if timeline and min(size) < 500:  # a phone: half of the stage is seen with all of them, too
+            assert page.evaluate(COVERED) <= 0.5
         page.evaluate("document.querySelector('#more').click()")
     assert page.evaluate("document.querySelector('#more').getAttribute('aria-expanded')") == "false"
-    covered = (
-        "((sheet) => sheet.height * sheet.width / (innerHeight * innerWidth))"
-        "((innerWidth > 700 ? document.querySelector('#panel')"
-        " : document.querySelector('#sheet')).getBoundingClientRect())"
-    )
-    page.wait_for(f"{covered} < 0.3", 10)  # the timeline goes with the next picture
+    page.wait_for(f"{COVERED} < 0.3", 10)  # the timeline goes with the next picture
 
 
 @pytest.mark.parametrize("size", [*SIZES, (320, 640)])
