@@ -126,8 +126,7 @@ def generate(
         ),
     ] = None,
     heading: Annotated[
-        float,
-        typer.Option(help="Heading at the start, in radians; 0 faces +Y.", min=-TURN, max=TURN),
+        float, typer.Option(help="Heading at the start, in radians; 0 faces +Y.")
     ] = 0.0,
     seconds: Annotated[
         float | None,
@@ -235,6 +234,9 @@ def generate(
     pace = math.sqrt(scale)  # times of a character of this scale by those of a person
     if speed is None:
         speed = SPEED * pace
+    if abs(heading) > TURN:
+        allowed = f"in radians, from {-TURN} to {TURN}"
+        raise InvalidArgument(f"--heading must be {allowed}, not {heading:g}", "heading")
     goals = []
     for text in goal or []:
         x, y, z = _place(text)
