@@ -6,13 +6,15 @@ import { mention } from "./hud.js";
 const SOON = 50; // ms between two checks for arrivals
 const AGAIN = 4000; // ms until people who found no room are requested again
 const AGAINS = 30; // maximum number of such requests
+const SLOW = 3000; // ms after which a server that has shown nobody is busy
 
 export class Arrivals {
   /** `place` is the scene panel. `met(person)` is called when an expected person has come. `detail`: of all bodies, if given. */
   constructor({ api, stage, place, crowd, session, commands, met, detail }) {
     Object.assign(this, { api, stage, place, crowd, session, commands, met, detail });
     this.bodies = new Map(); // gender → body
-    this.coming = false; // whether people have been requested, and none has come yet
+    this.since = Infinity; // time in ms at which people were requested, of whom none has been seen
+    this.refused = false; // whether there was no room for all at the last request
   }
 
   /** URL and headers of a person's body. `detail`: "low" or "high". */
@@ -33,7 +35,24 @@ export class Arrivals {
 
   /** The reason why nobody can be sent. */
   get nobody() {
-    return this.coming ? "People are coming" : "Add people first";
+    const coming = this.since < Infinity || this.crowd.people.length || this.place.book.opening;
+    return coming ? "People are coming" : "Add people first";
+  }
+
+  /** Whether the server has no room for all who were requested, or is slow to show the first of them. */
+  get busy() {
+    return this.refused || performance.now() - this.since > SLOW;
+  }
+
+  /** People have been requested whom nobody has seen. */
+  expect() {
+    this.since = Math.min(this.since, performance.now());
+  }
+
+  /** Nobody is expected any more. */
+  forget() {
+    this.since = Infinity;
+    this.refused = false;
   }
 
   /**
@@ -62,15 +81,14 @@ export class Arrivals {
    * `sent()` is called when the first of them have their commands and their bodies are requested.
    */
   async roamers(count, near, sent) {
-    this.coming = true;
-    try {
-      const came = await this.#roam(count, near, sent);
-      if (came === count) return;
-      mention(comeText(came, count), "come");
-      this.#roamLater(count - came, near).catch(() => {}); // errors are not shown
-    } finally {
-      this.coming = false;
-    }
+    this.expect();
+    const came = await this.#roam(count, near, sent).catch((error) => {
+      this.forget();
+      throw error;
+    });
+    if (came === count) return;
+    mention(comeText(came, count), "come");
+    this.#roamLater(count - came, near).catch(() => {}); // errors are not shown
   }
 
   /** Creates as many of them as there is room for; returns their number. */
@@ -93,15 +111,20 @@ export class Arrivals {
         some = Math.floor(some / 2);
       }
     }
+    this.refused = came < count;
     return came;
   }
 
   async #roamLater(count, near) {
     const { id } = this.session;
-    for (let left = count, k = 0; left > 0 && k < AGAINS; k += 1) {
-      await new Promise((go) => setTimeout(go, AGAIN));
-      if (this.session.id !== id) return;
-      left -= await this.#roam(left, near);
+    try {
+      for (let left = count, k = 0; left > 0 && k < AGAINS; k += 1) {
+        await new Promise((go) => setTimeout(go, AGAIN));
+        if (this.session.id !== id) return;
+        left -= await this.#roam(left, near);
+      }
+    } finally {
+      if (this.session.id === id && this.refused) this.forget();
     }
   }
 

@@ -8,7 +8,7 @@ import { Trails } from "./trails.js";
 const NAMES = 40; // maximum shown at a time: each is a draw call
 const NEAR_SHARE = 2 / 3; // of the people who may have a fine body: people who only pass get none
 const SWAP_SECONDS = 2; // between two people who give up their fine bodies: reading another takes as long as some frames
-const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
+const STRAIN_SECONDS = 3; // for which reduced and held motion counts as present
 
 /** The people shown; `changed()` is called when people have come or gone, once for all that one message of the stream names. */
 export class Crowd {
@@ -30,7 +30,7 @@ export class Crowd {
     this.looks = new Map(); // id of an agent → CharacterFile, for agents that have one
     this.boneNames = [];
     this.marks = { trails: false, labels: false };
-    this.strained = { reduced: -Infinity, held: -Infinity }; // local time of the last such chunk
+    this.strained = -Infinity; // local time of the last chunk with reduced or held motion
   }
 
   get people() {
@@ -96,10 +96,9 @@ export class Crowd {
     }
   }
 
-  /** "full", "reduced" or "held": how well the server has kept up recently. */
-  pressure(now) {
-    if (now - this.strained.held < PRESSURE_SECONDS) return "held";
-    return now - this.strained.reduced < PRESSURE_SECONDS ? "reduced" : "full";
+  /** Whether the server has been short of time recently: then motion is simpler, or standing people are not moved. */
+  busy(now) {
+    return now - this.strained < STRAIN_SECONDS;
   }
 
   #add(played) {
@@ -160,8 +159,7 @@ export class Crowd {
   }
 
   #chunk(person, { flags, goalRevision, waypoint }, now) {
-    if (flags & FLAG.REDUCED) this.strained.reduced = now;
-    if (flags & FLAG.HELD) this.strained.held = now;
+    if (flags & (FLAG.REDUCED | FLAG.HELD)) this.strained = now;
     if (flags & FLAG.ARRIVED) person.reach(goalRevision, waypoint);
   }
 }

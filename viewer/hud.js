@@ -52,12 +52,15 @@ export function showConnection(state, text) {
   const line = byId("connection");
   line.dataset.state = state;
   line.textContent = text;
+  line.classList.remove("busy");
 }
 
-/** Shows whether the server is short of time: then motion is simpler, or standing people are not moved. */
-export function showBusy(busy) {
+/** Shows whether the server of an open connection is short of time. */
+function showBusy(busy) {
   const line = byId("connection");
-  if (/^(connected|busy)$/.test(line.textContent)) line.textContent = busy ? "busy" : "connected";
+  if (!/^(connected|busy)$/.test(line.textContent)) return;
+  line.textContent = busy ? "busy" : "connected";
+  line.classList.toggle("busy", busy);
 }
 
 /** Shows all keys, and how the stage is used, in the words of the controls themselves. */
@@ -126,12 +129,13 @@ export class Readout {
     const fps = this.#frames / (now - this.#since);
     this.#frames = 0;
     this.#since = now;
-    const { people, delay, buffered, pressure } = figures();
+    const { people, delay, buffered, busy, told } = figures();
     byId("figure-people").textContent = people;
     byId("figure-fps").textContent = fps.toFixed(0);
     byId("figure-delay").textContent = delay === null ? "–" : milliseconds(delay);
     byId("figure-buffer").textContent = Number.isFinite(buffered) ? milliseconds(Math.max(0, buffered)) : "–";
-    showBusy(pressure === "reduced" || pressure === "held");
+    byId("pitch-people").textContent = told;
+    showBusy(busy);
     return fps;
   }
 

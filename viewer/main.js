@@ -128,8 +128,12 @@ async function start() {
     await welcomed;
     if (lost && !watched) {
       stage.lookFrom(lost.view);
+      if (lost.people.length) arrivals.expect();
       chosen = await bringBack(lost, { api, session, book, crowd, commands }).catch((error) => {
-        if (error.status) lost = null; // a refusal would be repeated
+        if (error.status) { // a refusal would be repeated
+          lost = null;
+          arrivals.forget();
+        }
         throw error;
       });
       lost = null;
@@ -199,6 +203,7 @@ async function replayed() {
 
 /** Begins a session in a scene, or with "" in none. */
 async function enter(scene) {
+  arrivals.forget();
   if (commands.wandering) toggleWander();
   tools.use("send");
   timeline.goLive();
@@ -418,11 +423,14 @@ function show() {
   session.look(viewpoints(stage.camera.position, selection.people));
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
+  const somebody = crowd.people.some(({ shown }) => shown);
+  if (somebody) arrivals.since = Infinity;
   const fps = readout.frame(now, () => ({
     people: crowd.members.size,
     delay: crowd.members.size ? player.clock.delay(now) : null,
-    pressure: crowd.members.size ? crowd.pressure(now) : "–",
     buffered: player?.buffered ?? Infinity,
+    busy: arrivals.busy || crowd.busy(now),
+    told: somebody ? "These people walk by themselves." : `${arrivals.nobody}.`,
   }));
   if (fps !== null) stage.keepUp(fps);
   if (fps !== null && stage.look === 0 && !page.has("detail")) crowd.refine(stage.camera, DETAILED, now).catch(() => {}); // it stays light

@@ -22,6 +22,9 @@ NEW_FRAMES: Final = PRIMITIVE_FRAMES - SEED_FRAMES
 STEP_SECONDS: Final = NEW_FRAMES / FPS
 """Real time covered by one step: an agent is stepped every 0.2 s."""
 
+TURN: Final = 6.2832
+"""A full turn in radians, rounded up: a greater heading is probably in degrees."""
+
 MARKERS: Final = 67
 """Body-surface markers per frame."""
 

@@ -72,6 +72,8 @@ def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
         generate(tmp_path / "nowhere" / "walk.glb")
     with pytest.raises(InvalidArgument, match="'3;2' is not a place"):
         generate(tmp_path / "walk.glb", goal=["3;2"])
+    with pytest.raises(InvalidArgument, match=r"--heading must be in radians, .* not 90"):
+        generate(tmp_path / "walk.glb", heading=90.0)
     with pytest.raises(InvalidArgument, match="--keep works with --search beam only"):
         generate(tmp_path / "walk.glb", keep=2)
     with pytest.raises(InvalidArgument, match="--candidates works with --search online only"):

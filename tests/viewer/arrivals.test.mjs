@@ -22,7 +22,7 @@ function arrivals(room, status = 429) {
   };
   const made = new Arrivals({
     api,
-    place: { settled: Promise.resolve(), level: {} },
+    place: { settled: Promise.resolve(), level: {}, book: {} },
     session: { id: "s" },
     crowd: { people: [] },
     stage: {},
@@ -44,7 +44,8 @@ test("as many people come as there is room for, and the page says how many", asy
   assert.ok(asked.every(([, patience]) => patience === 0)); // the rest is asked for later, in silence
   assert.equal(walking.length, 6);
   assert.deepEqual(lines, ["6 of 8 people came; this computer is busy"]);
-  assert.equal(made.nobody, "Add people first");
+  assert.ok(made.busy);
+  assert.equal(made.nobody, "People are coming"); // none of them has been seen
 });
 
 test("people come later to a server that was too busy to answer at all", async (context) => {
@@ -62,6 +63,29 @@ test("people come later to a server that was too busy to answer at all", async (
   await new Promise(setImmediate);
   assert.deepEqual(asked, [[8, 0]]);
   assert.equal(walking.length, 8);
+  assert.ok(!made.busy);
+});
+
+test("a server is busy that shows nobody for seconds, and nobody comes after the last request", async (context) => {
+  context.mock.timers.enable({ apis: ["setTimeout"] });
+  let now = 0;
+  context.mock.method(performance, "now", () => now);
+  shown();
+  const { made } = arrivals(0);
+  assert.equal(made.nobody, "Add people first");
+  made.expect();
+  now = 2000;
+  assert.ok(!made.busy);
+  now = 4000;
+  assert.ok(made.busy);
+  await made.roamers(1);
+  for (let k = 0; k < 30; k += 1) {
+    assert.equal(made.nobody, "People are coming");
+    context.mock.timers.tick(4000);
+    for (let turn = 0; turn < 3; turn += 1) await new Promise(setImmediate);
+  }
+  assert.equal(made.nobody, "Add people first");
+  assert.ok(!made.busy);
 });
 
 test("people are said to be sent once each has its command and its body is requested, before any answer", async () => {
@@ -81,5 +105,6 @@ test("another refusal is told as it is", async () => {
   const adding = made.roamers(8);
   assert.equal(made.nobody, "People are coming");
   await assert.rejects(adding, /no room/);
+  assert.equal(made.nobody, "Add people first");
   assert.equal(asked.length, 1);
 });

@@ -2,6 +2,7 @@
 
 With `--openings 20`, the page is only opened, 20 times, at the first size: median and 95th
 percentile of the seconds until each step.
+With VIEWER_URL it visits a server that runs, such as that of `make serve`.
 
 On windows of a desk and of a phone: the page is opened, people walk, and a click or a touch sends
 one of them. Prints when each happened, in seconds since the navigation began; leaves pictures.
@@ -12,6 +13,7 @@ import os
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -83,17 +85,19 @@ def openings(page: Page, url: str, count: int) -> str:
 def main(folder: Path, sizes: tuple[tuple[int, int], ...], count: int = 0) -> None:
     """Print the times."""
     folder.mkdir(parents=True, exist_ok=True)
-    with Service() as service, Page(Path(tempfile.mkdtemp())) as page:
+    with ExitStack() as held:
+        url = os.environ.get("VIEWER_URL") or held.enter_context(Service()).url
+        page = held.enter_context(Page(Path(tempfile.mkdtemp())))
         page.call("Page.addScriptToEvaluateOnNewDocument", source=FIRST_SECONDS)
-        page.call("Page.navigate", url=service.url)  # the first visit bakes the scene
+        page.call("Page.navigate", url=url)  # the first visit bakes the scene
         page.wait_for(WALKING, 120)
         if count:
             page.resize(*sizes[0])
-            sys.stdout.write(openings(page, service.url, count) + "\n")
+            sys.stdout.write(openings(page, url, count) + "\n")
             return
         for size in sizes:
             for scheme in ("light", "dark"):
-                line = visit(page, service.url, size, folder, scheme)
+                line = visit(page, url, size, folder, scheme)
                 sys.stdout.write(line + "\n")
                 sys.stdout.flush()
 

@@ -31,7 +31,7 @@ def person(number: int) -> AgentSpec:
             age=chance.uniform(20, 70),
         ),
         position=(4 * math.sin(angle), 0.0, 4 * math.cos(angle)),
-        heading=angle + math.pi,  # glTF: heading 0 faces +Z, positive turns towards +X
+        heading=angle - math.pi,  # glTF: heading 0 faces +Z, positive turns towards +X
         seed=number,
     )
 

@@ -32,7 +32,7 @@ from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene import bake
 from wayfarer.runtime.walk import walk
-from wayfarer.spec import BETAS, FPS
+from wayfarer.spec import BETAS, FPS, TURN
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
@@ -234,6 +234,9 @@ def generate(
     pace = math.sqrt(scale)  # times of a character of this scale by those of a person
     if speed is None:
         speed = SPEED * pace
+    if abs(heading) > TURN:
+        allowed = f"in radians, from {-TURN} to {TURN}"
+        raise InvalidArgument(f"--heading must be {allowed}, not {heading:g}", "heading")
     goals = []
     for text in goal or []:
         x, y, z = _place(text)

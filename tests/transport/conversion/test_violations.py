@@ -7,6 +7,7 @@ from wayfarer.transport import errors, schema
 from wayfarer.transport.conversion.violations import invalid_request, refusal
 
 POSITION = {"x": 0, "y": 0, "z": 0}
+RADIANS = "must be in radians, from -6.2832 to 6.2832"
 
 
 def refused(kind, values, field=""):
@@ -38,6 +39,17 @@ def test_all_wrong_fields_are_named():
         (schema.AgentSpec, {"heading": "1"}, 'heading: must be a number, not "1"'),
         (schema.AgentSpec, {"heading": None}, "heading: must be a number, not null"),
         (schema.AgentSpec, {"heading": [1]}, "heading: must be a number, not a list"),
+        (schema.AgentSpec, {"heading": 90}, f"heading: {RADIANS}, not 90"),
+        (
+            schema.Goals,
+            {"goals": [{"position": POSITION, "heading": -180}]},
+            f"goals[0].heading: {RADIANS}, not -180",
+        ),
+        (
+            schema.Queue,
+            {"name": "till", "head": POSITION, "heading": 45},
+            f"heading: {RADIANS}, not 45",
+        ),
         (schema.AgentSpec, {"foot_lock": 1}, "foot_lock: must be true or false, not 1"),
         (schema.AgentSpec, {"position": 3}, "position: must be an object, not 3"),
         (schema.AgentSpec, {"name": 3}, "name: must be a text, not 3"),

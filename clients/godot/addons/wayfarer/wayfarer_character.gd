@@ -84,7 +84,7 @@ func _exit_tree() -> void:
 func go_to(world: Vector3, yaw: float = NAN) -> WayfarerApi.Reply:
 	var how := {"speed": speed}
 	if not is_nan(yaw):
-		how.heading = yaw - _source().global_rotation.y
+		how.heading = wrapf(yaw - _source().global_rotation.y, -PI, PI)
 	var goals := [WayfarerApi.goal(_source().place_of(world), how)]
 	return _told(await _source().api.set_path(id, goals))
 

@@ -107,7 +107,7 @@ namespace Wayfarer
             for (int k = 0; k < count; k++)
             {
                 // on a sunflower's spiral: evenly, and no two at one place
-                double away = radius * System.Math.Sqrt((k + 0.5) / count), angle = k * 2.399963;
+                double away = radius * System.Math.Sqrt((k + 0.5) / count), angle = k * 2.399963 % (2 * System.Math.PI);
                 specs[k] = new AgentSpec
                 {
                     Gender = k % 2 == 0 ? "female" : "male",

@@ -8,7 +8,7 @@ const FPS = 40, FRAMES = 8, WIDTH = 3 + 4 * 22;
 const DELAY = 0.12; // seconds by which people are shown late, so that chunks come in time
 const BETAS = 10;
 /** @type {Record<string, [number, number]>} */
-const RANGES = { radius: [0.05, 10], speed: [0.2, 4], dwell: [0, 3600], heading: [-100, 100] };
+const RANGES = { radius: [0.05, 10], speed: [0.2, 4], dwell: [0, 3600], heading: [-6.2832, 6.2832] };
 const FARTHEST = 10_000; // metres
 
 /** @typedef {import("../api.js").Goal} Goal */

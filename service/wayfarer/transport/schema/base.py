@@ -25,12 +25,12 @@ from wayfarer.body.skeleton import joint_names, load_skeleton
 from wayfarer.clips.edit import FASTEST
 from wayfarer.navigation import checks
 from wayfarer.navigation.scene_spec import MAX_EXTENT, MIN_SIZE
-from wayfarer.spec import BETAS, POSED_JOINTS
+from wayfarer.spec import BETAS, POSED_JOINTS, TURN
 from wayfarer.transport.codec.pose_format import RATES
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.world import behaviours
 from wayfarer.world.agents import goal
-from wayfarer.world.agents.goal import DWELL, MAX_HEADING, SPEED
+from wayfarer.world.agents.goal import DWELL, SPEED
 from wayfarer.world.scenes.populate import MAX_RATE, MAX_STAY
 
 Item = TypeVar("Item")
@@ -132,7 +132,20 @@ class Quantity(Enum):
 
 
 Length = Annotated[Float, Quantity.LENGTH]
-Heading = Annotated[Float, Field(ge=-MAX_HEADING, le=MAX_HEADING), Quantity.HEADING]
+
+
+def _in_radians(heading: float) -> float:
+    if abs(heading) > TURN:
+        raise ValueError(f"must be in radians, from {-TURN} to {TURN}, not {heading:g}")
+    return heading
+
+
+Heading = Annotated[
+    Float,
+    AfterValidator(_in_radians),
+    Field(json_schema_extra={"minimum": -TURN, "maximum": TURN}),
+    Quantity.HEADING,
+]
 
 
 def bounds(low: float | None, high: float | None) -> JsonDict:

@@ -159,7 +159,7 @@ void UWayfarerSubsystem::CreateAgent(const FString& Name, const FVector& Locatio
 	TSharedPtr<FJsonObject> Agent = MakeShared<FJsonObject>();
 	Agent->SetStringField(TEXT("name"), Name);
 	Agent->SetObjectField(TEXT("position"), Place(Location));
-	Agent->SetNumberField(TEXT("heading"), FMath::DegreesToRadians(Yaw));
+	Agent->SetNumberField(TEXT("heading"), FMath::DegreesToRadians(FRotator::NormalizeAxis(Yaw)));
 	if (!Character) return Create(Agent, Created);
 	Call(TEXT("POST"), TEXT("/v1/bodies:fit"), Character, [this, Agent, Created](const FJsonObject& Fit) {
 		Agent->SetStringField(TEXT("gender"), Fit.GetStringField(TEXT("gender")));
