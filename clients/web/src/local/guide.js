@@ -28,7 +28,7 @@ const FORESIGHT = 0.4, SLOW = 0.15;
 /** @typedef {import("./company.js").Seen} Seen */
 /**
  * `ahead` is the goal that steering sees, the next stretch of the way. `judged` is the goal by which arrival is judged.
- * @typedef {{ ahead: GoalRow, judged: GoalRow, waited: number }} Course
+ * @typedef {{ ahead: GoalRow, judged: GoalRow }} Course
  */
 /**
  * A goal was moved to a place ("goal_moved"), no way leads to it ("unreachable"; the place can be reached), or people
@@ -70,7 +70,7 @@ export class Guide {
     this.company?.keepLanes(led, people);
     for (const row of rows) if (!row.walker.aims.wants) this.makingWay?.update(row, people);
     if (this.company && people.length > 1) for (const row of led) if (row.ahead.given) this.#bend(row, people);
-    return rows.map(({ ahead, self }, k) => ({ ahead, judged: courses[k].judged, waited: self.memory.waited }));
+    return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }
 
   /** @param {Person} person */

@@ -5,7 +5,7 @@ import { lockFeet } from "./footlock.js";
 import { bendable, broken, fallen, gotUp } from "./guards.js";
 import { isMirrored, mannerOf, noiseOf, ownNoiseOf, reactionOf } from "./random.js";
 import { righted } from "./righting.js";
-import { STANDING, STEP_SECONDS, WALKING, facingOf, goalAt, goalRows, observe } from "./steering.js";
+import { STANDING, WALKING, facingOf, goalAt, goalRows, observe } from "./steering.js";
 
 export const FRAMES = 8, SEED = 2, TURN = 88;
 const LEAD = 1; // chunks planned ahead of their time
@@ -157,14 +157,12 @@ export class Person {
   }
 
   /**
-   * The inputs of the next step that depend on the goal. `ahead` is the goal that steering sees, `judged` the
-   * goal by which arrival is judged (see guide.js). A person that has waited for others, not for its own
-   * moment, does not hesitate.
+   * The inputs of the next step that depend on the goal. `ahead` is the goal that steering sees, and `judged` the
+   * goal by which arrival is judged (see guide.js).
    * @param {Begun} begun @param {import("./guide.js").Course} course
    */
-  next({ seed, start, gait: before }, { ahead, judged, waited }) {
-    const { reactions } = this.steering;
-    const ready = waited > STEP_SECONDS * (reactions - 0.5) || (this.plannedChunks + this.reaction) % reactions === 0;
+  next({ seed, start, gait: before }, { ahead, judged }) {
+    const ready = (this.plannedChunks + this.reaction) % this.steering.reactions === 0;
     const gait = this.steering.decide(before, start, ahead, ready);
     const noise = noiseOf(this.spec.seed, this.plannedChunks);
     return { seed, start, gait, goal: judged, noise, targets: this.steering.targets(gait, start, ahead) };

@@ -115,7 +115,7 @@ export class LocalWorld {
   /** @param {Person[]} people of one gender */
   async #step(people) {
     const call = (this.#lastCall += 1), begun = people.map((person) => person.begin());
-    const courses = this.#guide?.courses(begun, this.#people) ?? begun.map(({ goal }) => ({ ahead: goal, judged: goal, waited: 0 }));
+    const courses = this.#guide?.courses(begun, this.#people) ?? begun.map(({ goal }) => ({ ahead: goal, judged: goal }));
     const asked = people.map((person, k) => person.next(begun[k], courses[k]));
     for (const person of people) person.stepping = call;
     const outputs = await this.run(people[0].spec.gender, this.#feeds(people, asked));
