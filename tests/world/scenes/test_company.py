@@ -8,11 +8,9 @@ from tests.world.scenes.grounds import enter, field, world_in
 from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
-from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.events import EventKind
-from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.passages import turns
 
 CORRIDOR = bake(SceneSpec(floors=(Floor(((0, 0), (2, 0), (2, 16), (0, 16))),)))
@@ -47,25 +45,6 @@ def test_without_a_scene_agents_avoid_each_other_unless_they_shall_not(spec, avo
     tracks, arrived = walked(world, 8.0)
     assert arrived == {one.agent_id, other.agent_id}
     assert (nearest(tracks) > 0.42) == avoids
-
-
-def set_off(waited):
-    """When each of twelve agents sets off, which have waited for so many seconds."""
-    world = make_world(steering=Steering())
-    world.create_session(SessionSpec("s"), 0.0)
-    specs = [AgentSpec(position=(4.0 * k, 0.0), noise_seed=k) for k in range(12)]
-    agents = world.create_agents("s", specs, 0.0)
-    list(world.advance(1.0))
-    for k, agent in enumerate(agents):
-        world.give(agent.agent_id, goal(4.0 * k, 5.0), 1.0)
-    world.slots.planned.memory.waited[:12] = waited
-    tracks, _ = walked(world, 3.0)
-    return {int((track[:, 1] > 0.01).argmax()) // NEW_FRAMES for track in tracks.values()}
-
-
-def test_an_agent_that_has_waited_for_others_does_not_hesitate():
-    """It sees the way become free. Otherwise agents set off at different moments."""
-    assert len(set_off(0.0)) == 3 and len(set_off(0.6)) == 1
 
 
 @pytest.mark.parametrize("scene", [True, False])

@@ -11,7 +11,7 @@ from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepOutputs, no_obstacles
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, fitting, pad, pick, whole
-from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.faults import ENGINE_CALLS, Faults, NotFiniteError, Stage, check_finite
 from wayfarer.world.agents.slots import Motion, Seeds, SlotTable
@@ -359,8 +359,6 @@ class Scheduler:
         ready = sets_off(
             slots.noise_seed[rows], slots.planned_chunks[rows], self._steering.reactions
         )
-        # who has waited for others, not for its own moment, sees the way become free
-        ready |= start.memory.waited > STEP_SECONDS * (self._steering.reactions - 0.5)
         faults.stage = Stage.WAY
         course = self._guide.course(rows, start, goals)
         faults.stage = Stage.STEERING
