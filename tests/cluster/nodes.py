@@ -47,7 +47,7 @@ class Bench:
         self.present = {}
         self.loads = {}
         if settled:
-            self.now += LEASE * 2
+            self.now += LEASE * 3
         for name in names:
             self.add(name)
         self.beat()

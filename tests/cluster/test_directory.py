@@ -514,6 +514,65 @@ def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_mean
     assert bench.nodes["n1"].epoch(named(later)) > epoch
 
 
+ORPHAN = "00ff00ff00ff"
+
+
+def restarted(seconds, **ages):
+    """A directory, and a view of it, this long after its start; nodes came with replicas, of these
+    ages, of what n0 had.
+    """
+    now = [0.0]
+    directory, view = Directory(LeaseRules(LEASE), 1000, lambda: now[0]), GroupMap()
+    for count in range(1, round(seconds * 4) + 1):
+        now[0] += 0.25
+        for name, age in ages.items():
+            directory.renew(coming(name, kept={ORPHAN: ("n0", age)}, count=count))
+        view.take(directory.look(view.seen)[1])
+        with pytest.raises(Unavailable):  # nobody is told that it does not exist
+            view.owner(named(ORPHAN))
+        with pytest.raises(Unavailable):
+            directory.place(ORPHAN)
+    return directory, view
+
+
+def test_what_ended_with_an_earlier_directory_is_adopted_from_the_youngest_replica():
+    directory, _ = restarted(2 * LEASE, n1=1.5, n2=0.5)
+    assert owner(directory, ORPHAN) is None
+    directory, _ = restarted(2 * LEASE * DRIFT + 0.5, n1=1.5, n2=0.5)
+    entry = directory._groups[ORPHAN]
+    assert (entry.owner, entry.keepers) == ("n2", ("n1",))
+    (order,) = directory.renew(renewal("n2", count=99)).orders
+    assert (order.kind, order.group) == ("adopt", ORPHAN)
+    again = directory.renew(coming("n0", held={ORPHAN: 9}))
+    assert owner(directory, ORPHAN) == "n0" and not again.lost, "what it has is no replica"
+
+
+def test_its_owner_comes_in_time_and_what_it_has_ended_is_gone():
+    directory, view = restarted(LEASE * DRIFT + 0.5, n1=0.5)
+    directory.renew(coming("n0"))
+    view.take(directory.look(view.seen)[1])
+    assert view.owner(named(ORPHAN)) is None and not directory._missing
+
+
+def test_an_old_replica_is_of_what_had_ended():
+    directory = Directory(LeaseRules(LEASE), 1000, lambda: 0.0)
+    directory.renew(coming("n1", kept={ORPHAN: ("n0", 4 * LEASE)}))
+    assert not directory._missing and not directory._away
+
+
+def test_a_move_that_an_earlier_directory_decided_stays_decided():
+    """The answer to the new owner was lost; who gave the group away knows, and keeps a replica."""
+    bench = Bench()
+    bench.directory._settled_at = bench.now
+    bench.directory.renew(coming("n1", kept={ORPHAN: ("n2", 0.5)}))
+    with pytest.raises(Unavailable, match="come back"):
+        bench.directory.claim(ORPHAN, "n1", 5, "n2")
+    bench.directory.renew(coming("n2"))
+    with pytest.raises(Aborted):
+        bench.directory.claim(ORPHAN, "n1", 5, "n1")
+    assert bench.directory.claim(ORPHAN, "n1", 5, "n2") and bench.owner(ORPHAN) == "n2"
+
+
 def test_of_two_claimants_the_greater_epoch_is_right():
     now = 0.0
     directory = Directory(LeaseRules(LEASE), 1, lambda: now)

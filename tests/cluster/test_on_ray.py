@@ -72,9 +72,10 @@ class Command:
         """The first of these."""
         self.processes(name)[0].kill()
 
-    def kill_node(self, number):
+    def node(self, number):
+        """Its process."""
         told = self.cluster()[number]["node"]
-        next(p for p in self.processes("NodeActor") if told["grpc_port"] in listening(p)).kill()
+        return next(p for p in self.processes("NodeActor") if told["grpc_port"] in listening(p))
 
     def cluster(self):
         """Nodes by their number."""
@@ -208,7 +209,7 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
         there = [one for one in everybody if homes[one.session.session_id] == killed]
         late = {one: (await one.session.create_agents(AgentSpec()))[0] for one in there}
         await asyncio.gather(*(one.goes_on() for one in everybody))
-        command.kill_node(killed)
+        command.node(killed).kill()
         for one in there:
             assert late[one].agent_id in await people(one.session)
             async with asyncio.timeout(60):
@@ -243,6 +244,33 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
         for one in everybody:
             one.task.cancel()
     assert len(command.processes("NodeActor")) == NODES
+    command.ctrl_c()
+
+
+async def test_sessions_outlive_a_node_that_ends_with_the_directory(start):
+    """Nobody else knows whose they are; the other node has their copies."""
+    command = start("--workers", str(NODES))
+    async with Client(command.grpc, timeout=60) as client:
+        everybody = [await Follower.of(client) for _ in range(4)]
+        homes = {one: command.home(one.session) for one in everybody}
+        assert set(homes.values()) == set(range(NODES)), "they are spread"
+        await asyncio.gather(*(one.goes_on() for one in everybody))
+        late = {one: (await one.session.create_agents(AgentSpec()))[0] for one in everybody}
+        node = command.node(homes[everybody[0]])
+        command.kill("DirectoryActor")
+        node.kill()
+        for one in everybody:
+            assert late[one].agent_id in await people(one.session)
+        there = [one for one in everybody if homes[one] == homes[everybody[0]]]
+        async with asyncio.timeout(60):
+            while not all("gap" in one.events for one in there):
+                await asyncio.sleep(0.05)
+        await asyncio.gather(*(one.goes_on() for one in everybody))
+        for one in everybody:
+            assert one in there or one.stream.reconnections == 0, "they only pause"
+        assert command.home(everybody[0].session) != homes[everybody[0]]
+        for one in everybody:
+            one.task.cancel()
     command.ctrl_c()
 
 

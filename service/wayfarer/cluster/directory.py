@@ -14,7 +14,8 @@ rules, on which "never two owners" rests:
   questions to arrive decides. Each node asks until it is answered, and keeps the group frozen
   meanwhile; the same question always has the same answer.
 - A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
-  tell it what they hold. Between two that claim one group the greater epoch is right.
+  tell it what they hold, and of what they keep replicas. Between two that claim one group the
+  greater epoch is right. Replicas are adopted if their owner does not come for another lease.
 - In each renewal a share of the groups is compared, so that a node and the directory that disagree
   notice it within seconds.
 
@@ -150,8 +151,10 @@ class Directory:
         self._placed: OrderedDict[str, str] = OrderedDict()  # group → node
         self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
         self._came: set[int] = set()  # numbers of the nodes that have ever come
-        self._away: dict[str, float] = {}  # nodes that may come back; when their leases had ended
+        self._away: dict[str, float] = {}  # nodes that may come back, and until when
         self._missing: dict[str, set[str]] = {}  # groups without an owner; who of them may have it
+        self._kept: dict[str, dict[str, tuple[float, str]]] = {}
+        """Replicas when this directory started, by group and keeper: their age, and the owner."""
         self._waiting: dict[int, set[str]] = {}  # groups by the number of the node that keeps them
         self._random = random.Random(seed)
 
@@ -167,6 +170,7 @@ class Directory:
         if whole is not None:
             if told.name in self._over:  # sent before it ended
                 return Answer()
+            self._hear_of_replicas(told)
             if not (self._settled() or told.leased or self.rules.nodes) and told.held:
                 return Answer()  # who of two claimants is right is known once all have come
             node = node or self._enter(whole)
@@ -179,7 +183,7 @@ class Directory:
         for group, epoch in told.held.items():
             self._epoch = max(self._epoch, epoch)
             entry = self._groups.get(group)
-            had = self._had(entry, told.name, epoch)
+            had = self._had(entry, told.name, epoch) or self._had(entry, told.name, 0)
             if entry is None or had or (entry.owner != told.name and entry.epoch < epoch):
                 # made there, or come with a snapshot; or given up as lost, and who adopted it
                 # meanwhile may have ended, too; or of an earlier directory, whose lease still holds
@@ -214,9 +218,9 @@ class Directory:
         _remember(self._over, name, None)
         for one in [*self._nodes, *self._away]:
             if name in (one, one.rpartition("-")[0]):
+                self._away[one] = self._all_told_at
                 if one in self._nodes:
                     self._end(self._nodes.pop(one))
-                self._has_told(one)
 
     def _end(self, node: _Node) -> None:
         self._nodes_changed()
@@ -228,7 +232,7 @@ class Directory:
             if entry.keepers is None:
                 # the node that gave it away may not know that, and still hold it frozen
                 giver = entry.before[:1] if entry.before else ()
-                entry.keepers = (*node.keepers, *giver, node.info.name)
+                entry.keepers = (*node.keepers, *self._orphan(group), *giver, node.info.name)
                 entry.before = node.info.name, entry.epoch
             self._pass_on(group)
 
@@ -246,11 +250,11 @@ class Directory:
         silent = [node for node in self._nodes.values() if node.heard_at <= over]
         for node in silent:  # first: none of them adopts what another had
             self.counters["expired"] += 1
-            self._away[node.info.name] = now
+            self._away[node.info.name] = now + AWAY_S
             del self._nodes[node.info.name]
         for node in silent:
             self._end(node)
-        for name in [name for name, since in self._away.items() if since < now - AWAY_S]:
+        for name in [name for name, until in self._away.items() if until < now]:
             self._has_told(name)
 
     def _has_told(self, name: str) -> None:
@@ -259,9 +263,32 @@ class Directory:
             return
         for group, may_have in list(self._missing.items()):
             may_have.discard(name)
-            if not may_have:
+            if may_have:
+                continue
+            if keepers := self._orphan(group):
+                before = self._kept[group][keepers[0]][1], 0
+                self._own(group, keepers[0], before=before, keepers=keepers[1:])
+            else:
                 self.counters["lost"] += 1
                 self._disown(group)
+
+    def _hear_of_replicas(self, told: LeaseRenewal) -> None:
+        """Their owners may have ended with an earlier directory, before anybody adopted them."""
+        late = self._clock() > self._all_told_at
+        for group, (owner, age) in told.kept.items():
+            if late or age > 3 * self._lease_s:  # its owner had ended it, or another one had it
+                continue
+            self._kept.setdefault(group, {})[told.name] = age, owner
+            if owner not in self._nodes and group not in self._groups:
+                self._away.setdefault(owner, self._all_told_at)
+                self._missing.setdefault(group, set()).add(owner)
+                self._touch(group)
+
+    def _orphan(self, group: str) -> tuple[str, ...]:
+        """Who had replicas of what ended with an earlier directory, the youngest first."""
+        kept = self._kept.get(group, {})
+        found = [one for one in kept if one in self._nodes and kept[one][1] not in self._nodes]
+        return tuple(sorted(found, key=kept.__getitem__))
 
     def drain(self, name: str) -> None:
         """Asks a node to give its sessions away and to end. Raises NotFound, FailedPrecondition."""
@@ -269,12 +296,7 @@ class Directory:
         if node is None:
             known = ", ".join(sorted(self._nodes)) or "none"
             raise NotFound(f"there is no node {name!r}; there are {known}", "node", name)
-        equals = [
-            other
-            for other in self._nodes.values()
-            if other is not node and not other.draining and self._alike(other, node)
-        ]
-        if node.used and not equals:
+        if node.used and not self._equals(node):
             raise FailedPrecondition(
                 f"node {name} holds {len(node.used)} groups of sessions, and no other node has "
                 "the same model and bodies, to take them; start one first"
@@ -302,6 +324,8 @@ class Directory:
             return entry.epoch
         is_its = entry is not None and (entry.owner, entry.epoch) == (owner, epoch)
         is_its = is_its or self._had(entry, owner, epoch)
+        if entry is None:  # an earlier directory's answer was lost; who gave it away has told
+            is_its = to in {one for _, one in self._kept.get(group, {}).values()}
         if entry is not None and owner == to and not is_its and self._is_adopted(group):
             # it is its own if there is no replica
             raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
@@ -409,7 +433,7 @@ class Directory:
             lost=lost,
             neighbour=node.keepers[0] if node.keepers else "",
             draining=node.draining,
-            done=node.draining and not node.used,
+            done=node.draining and not node.used and self._all_told_at < now,
             orders=tuple(self._orders(node, now)),
             changes=self._changes(seen),
         )
@@ -487,6 +511,11 @@ class Directory:
             return len(self._came) >= self.rules.nodes
         return self._clock() >= self._settled_at
 
+    @property
+    def _all_told_at(self) -> float:
+        """Nodes that have not come until then are as those whose lease has ended."""
+        return self._settled_at + self._lease_s
+
     def _pass_on(self, group: str, first: str = "") -> None:
         """To `first`, or the next node that may have a replica. Without any, it is the first node's
         that names it, of those that are away now; without these, what lived there is lost.
@@ -527,21 +556,21 @@ class Directory:
 
     def _is_adopted(self, group: str) -> bool:
         """Its owner has still to find replicas of what lived there."""
-        return self._groups[group].keepers is not None
+        return group in self._groups and self._groups[group].keepers is not None
 
     def _alike(self, one: _Node, other: _Node) -> bool:
         return one.info.fingerprint == other.info.fingerprint
+
+    def _equals(self, node: _Node) -> set[str]:
+        """Names of those that could have what it has."""
+        stay = (other for other in self._nodes.values() if not other.draining and other is not node)
+        return {other.info.name for other in stay if self._alike(other, node)}
 
     def _choose_keeper(self, node: _Node) -> None:
         """Keep the neighbour while it is good; the one before still has older replicas."""
         if self.rules.keep:
             return
-        name = node.info.name
-        able = {
-            other.info.name
-            for other in self._nodes.values()
-            if other is not node and not other.draining and self._alike(other, node)
-        }
+        name, able = node.info.name, self._equals(node)
         node.keepers = tuple(keeper for keeper in node.keepers if keeper in self._nodes)
         if node.keepers and node.keepers[0] in able:
             return

@@ -91,6 +91,7 @@ class LeaseRenewal(ClusterMessage):
     leased: bool = False  # a lease of an earlier directory still holds
     held: dict[str, int] = {}  # groups and their epochs: new ones, and a share of the others
     freed: tuple[str, ...] = ()  # groups that hold none any more
+    kept: dict[str, tuple[str, float]] = {}  # it comes: groups of its replicas, owners, ages
     seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
 
 

@@ -222,6 +222,8 @@ class NodeAgent:
             return
         load = await self._load()
         sent_at, told = boot_clock(), self._tenancy.renewal(load, self._moves.groups)
+        if told.node is not None:
+            told = told.model_copy(update={"kept": self._replicas.ages()})
         answer = await self._directory.call("renew", told)
         if answer.fenced:
             log.error("the directory has given this node up; it comes back without what it lost")
@@ -288,6 +290,8 @@ class NodeAgent:
         while refusal := await self._come(group, own, order.epoch, states, orphan=True):
             if isinstance(refusal, Aborted):  # another node is to adopt it
                 return
+            for name, one in kept.items():  # which may wait for longer than replicas live
+                await self.keep(one.owner, {name: one.state})
             full = isinstance(refusal, Unavailable | ResourceExhausted) and now() < ends
             to = await self._hand_on(kept) if full else ""
             if to or not full:

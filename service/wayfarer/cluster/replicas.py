@@ -14,6 +14,9 @@ REPLICA_BYTES: Final = 512 * 1024 * 1024
 KEPT_S: Final = 60.0
 """Seconds after which a replica without renewal is dropped."""
 
+QUIET_S: Final = 2.0
+"""If nobody calls for longer, replicas do not get older: nobody has a lease."""
+
 KEEP_S: Final = 120.0
 """Seconds within which a node keeps the content of a scene that it is sent."""
 
@@ -27,7 +30,7 @@ class KeptReplica:
 
     owner: str  # node
     state: bytes
-    at: float  # monotonic
+    at: float  # see `_now`
 
 
 class Replicas:
@@ -36,19 +39,20 @@ class Replicas:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._kept: dict[str, KeptReplica] = {}  # by id of a session or scene
+        self._called_at, self._time = clock(), 0.0
 
     def keep(self, owner: str, name: str, state: bytes) -> None:
         """In place of an earlier one. Raises ResourceExhausted."""
         before = self._kept.get(name)
         if self.bytes + len(state) - (len(before.state) if before else 0) > REPLICA_BYTES:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
-        self._kept[name] = KeptReplica(owner, state, self._clock())
+        self._kept[name] = KeptReplica(owner, state, self._now())
 
     def renew(self, owner: str, present: set[str]) -> set[str]:
         """Drops replicas that the owner does not have any more; returns those of `present` whose
         content is not here.
         """
-        now = self._clock()
+        now = self._now()
         for name, replica in list(self._kept.items()):
             if replica.owner == owner and name.removesuffix(CONTENT) in present:
                 replica.at = now
@@ -60,10 +64,22 @@ class Replicas:
         """Those of a group, by name; they are kept until `drop`."""
         return {name: kept for name, kept in self._kept.items() if group_of(name) == group}
 
+    def ages(self) -> dict[str, tuple[str, float]]:
+        """Of each group the owner of the youngest replica, and its age."""
+        states = [item for item in self._kept.items() if not item[0].endswith(CONTENT)]
+        states.sort(key=lambda item: item[1].at)
+        return {group_of(name): (one.owner, self._time - one.at) for name, one in states}
+
     def drop(self, group: str) -> None:
         """What lived in this group lives here, or nowhere any more."""
         for name in self.of(group):
             del self._kept[name]
+
+    def _now(self) -> float:
+        now = self._clock()
+        self._time += min(now - self._called_at, QUIET_S)
+        self._called_at = now
+        return self._time
 
     @property
     def bytes(self) -> int:
