@@ -276,6 +276,7 @@ struct FRotator {
   double Pitch = 0, Yaw = 0, Roll = 0;
   FRotator() = default;
   FRotator(double InPitch, double InYaw, double InRoll) : Pitch(InPitch), Yaw(InYaw), Roll(InRoll) {}
+  static double NormalizeAxis(double Angle) { return std::remainder(Angle, 360.0); }
 };
 struct FQuat {
   double X = 0, Y = 0, Z = 0, W = 1;

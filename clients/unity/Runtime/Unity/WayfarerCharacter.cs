@@ -81,7 +81,7 @@ namespace Wayfarer
             double? heading = null;
             if (yaw.HasValue)
             {
-                heading = Mathf.DeltaAngle(Source.transform.eulerAngles.y, yaw.Value) * Math.PI / 180;
+                heading = Math.IEEERemainder(yaw.Value - Source.transform.eulerAngles.y, 360) * Math.PI / 180;
             }
             return Agents().SetPath(id, new Goal(place.X, place.Y, place.Z) { Speed = speed, Heading = heading });
         }
