@@ -423,15 +423,17 @@ function show() {
   session.look(viewpoints(stage.camera.position, selection.people));
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
-  const somebody = crowd.people.some(({ shown }) => shown);
-  if (somebody) arrivals.since = Infinity;
-  const fps = readout.frame(now, () => ({
-    people: crowd.members.size,
-    delay: crowd.members.size ? player.clock.delay(now) : null,
-    buffered: player?.buffered ?? Infinity,
-    busy: arrivals.busy || crowd.busy(now),
-    told: somebody ? "These people walk by themselves." : `${arrivals.nobody}.`,
-  }));
+  const fps = readout.frame(now, () => {
+    const somebody = crowd.people.some(({ shown }) => shown);
+    if (somebody) arrivals.since = Infinity;
+    return {
+      people: crowd.members.size,
+      delay: crowd.members.size ? player.clock.delay(now) : null,
+      buffered: player?.buffered ?? Infinity,
+      busy: arrivals.busy || crowd.busy(now),
+      told: somebody ? "These people walk by themselves." : `${arrivals.nobody}.`,
+    };
+  });
   if (fps !== null) stage.keepUp(fps);
   if (fps !== null && stage.look === 0 && !page.has("detail")) crowd.refine(stage.camera, DETAILED, now).catch(() => {}); // it stays light
   last = now;
