@@ -561,7 +561,7 @@ def test_an_old_replica_is_of_what_had_ended():
 
 
 def test_a_move_that_an_earlier_directory_decided_stays_decided():
-    """The answer to the new owner was lost; who gave the group away knows, and keeps a replica."""
+    """The answer to the new owner was lost; the giver knows, and keeps a replica."""
     bench = Bench()
     bench.directory._settled_at = bench.now
     bench.directory.renew(coming("n1", kept={ORPHAN: ("n2", 0.5)}))

@@ -114,7 +114,7 @@ class _Node:
 class _Entry:
     owner: str
     epoch: int
-    before: tuple[str, int] | None = None  # who had it before, with its epoch, if it came from one
+    before: tuple[str, int] | None = None  # its owner before, with that epoch, if it came from one
     keepers: tuple[str, ...] | None = None  # being adopted: who else may have a replica, in order
 
 
@@ -285,7 +285,7 @@ class Directory:
                 self._touch(group)
 
     def _orphan(self, group: str) -> tuple[str, ...]:
-        """Who had replicas of what ended with an earlier directory, the youngest first."""
+        """Nodes with replicas of what an earlier directory had, the youngest first."""
         kept = self._kept.get(group, {})
         found = [one for one in kept if one in self._nodes and kept[one][1] not in self._nodes]
         return tuple(sorted(found, key=kept.__getitem__))
@@ -324,7 +324,7 @@ class Directory:
             return entry.epoch
         is_its = entry is not None and (entry.owner, entry.epoch) == (owner, epoch)
         is_its = is_its or self._had(entry, owner, epoch)
-        if entry is None:  # an earlier directory's answer was lost; who gave it away has told
+        if entry is None:  # an earlier directory's answer was lost; its giver has named the replica
             is_its = to in {one for _, one in self._kept.get(group, {}).values()}
         if entry is not None and owner == to and not is_its and self._is_adopted(group):
             # it is its own if there is no replica
@@ -513,7 +513,7 @@ class Directory:
 
     @property
     def _all_told_at(self) -> float:
-        """Nodes that have not come until then are as those whose lease has ended."""
+        """A node that has not come by then counts as one whose lease has ended."""
         return self._settled_at + self._lease_s
 
     def _pass_on(self, group: str, first: str = "") -> None:
@@ -551,7 +551,7 @@ class Directory:
         return entry.owner == name and (entry.keepers is None or entry.epoch == epoch)
 
     def _had(self, entry: _Entry | None, name: str, epoch: int) -> bool:
-        """It was the last owner of a group that is being adopted; what it had is no replica."""
+        """It was the last owner of a group that is being adopted: it had no replica."""
         return entry is not None and entry.keepers is not None and entry.before == (name, epoch)
 
     def _is_adopted(self, group: str) -> bool:
@@ -562,7 +562,7 @@ class Directory:
         return one.info.fingerprint == other.info.fingerprint
 
     def _equals(self, node: _Node) -> set[str]:
-        """Names of those that could have what it has."""
+        """Names of the nodes that could take its groups."""
         stay = (other for other in self._nodes.values() if not other.draining and other is not node)
         return {other.info.name for other in stay if self._alike(other, node)}
 

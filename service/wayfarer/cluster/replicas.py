@@ -65,7 +65,7 @@ class Replicas:
         return {name: kept for name, kept in self._kept.items() if group_of(name) == group}
 
     def ages(self) -> dict[str, tuple[str, float]]:
-        """Of each group the owner of the youngest replica, and its age."""
+        """The owner of the youngest replica of each group, and its age."""
         states = [item for item in self._kept.items() if not item[0].endswith(CONTENT)]
         states.sort(key=lambda item: item[1].at)
         return {group_of(name): (one.owner, self._time - one.at) for name, one in states}

@@ -1,4 +1,4 @@
-"""What is discarded before it is sent is planned again alike."""
+"""A step that is discarded before it is sent is planned again alike."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def at_a_door():
 
 
 def test_people_at_a_door_who_are_planned_again_do_the_same():
-    """Their ways are known: those that were found for discarded steps are kept."""
+    """Their ways are known: ways that were found for discarded steps are kept."""
     (stays, names), (again, others) = at_a_door(), at_a_door()
     expected, found, waited = {}, {}, 0.0
     for chunk in stays.advance(10.0):

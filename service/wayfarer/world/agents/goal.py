@@ -17,6 +17,7 @@ RADIUS: Final = (0.05, 10.0)
 SPEED: Final = (0.2, 4.0)
 DWELL: Final = (0.0, 3600.0)
 MAX_HEADING: Final = 100.0
+"""A call's is within a turn (`spec.TURN`), and was not in older logs and snapshots, which load."""
 
 
 @dataclass(frozen=True, slots=True)

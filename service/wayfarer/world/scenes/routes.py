@@ -118,7 +118,7 @@ class Routes:
         return self._slots.route.take(rows), self._points[rows, :WAY]
 
     def put(self, rows: Index, route: Route, points: Array) -> None:
-        """Leads these rows as taken; what does not fit is searched again."""
+        """Gives these rows what `take` returned; a longer way is searched again."""
         fits = (route.points > 1) & (route.points <= WAY)
         for row in np.flatnonzero(fits).tolist():
             self.lay(int(rows[row]), points[row, : route.points[row]], 0, 0)

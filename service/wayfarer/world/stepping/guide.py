@@ -24,8 +24,8 @@ class Guide(Protocol):
     """Called by the scheduler before every step, for the rows about to be stepped together."""
 
     def course(self, rows: Index, start: Motion, goals: GoalColumns) -> NextTarget:
-        """The next targets of these rows. Changes `goals`: arrival is judged by the result; and
-        what is remembered of others in `start`.
+        """The next targets of these rows. Changes `goals`, by which arrival is judged, and the
+        memory of others in `start`.
         """
         ...
 
