@@ -350,7 +350,7 @@ class Scheduler:
         return rows[order], int(is_due[order].sum())
 
     def _next(self, rows: Index) -> tuple[Motion, NextTarget]:
-        """The motion that slots continue from, with their next gait, and the targets of the step."""
+        """The motion that slots continue from, with their next gait, and the targets of a step."""
         slots, faults = self._table.rows, self._faults
         outer, faults.stage = faults.stage, Stage.STEERING
         start = slots.planned.take(rows)
