@@ -52,7 +52,7 @@ computing."""
 M_ARENA_MAX, M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -8, -1, -3
 """Constants of glibc's malloc.h."""
 
-KEPT_FREE: Final = 64 << 20
+KEPT_FREE: Final = 128 << 20
 """Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB; if they went
 back to the kernel, it would clear them again for the next call.
 """
