@@ -102,6 +102,23 @@ def way_around(room: Double, start: Index, end: Index, corners: Index) -> int:
 
 
 @compiled
+def keep_apart(room: Double, low: Double, cell: float, spots: Float, apart: float) -> None:
+    """Lowers the room of cells [R, C] to their metres beyond `apart` from each of `spots` [N, 2].
+
+    `low`: where the first cell is; `cell`: metres between two. Cells farther away than the
+    neighbours of those without room stay as they are: `way_around` asks for no more.
+    """
+    rows, columns = room.shape
+    reach = (apart + 2 * cell) / cell
+    for spot in range(len(spots)):
+        x, y = (spots[spot, 0] - low[0]) / cell, (spots[spot, 1] - low[1]) / cell
+        for r in range(max(ceil(y - reach), 0), min(floor(y + reach) + 1, rows)):
+            for c in range(max(ceil(x - reach), 0), min(floor(x + reach) + 1, columns)):
+                away = cell * sqrt((c - x) * (c - x) + (r - y) * (r - y))
+                room[r, c] = min(room[r, c], away - apart)
+
+
+@compiled
 def stand_before(
     me: Index,
     hips: Double,
@@ -146,4 +163,5 @@ def prepare() -> None:
     by = np.zeros((1, 1), np.bool_)
     warm(stand_before, one, places, np.zeros((1, 1, 2)), (one, one), standing, 0.3, np.ones(1), by)
     room, corner = np.ones((2, 2)), np.zeros(2, np.int64)
+    warm(keep_apart, room, np.zeros(2), 0.15, standing[0], 0.4)
     warm(way_around, room, corner, corner + 1, np.empty((4, 2), np.int64))

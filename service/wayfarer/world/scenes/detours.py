@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Array, Flags, Float, Index
-from wayfarer.world.scenes.around import stand_before, way_around
+from wayfarer.world.scenes.around import keep_apart, stand_before, way_around
 from wayfarer.world.scenes.people import Gathering, SessionPeople
 from wayfarer.world.scenes.planner import RETRY
 from wayfarer.world.scenes.routes import Routes
@@ -117,10 +117,7 @@ class Detours:
         (clear, radius), cells = self._scenery.walls(slot), np.stack(np.meshgrid(x, y), -1)
         room = clear(cells.reshape(-1, 2)).reshape(rows, columns).astype(np.float64)
         room -= radius - SLACK
-        here = ((people.position > low) & (people.position < [x[-1], y[-1]])).all(-1)
-        for spot in people.position[everybody.stand & level & here]:
-            apart = np.hypot(x - spot[0], (y - spot[1])[:, None]) - PASSES
-            room = np.minimum(room, apart)
+        keep_apart(room, low, CELL, people.position[everybody.stand & level], PASSES)
         ends = np.rint((np.stack([place, back]) - low) / CELL).astype(np.int64)[:, ::-1].copy()
         corners = np.empty((MOST, 2), np.int64)
         count = way_around(room, ends[0], ends[1], corners)
