@@ -1,11 +1,11 @@
 """A server to measure: `wayfarer serve` in its own process, with its CPU time and memory."""
 
 import argparse
-import asyncio
 from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.bench import Row
+from wayfarer.commands.serve import run as run_loop
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.rings import LoadRing, parse_rings
@@ -69,4 +69,4 @@ def loaded(
             summary, _ = await run(target, plan)
             return summary
 
-    return asyncio.run(whole())
+    return run_loop(whole())

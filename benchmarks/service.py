@@ -16,7 +16,6 @@ in the same time if all cores did nothing else.
 """
 
 import argparse
-import asyncio
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -26,6 +25,7 @@ from benchmarks.bench import Row
 from benchmarks.models import add_engine, opened
 from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, add_rings, loaded, ring_rows, ringed, settings
+from wayfarer.commands.serve import run as run_loop
 from wayfarer.commands.serve import share_heaps
 from wayfarer.engines.engine import Engine
 from wayfarer.process.processor import cores
@@ -137,7 +137,7 @@ def main() -> None:
         del engine
         short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0, **ringed(asked))
         room = settings(replace(short, agents=asked.most), candidates=candidates)
-        agents = asked.agents or asyncio.run(search(short, asked.most, command, room))
+        agents = asked.agents or run_loop(search(short, asked.most, command, room))
         for transport in asked.transports:
             each = max(agents // SESSIONS, 1)
             plan = LoadPlan(SESSIONS, each, seconds, WARM_UP, transport, **ringed(asked))

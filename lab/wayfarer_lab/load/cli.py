@@ -1,10 +1,8 @@
 """`wayfarer load`."""
 
-import asyncio
 import math
 import os
 import platform
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wayfarer import __version__
+from wayfarer.commands.serve import run as run_loop
 from wayfarer.process.processor import cores
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
@@ -105,18 +104,7 @@ def load(
         viewpoint_speed=viewpoint_speed,
         area=area,
     )
-    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
-        runner.run(_load(plan, target, http, tuple(serve or ()), knee, p99_ms, json))
-
-
-def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """The loop of uvloop, if installed, so that the generator takes little CPU from the server."""
-    try:
-        import uvloop
-    except ImportError:  # Windows has none
-        return None
-    factory: Callable[[], asyncio.AbstractEventLoop] = uvloop.new_event_loop
-    return factory
+    run_loop(_load(plan, target, http, tuple(serve or ()), knee, p99_ms, json))
 
 
 async def _load(

@@ -65,15 +65,21 @@ class Reader:
             *(chunks.goal_revisions, chunks.states, chunks.flags),
             strict=True,
         )
+        due_at: dict[float, int] = {}
         for row, (alias, seq, at, revision, state, flags) in enumerate(columns):
             due = 1e-6 * at
             self._tally.popped += self._pops(alias, seq, flags, alias in added)
             self._follow(alias, Latest(seq, due, ring), now)
             self.goals.seen(alias, revision, now)
             if self._since <= due < self._until:
-                self._count(ring, due, now - due, flags)
+                due_at[due] = due_at.get(due, 0) + 1
+                if flags:
+                    ring.reduced += bool(flags & REDUCED)
+                    ring.held += bool(flags & HELD)
                 self._tally.idle += state == STANDING
                 self._tally.malformed += not self._check.passes(chunks, row, batch.tier)
+        for due, count in due_at.items():
+            self._count(ring, due, now - due, count)
 
     def _begin(self, header: motion_pb2.StreamHeader, now: float) -> None:
         """A stream has begun, which introduces everybody again."""
@@ -100,17 +106,15 @@ class Reader:
     def _follow(self, alias: int, new: Latest, now: float) -> None:
         if latest := self._latest.get(alias):
             self._tally.repeated += new.seq <= latest.seq
-            self._lose(latest, round((new.due - latest.due) / STEP_SECONDS) - 1, now)
+            if lost := round((new.due - latest.due) / STEP_SECONDS) - 1:
+                self._lose(latest, lost, now)
         self._latest[alias] = new
 
-    def _count(self, ring: RingTally, due: float, late: float, flags: int) -> None:
-        ring.chunks += 1
-        ring.lateness.add(late)
-        ring.late += late > LOST_S
-        ring.over_time.add(due - self._since, late, late > LOST_S)
-        if flags:
-            ring.reduced += bool(flags & REDUCED)
-            ring.held += bool(flags & HELD)
+    def _count(self, ring: RingTally, due: float, late: float, count: int) -> None:
+        ring.chunks += count
+        ring.lateness.add(late, count)
+        ring.late += count * (late > LOST_S)
+        ring.over_time.add(due - self._since, late, late > LOST_S, count)
 
     def _lose(self, latest: Latest, count: int, now: float) -> None:
         """Number of primitives after the latest that have not come by `now`."""

@@ -77,7 +77,7 @@ async def _watch(tally: Tally, start: float, progress: Callable[[float, Tally], 
 
 
 SAMPLES = 240
-"""Maximum number of samples of a run; at most ten a second."""
+"""Maximum number of samples of a run; at most two a second: each looks through all processes."""
 
 
 class MemoryWatch:
@@ -87,7 +87,7 @@ class MemoryWatch:
         """Unix seconds: measuring begins at `start`, after the warm-up, and ends at `until`."""
         self._target = target
         self._start = start
-        self._interval = max((until - time.time()) / SAMPLES, 0.1)
+        self._interval = max((until - time.time()) / SAMPLES, 0.5)
         self.samples: list[tuple[float, float]] = []  # seconds of measuring, megabytes
 
     async def run(self) -> None:

@@ -28,9 +28,9 @@ class Latencies:
             found.histogram.add(part.histogram)
         return found
 
-    def add(self, seconds: float) -> None:
-        """Counts one."""
-        self.histogram.record_value(int(min(max(seconds, 1e-6), MAX_S) * 1e6))
+    def add(self, seconds: float, count: int = 1) -> None:
+        """Counts some of the same duration."""
+        self.histogram.record_value(int(min(max(seconds, 1e-6), MAX_S) * 1e6), count)
 
     @property
     def count(self) -> int:
@@ -80,12 +80,12 @@ class OverTime:
                 of_all.most_s = max(of_all.most_s, one.most_s)
         return found
 
-    def add(self, at: float, late: float, missed: bool) -> None:
-        """A primitive that fell due `at` seconds of measuring came so late, or never."""
+    def add(self, at: float, late: float, missed: bool, count: int = 1) -> None:
+        """Some primitives that fell due `at` seconds of measuring came so late, or never."""
         found = self._found.setdefault(int(at / BIN_S), Interval())
-        found.due += 1
-        found.missed += missed
-        found.late_s += max(late, 0.0)
+        found.due += count
+        found.missed += count * missed
+        found.late_s += count * max(late, 0.0)
         found.most_s = max(found.most_s, late)
 
     def rows(self) -> list[dict[str, float]]:
