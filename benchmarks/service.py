@@ -11,8 +11,9 @@ gRPC finds the most agents for which that holds. A fresh server then holds them 
 each transport, or 5 % fewer if that fails, at most three times. `--agents` replaces the search by a
 number, which is held once. With `--rings` the clients read levels of detail around viewpoints that
 walk, and there are figures for each ring, too. Server and generator share the machine; *server* and
-*generator* are the cores that they use. *alone* is the number of agents that the engine could step
-in the same time if all cores did nothing else.
+*generator* are the cores that they use, *alone* is the number of agents that the engine could step
+in the same time if all cores did nothing else; *_us* are the same as microseconds of processor time
+for each agent and step.
 """
 
 import argparse
@@ -40,6 +41,11 @@ FEWER = 0.95
 TRIES = 3
 WARM_UP = 20.0
 """Seconds before the measurement: all agents come at once, and then all start to walk."""
+
+SHORT_WARM_UP = 10.0
+"""Seconds before a short run of the search: a server that was late when all came leaves work out
+for `BudgetRules.patience` seconds or twice as long.
+"""
 
 Summary = dict[str, Any]
 
@@ -90,6 +96,7 @@ def tell(summary: Summary, plan: LoadPlan) -> None:
 def row(engine: str, candidates: int, plan: LoadPlan, engine_alone: int, summary: Summary) -> Row:
     """The figures of a long run."""
     late, goals = summary["lateness_ms"], summary["goal_latency_ms"]
+    cpu, per_step = summary["cpu"], 1e6 * STEP_SECONDS / max(summary["agents"], 1)
     return {
         "engine": engine,
         "candidates": candidates,
@@ -105,10 +112,13 @@ def row(engine: str, candidates: int, plan: LoadPlan, engine_alone: int, summary
         "p999_ms": late and late["p999"],
         "max_ms": late and late["max"],
         "goal_p95_ms": goals and goals["p95"],
-        "server": summary["cpu"]["server"],
-        "generator": summary["cpu"]["generator"],
+        "server": cpu["server"],
+        "generator": cpu["generator"],
+        "server_us": cpu["server"] * per_step,
+        "generator_us": cpu["generator"] * per_step,
         "rss_mb": summary["server_rss_mb"] and summary["server_rss_mb"]["end"],
         "alone": engine_alone,
+        "alone_us": 1e6 * STEP_SECONDS * cores() / max(engine_alone, 1),
     }
 
 
@@ -135,7 +145,7 @@ def main() -> None:
         engine = opened(asked.engine, count)
         could = alone(engine, candidates, 0.3 if asked.quick else 1.0)
         del engine
-        short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0, **ringed(asked))
+        short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, SHORT_WARM_UP, **ringed(asked))
         room = settings(replace(short, agents=asked.most), candidates=candidates)
         agents = asked.agents or run_loop(search(short, asked.most, command, room))
         for transport in asked.transports:
