@@ -23,21 +23,28 @@ DIAGONAL: Final = sqrt(2.0)
 
 @inner
 def _sweep(room: Double, least: float, cost: Double) -> bool:
-    """Carries costs of cells to neighbours, in four orders; returns whether any changed."""
+    """Carries costs of cells to neighbours, in four orders; returns whether any changed. Each order
+    asks the neighbours that it has passed: together they ask all of them.
+    """
     rows, columns = cost.shape
     changed = False
     for order in range(4):
+        down, right = 1 if order < 2 else -1, 1 if order % 2 == 0 else -1
         for i in range(rows):
-            r = i if order < 2 else rows - 1 - i
+            r = i if down > 0 else rows - 1 - i
             for j in range(columns):
-                c = j if order % 2 == 0 else columns - 1 - j
+                c = j if right > 0 else columns - 1 - j
                 if room[r, c] < least:
                     continue
                 best = cost[r, c]
-                for k in range(8):
-                    y, x = r + STEPS[k][0], c + STEPS[k][1]
-                    if 0 <= y < rows and 0 <= x < columns:
-                        best = min(best, cost[y, x] + (1.0 if k < 4 else DIAGONAL))
+                if j > 0:
+                    best = min(best, cost[r, c - right] + 1.0)
+                if i > 0:
+                    best = min(best, cost[r - down, c] + 1.0)
+                    if j > 0:
+                        best = min(best, cost[r - down, c - right] + DIAGONAL)
+                    if j < columns - 1:
+                        best = min(best, cost[r - down, c + right] + DIAGONAL)
                 if best < cost[r, c]:
                     cost[r, c] = best
                     changed = True
