@@ -125,7 +125,7 @@ from wayfarer.world.agents.agent import MotionChunks
 from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs, bones
 from wayfarer.world.scenes.nearest_obstacles import nearest_people
-from wayfarer.world.scenes.around import stand_before, way_around
+from wayfarer.world.scenes.around import keep_apart, stand_before, way_around
 from wayfarer.world.scenes.people import find_pressed
 from wayfarer.world.scenes.spots import Claims, Everyone, Walkers, next_taken
 from wayfarer.world.agents.slots import Slots
@@ -182,6 +182,7 @@ aimed = np.concatenate([part.reshape(-1) for part in Steering().targets(decided,
 went = observe(decided, seed.translation[:, -1], seed.translation, goals)
 noise = latents(np.arange(3, dtype=np.uint64), np.arange(3), 1)
 room, corners = random.uniform(-0.2, 1, (30, 40)), np.zeros((64, 2), np.int64)
+keep_apart(room, np.array([-2.0, -2.0]), 0.15, people.position, 0.05)
 room[0, 0] = room[-1, -1] = 1
 count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
 own, stand = (np.repeat([0, 12], [12, 8]), np.repeat([12, 20], [12, 8])), ~people.walks
@@ -238,6 +239,7 @@ KEPT = {
     "ahead": 1e-6,
     "claims.places": 1e-6,
     "claims.apart": 1e-6,
+    "room": 1e-12,
     "corners": 0,
     "count": 0,
 }
