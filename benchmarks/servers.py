@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.bench import Row
-from wayfarer.commands.serve import run as run_loop
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.rings import LoadRing, parse_rings
-from wayfarer_lab.load.run import run
+from wayfarer_lab.load.run import on_loop, run
 from wayfarer_lab.load.target import SERVE, own_server, room
 
 Summary = dict[str, Any]
@@ -69,4 +68,4 @@ def loaded(
             summary, _ = await run(target, plan)
             return summary
 
-    return run_loop(whole())
+    return on_loop(whole())

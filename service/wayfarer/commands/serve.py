@@ -15,7 +15,7 @@ import webbrowser
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import structlog
 import typer
@@ -44,8 +44,6 @@ if TYPE_CHECKING:  # Ray takes seconds to import
 
 log = structlog.get_logger(__name__)
 
-T = TypeVar("T")
-
 SWITCH_SECONDS: Final = 2e-4
 """GIL switch interval, seconds: longest wait for the GIL of a thread that returns from the engine.
 A call passes through three threads; with the usual 5 ms, handing over would take longer than
@@ -55,8 +53,8 @@ M_ARENA_MAX, M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -8, -1, -3
 """Constants of glibc's malloc.h."""
 
 KEPT_FREE: Final = 128 << 20
-"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB; if they went
-back to the kernel, it would clear them again for the next call.
+"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB, two are made
+at a time, and 64 MB are not enough for them; what went back to the kernel, it would clear again.
 """
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -280,8 +278,8 @@ def serve_command(
     log.info("stopped")
 
 
-def run(work: Coroutine[Any, Any, T]) -> T:
-    """The result of `work` on its own event loop: uvloop's, if installed, which takes less CPU."""
+def run(work: Coroutine[Any, Any, None]) -> None:
+    """Runs on its own event loop."""
     try:
         import uvloop
     except ImportError:  # Windows has none
@@ -289,4 +287,4 @@ def run(work: Coroutine[Any, Any, T]) -> T:
     else:
         factory = uvloop.new_event_loop
     with asyncio.Runner(loop_factory=factory) as runner:
-        return runner.run(work)
+        runner.run(work)
