@@ -1,6 +1,7 @@
 // Bodies' GLBs with motion in them, as one GLB or as a VRM animation. Bytes and numbers in, bytes out; no DOM, no three.js.
 
 import { WORDS } from "./client/core/bone_names.js";
+import { binaryOf, readGlb } from "./glb.js";
 
 const JSON_CHUNK = 0x4e4f534a, BINARY_CHUNK = 0x004e4942, MAGIC = 0x46546c67;
 const FLOAT = 5126;
@@ -161,17 +162,9 @@ function unbroken(turns) {
 }
 
 function parts(glb) {
-  const view = new DataView(glb);
-  if (view.getUint32(0, true) !== MAGIC) throw new Error("this is no GLB file");
-  let document = null, binary = new Uint8Array();
-  for (let at = 12; at < glb.byteLength;) {
-    const size = view.getUint32(at, true), kind = view.getUint32(at + 4, true);
-    const bytes = new Uint8Array(glb, at + 8, size);
-    if (kind === JSON_CHUNK) document = JSON.parse(new TextDecoder().decode(bytes));
-    else if (kind === BINARY_CHUNK) binary = bytes;
-    at += 8 + size;
-  }
-  return { document, binary };
+  const document = readGlb(glb);
+  if (!document) throw new Error("this is no GLB file");
+  return { document, binary: binaryOf(glb) };
 }
 
 function joined(document, pieces, length) {

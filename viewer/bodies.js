@@ -1,13 +1,17 @@
-// Bodies on the stage, many per mesh: a crowd of 200 is drawn in 7 calls, not in 200.
+// Bodies on the stage, many per mesh: a crowd of 300 is drawn in 6 calls, not in 300.
 
 import {
-  BufferAttribute, BufferGeometry, GLTFLoader, Group, MeshLambertMaterial, Skeleton, SkinnedMesh,
-  Sphere,
+  BufferAttribute, BufferGeometry, Group, MeshLambertMaterial, Skeleton, SkinnedMesh, Sphere,
 } from "./vendor/three.min.js";
+import { binaryOf, readGlb } from "./glb.js";
 import { posedJoints, Rig, settle } from "./rig.js";
 
-const ROOM = { vertices: 3072, corners: 12288 }; // that a body may have, or a multiple of it
-const VERTICES = 65536; // of one mesh: 21 light bodies, or 3 fine ones
+const UNIT = { vertices: 512, corners: 2688 }; // whole triangles; a body takes some units of a pack, in a row
+const UNITS = [128, 512]; // of the first pack: 25 light bodies, or 4 fine ones; most of one
+const BONED = 64; // bodies for whose bones room is made at a time
+const MOST_BONES = 65536; // numbers of bones that a vertex can have
+const KINDS = { 5121: Uint8Array, 5123: Uint16Array, 5125: Uint32Array, 5126: Float32Array }; // of numbers in a GLB
+const WIDTHS = { SCALAR: 1, VEC3: 3, VEC4: 4, MAT4: 16 };
 const DOUBLE_SIDE = 2; // three.js's number of it
 const LOADING = 4; // bodies that are loaded at a time
 const LOOK = new MeshLambertMaterial({ vertexColors: true, side: DOUBLE_SIDE }); // the inside of a sleeve is visible
@@ -21,11 +25,12 @@ export class Bodies {
   constructor() {
     this.group = new Group();
     this.packs = [];
+    this.bones = [];
     this.waiting = [];
     this.loading = 0;
-    const unseen = new Pack(NOBODY, 1); // so that the shader of bodies is ready before the first one comes
-    unseen.add(NOBODY);
-    this.group.add(unseen.mesh);
+    this.unseen = new Pack(1, new Bones(1)); // so that the shader of bodies is ready before the first one comes
+    this.unseen.add(NOBODY);
+    this.group.add(this.unseen.mesh);
   }
 
   /**
@@ -36,8 +41,9 @@ export class Bodies {
     await this.#turn();
     try {
       const [url, headers] = file(); // when it is its turn: writing URLs for hundreds who come at once takes long
-      const loader = new GLTFLoader().setRequestHeader(headers);
-      const body = bodyOf((await loader.loadAsync(url)).scene, boneNames);
+      const answer = await fetch(url, { headers });
+      if (!answer.ok) throw new Error(`HTTP ${answer.status}`);
+      const body = bodyOf(await answer.arrayBuffer(), boneNames);
       if (colour) body.color = uniform(colour, body.position.length / 3);
       return this.#place(body);
     } finally {
@@ -52,39 +58,86 @@ export class Bodies {
   }
 
   #place(body) {
-    let pack = this.packs.find((found) => found.fits(body));
-    if (!pack) {
-      pack = new Pack(body);
-      this.packs.push(pack);
-      this.group.add(pack.mesh);
+    for (const pack of this.packs) {
+      const placed = pack.add(body);
+      if (placed) return placed;
     }
+    let bones = this.bones.find((found) => found.fits(body.rig));
+    if (!bones) this.bones.push(bones = new Bones(body.rig.count));
+    const all = this.packs.reduce((sum, { taken }) => sum + taken.length, 0);
+    const [first, most] = UNITS;
+    const pack = new Pack(Math.max(unitsOf(body), first, Math.min(2 * all, most)), bones); // few people need little memory
+    this.packs.push(pack);
+    this.group.remove(this.unseen.mesh);
+    this.group.add(pack.mesh);
     return pack.add(body);
   }
 }
 
-/**
- * Bodies of about one size in one mesh. Each has its own range of the vertices, of the corners of triangles and of the bones, so
- * that only a new body's ranges are written to the graphics card.
- */
+/** The matrices of all bodies' bones: one texture, sent to the graphics card once per picture. */
+class Bones {
+  /** `joints`: of each rig. */
+  constructor(joints) {
+    this.joints = joints;
+    this.taken = []; // whether a rig has this place
+    this.skeleton = new Skeleton();
+    this.skeleton.update = () => {}; // the matrices are written by `pose`, not read from a tree of bones
+    this.#room();
+  }
+
+  fits({ count }) {
+    return count === this.joints && (this.taken.includes(false) || count * (this.taken.length + 1) <= MOST_BONES);
+  }
+
+  /** Makes room for more; those that are there keep theirs. */
+  #room() {
+    this.skeleton.boneTexture?.dispose();
+    this.skeleton.bones.length += BONED * this.joints;
+    this.skeleton.computeBoneTexture();
+  }
+
+  /** Adds a rig, without a pose: { first: number of its first bone, pose(frame), hide(), remove() }. */
+  add(rig) {
+    const { skeleton, taken, joints } = this;
+    const place = taken.includes(false) ? taken.indexOf(false) : taken.length;
+    const first = joints * place;
+    if (first + joints > skeleton.bones.length) this.#room();
+    taken[place] = true;
+    const hide = () => {
+      skeleton.boneMatrices.fill(0, 16 * first, 16 * (first + joints)); // all of it is a point
+      skeleton.boneTexture.needsUpdate = true;
+    };
+    return {
+      first,
+      hide,
+      pose: (frame) => {
+        rig.matrices(frame, skeleton.boneMatrices, 16 * first);
+        skeleton.boneTexture.needsUpdate = true;
+      },
+      remove: () => {
+        hide();
+        taken[place] = false;
+      },
+    };
+  }
+}
+
+/** Bodies in one mesh. Each has its own range of vertices and corners of triangles, so that only a new body's is sent to the card. */
 class Pack {
-  constructor(body, places = Math.max(1, Math.floor(VERTICES / roomOf(body).vertices))) {
-    this.joints = body.rig.count;
-    this.room = roomOf(body);
-    this.bodies = new Array(places).fill(null);
+  /** `units`: its size. */
+  constructor(units, bones) {
+    this.bones = bones;
+    this.taken = new Array(units).fill(false); // whether a body has this unit
     this.mesh = new SkinnedMesh(this.#geometry(), LOOK);
     this.mesh.castShadow = true;
     this.mesh.receiveShadow = true;
     this.mesh.frustumCulled = false; // its bodies are anywhere
     this.mesh.boundingSphere = new Sphere(); // not to be computed from bones that are not there
-    this.skeleton = new Skeleton(new Array(this.bodies.length * this.joints).fill(null));
-    this.skeleton.update = () => {}; // the matrices are written by `pose`, not read from a tree of bones
-    this.skeleton.computeBoneTexture();
-    this.skeleton.boneMatrices.fill(0); // a body without a pose yet is a point
-    this.mesh.bind(this.skeleton, this.mesh.matrixWorld);
+    this.mesh.bind(bones.skeleton, this.mesh.matrixWorld);
   }
 
   #geometry() {
-    const vertices = this.bodies.length * this.room.vertices;
+    const vertices = this.taken.length * UNIT.vertices;
     const geometry = new BufferGeometry();
     const parts = {
       position: new Float32Array(3 * vertices), normal: new Float32Array(3 * vertices),
@@ -94,51 +147,45 @@ class Pack {
     for (const [name, values] of Object.entries(parts)) {
       geometry.setAttribute(name, new BufferAttribute(values, values.length / vertices, name === "color"));
     }
-    geometry.setIndex(new BufferAttribute(new Uint32Array(this.bodies.length * this.room.corners), 1));
+    geometry.setIndex(new BufferAttribute(new Uint32Array(this.taken.length * UNIT.corners), 1));
     return geometry;
   }
 
-  fits(body) {
-    const { vertices, corners } = roomOf(body);
-    const alike = vertices === this.room.vertices && corners === this.room.corners;
-    return alike && body.rig.count === this.joints && this.bodies.includes(null);
-  }
-
+  /** Returns null if there is no room for it. */
   add(body) {
-    const slot = this.bodies.indexOf(null);
-    const start = 16 * this.joints * slot;
-    const { boneMatrices, boneTexture } = this.skeleton;
-    const vanish = () => {
-      boneMatrices.fill(0, start, start + 16 * this.joints);
-      boneTexture.needsUpdate = true;
-    };
-    this.bodies[slot] = body;
-    this.#write(body, slot);
+    const { height, rig } = body;
+    const count = unitsOf(body);
+    const unit = this.bones.fits(rig) ? this.#free(count) : -1;
+    if (unit < 0) return null;
+    const { first, pose, hide, remove } = this.bones.add(rig);
+    this.taken.fill(true, unit, unit + count);
+    this.#write(body, first, unit);
     this.#draw();
     return {
-      height: body.height,
-      rig: body.rig,
-      hide: vanish,
-      pose: (frame) => {
-        body.rig.matrices(frame, boneMatrices, start);
-        boneTexture.needsUpdate = true;
-      },
+      height, rig, pose, hide,
       remove: () => {
-        vanish();
-        this.bodies[slot] = null;
+        remove();
+        this.taken.fill(false, unit, unit + count);
+        this.#erase(unit, count);
         this.#draw();
       },
     };
   }
 
-  /** Writes a body to its ranges. */
-  #write(body, slot) {
+  /** The first of some free units in a row; -1 if there are none. */
+  #free(count) {
+    let first = 0;
+    for (let unit = 0; unit < this.taken.length; unit += 1) {
+      if (this.taken[unit]) first = unit + 1;
+      else if (unit - first + 1 === count) return first;
+    }
+    return -1;
+  }
+
+  /** Writes a body to its range. `bone`: its first one. */
+  #write(body, bone, unit) {
     const { attributes, index } = this.mesh.geometry;
-    const first = this.room.vertices * slot;
-    const written = (attribute, at, count) => {
-      attribute.addUpdateRange(at, count);
-      attribute.needsUpdate = true;
-    };
+    const first = UNIT.vertices * unit;
     for (const [name, attribute] of Object.entries(attributes)) {
       const at = attribute.itemSize * first;
       attribute.array.set(body[name], at);
@@ -146,58 +193,78 @@ class Pack {
     }
     const bones = attributes.skinIndex.array;
     const end = 4 * first + body.skinIndex.length;
-    for (let k = 4 * first; k < end; k += 1) bones[k] += this.joints * slot;
-    const at = this.room.corners * slot;
-    const count = body.index.length;
-    for (let k = 0; k < count; k += 1) index.array[at + k] = body.index[k] + first;
-    index.array.fill(first, at + count, at + this.room.corners); // triangles without size
-    written(index, at, this.room.corners);
+    for (let k = 4 * first; k < end; k += 1) bones[k] += bone;
+    const at = UNIT.corners * unit;
+    for (let k = 0; k < body.index.length; k += 1) index.array[at + k] = body.index[k] + first;
+    written(index, at, body.index.length);
+  }
+
+  /** Leaves triangles without size: the bones will be another body's. */
+  #erase(unit, count) {
+    const { index } = this.mesh.geometry;
+    index.array.fill(0, UNIT.corners * unit, UNIT.corners * (unit + count));
+    written(index, UNIT.corners * unit, UNIT.corners * count);
   }
 
   /** Draws up to the last body. */
   #draw() {
-    const count = this.bodies.findLastIndex(Boolean) + 1;
-    this.mesh.geometry.setDrawRange(0, this.room.corners * count);
+    const count = this.taken.lastIndexOf(true) + 1;
+    this.mesh.geometry.setDrawRange(0, UNIT.corners * count);
     this.mesh.visible = count > 0;
   }
 }
 
-/** The room for a body: equal for bodies of about one size. */
-function roomOf({ position, index }) {
-  const upTo = (count, step) => step * Math.ceil(count / step);
-  return { vertices: upTo(position.length / 3, ROOM.vertices), corners: upTo(index.length, ROOM.corners) };
+/** Notes that some numbers of a buffer are to be sent to the graphics card. */
+function written(attribute, at, count) {
+  attribute.addUpdateRange(at, count);
+  attribute.needsUpdate = true;
 }
 
-/** The contents of a loaded GLB as plain arrays: all its parts as one, with their materials' colours. */
-function bodyOf(scene, boneNames) {
-  const parts = [];
-  scene.traverse((node) => {
-    if (node.isSkinnedMesh) parts.push(node);
-  });
-  if (!parts.length) throw new Error("the file holds no skinned mesh");
-  const { bones, boneInverses } = parts[0].skeleton;
-  const joints = bones.map((bone, joint) => ({
-    name: bone.name,
-    parent: bones.indexOf(bone.parent),
-    offset: bone.position.toArray(),
-    inverse: boneInverses[joint].elements,
+/** Units that a body needs. */
+function unitsOf({ position, index }) {
+  return Math.ceil(Math.max(position.length / 3 / UNIT.vertices, index.length / UNIT.corners));
+}
+
+/**
+ * The contents of a body's GLB as plain arrays: all its parts as one, with their materials' colours. The server writes it, with one
+ * skin and tight accessors, so this takes a part of GLTFLoader's time.
+ */
+function bodyOf(bytes, boneNames) {
+  const document = readGlb(bytes);
+  if (!document?.skins?.length) throw new Error("the file holds no skin");
+  const { nodes, skins: [skin], meshes, materials = [], accessors, bufferViews } = document;
+  const binary = binaryOf(bytes);
+  const numbers = (accessor) => {
+    const { bufferView, byteOffset = 0, componentType, count, type } = accessors[accessor];
+    const at = binary.byteOffset + (bufferViews[bufferView].byteOffset ?? 0) + byteOffset;
+    return new KINDS[componentType](bytes, at, WIDTHS[type] * count);
+  };
+  const inverses = numbers(skin.inverseBindMatrices);
+  const joints = skin.joints.map((node, joint) => ({
+    name: nodes[node].name,
+    parent: skin.joints.findIndex((other) => nodes[other].children?.includes(node)),
+    offset: nodes[node].translation ?? [0, 0, 0],
+    inverse: inverses.subarray(16 * joint, 16 * joint + 16),
   }));
-  const merged = (name) => joinedArrays(parts.map(({ geometry }) => geometry.attributes[name].array));
-  const found = posedJoints(joints, boneNames);
-  const skin = Object.fromEntries(["position", "normal", "skinIndex", "skinWeight"].map((name) => [name, merged(name)]));
-  settle(skin, found);
+  const parts = meshes.flatMap(({ primitives }) => primitives.map(({ attributes, indices, material }) => ({
+    position: numbers(attributes.POSITION), normal: numbers(attributes.NORMAL),
+    skinIndex: numbers(attributes.JOINTS_0), skinWeight: numbers(attributes.WEIGHTS_0),
+    index: new Uint32Array(numbers(indices)), colour: materials[material]?.pbrMetallicRoughness?.baseColorFactor ?? [1, 1, 1],
+  })));
   let first = 0;
-  const index = parts.map(({ geometry }) => {
-    const moved = new Uint32Array(geometry.index.array);
-    for (let k = 0; k < moved.length; k += 1) moved[k] += first; // `from` with a function takes 30 times as long
-    first += geometry.attributes.position.count;
-    return moved;
-  });
+  for (const { position, index } of parts) {
+    for (let k = 0; k < index.length; k += 1) index[k] += first;
+    first += position.length / 3;
+  }
+  const merged = (name) => joinedArrays(parts.map((part) => part[name]));
+  const found = posedJoints(joints, boneNames);
+  const clothed = { position: merged("position"), normal: merged("normal"), skinIndex: merged("skinIndex"), skinWeight: merged("skinWeight") };
+  settle(clothed, found);
   return {
     rig: new Rig(found.posed, boneNames),
-    height: heightOf(skin.position),
-    color: joinedArrays(parts.map(colours)),
-    index: joinedArrays(index), ...skin,
+    height: heightOf(clothed.position),
+    color: joinedArrays(parts.map(({ colour, position }) => uniform(colour, position.length / 3))),
+    index: merged("index"), ...clothed,
   };
 }
 
@@ -223,15 +290,9 @@ function heightOf(places) {
   return high - low;
 }
 
-/** The colour of a part's material for each of its vertices: red, green, blue, opacity, 0 to 255. */
-function colours({ material, geometry }) {
-  const { r, g, b } = material.color;
-  return uniform([r, g, b], geometry.attributes.position.count);
-}
-
 /** A colour [red, green, blue], 0 to 1, for each of some vertices. */
 function uniform(colour, count) {
-  const one = [...colour, 1].map((share) => Math.round(255 * share));
+  const one = [...colour.slice(0, 3), 1].map((share) => Math.round(255 * share));
   const [together] = new Uint32Array(Uint8Array.from(one).buffer);
   return new Uint8Array(new Uint32Array(count).fill(together).buffer);
 }

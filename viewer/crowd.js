@@ -2,10 +2,10 @@
 
 import { FLAG } from "./client/index.js";
 import { Bodies } from "./bodies.js";
-import { NAME_SIZE, Person } from "./people.js";
+import { Names } from "./names.js";
+import { Person } from "./people.js";
 import { Trails } from "./trails.js";
 
-const NAMES = 40; // maximum shown at a time: each is a draw call
 const NEAR_SHARE = 2 / 3; // of the people who may have a fine body: people who only pass get none
 const SWAP_SECONDS = 2; // between two people who give up their fine bodies: reading another takes as long as some frames
 const STRAIN_SECONDS = 3; // for which reduced and held motion counts as present
@@ -17,9 +17,11 @@ export class Crowd {
     this.stage = stage;
     this.bodies = new Bodies();
     this.trails = new Trails();
+    this.names = new Names();
     this.heightAt = heightAt;
     stage.add(this.bodies.group);
     stage.add(this.trails.lines);
+    stage.add(this.names.mesh);
     this.mesh = mesh; // agent, detail → [URL of its GLB, headers to ask for it with]
     this.refining = false;
     this.swapped = -Infinity; // local time when somebody gave up his fine body
@@ -60,7 +62,7 @@ export class Crowd {
   mark(name, visible) {
     this.marks[name] = visible;
     if (name === "trails") this.trails.show(visible);
-    else if (!visible) for (const person of this.people) person.showLabel(false);
+    else if (!visible) this.names.hide();
   }
 
   /** Shows everybody as the session's player has them; or, with `before` { history, moment }, as they were then. */
@@ -78,22 +80,9 @@ export class Crowd {
     return this.frame;
   }
 
-  /** Shows the names nearest to the camera, without overlaps. */
-  separateNames(camera, width, height) {
-    if (!this.marks.labels) return;
-    const taken = [];
-    const placed = this.people.map((person) => {
-      const { x, y, z } = person.namePlace.project(camera);
-      return { person, x: (x * width) / 2, y: (y * height) / 2, z };
-    }).sort((a, b) => a.z - b.z);
-    const reach = height / (2 * Math.tan((camera.fov * Math.PI) / 360));
-    const [w, h] = NAME_SIZE.map((share) => share * reach);
-    for (const { person, x, y, z } of placed) {
-      const seen = person.shown && z < 1 && Math.abs(x) < (width + w) / 2 && Math.abs(y) < (height + h) / 2;
-      const free = seen && taken.length < NAMES && taken.every((other) => Math.abs(other.x - x) > w || Math.abs(other.y - y) > h);
-      person.showLabel(free);
-      if (free) taken.push({ x, y });
-    }
+  /** Shows the names, if they are wanted, in a picture of this size in pixels. */
+  showNames(width, height) {
+    if (this.marks.labels) this.names.show(this.members.values(), this.stage, width, height);
   }
 
   /** Whether the server has been short of time recently: then motion is simpler, or standing people are not moved. */
@@ -105,7 +94,6 @@ export class Crowd {
     const { agent } = played;
     const person = new Person(played, this);
     this.members.set(agent.alias, person);
-    this.stage.add(person.group);
     const look = this.looks.get(agent.id);
     if (look) person.wear(look.body(agent.restOffsets));
     else person.load(() => this.mesh(agent, "low"), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));

@@ -1,4 +1,4 @@
-// The JSON of a GLB file. No DOM.
+// The two parts of a GLB file: its JSON and its numbers. No DOM.
 
 const MAGIC = 0x46546c67; // "glTF"
 const JSON_CHUNK = 0x4e4f534a;
@@ -14,6 +14,12 @@ export function readGlb(bytes) {
   } catch {
     return null;
   }
+}
+
+/** The numbers of a GLB's bytes, which `readGlb` can read; empty if it has none. */
+export function binaryOf(bytes) {
+  const view = new DataView(bytes), at = 20 + view.getUint32(12, true);
+  return at < bytes.byteLength ? new Uint8Array(bytes, at + 8, view.getUint32(at, true)) : new Uint8Array();
 }
 
 /**

@@ -418,7 +418,7 @@ function show() {
   overlays.update(crowd.people, (person) => (moment === null ? person.played.track.contacts : history.contacts(person.agent.alias, moment)));
   drive.advance(now, Number(byId("speed").value));
   bar.frame(now, !byId("rest").hidden);
-  crowd.separateNames(stage.camera, view.clientWidth, view.clientHeight);
+  crowd.showNames(view.clientWidth, view.clientHeight);
   camera.advance(selection.people, now - last);
   session.look(viewpoints(stage.camera.position, selection.people));
   level.reveal(stage.camera.position, stage.controls.target);

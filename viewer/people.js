@@ -1,8 +1,7 @@
-// People on the stage: the body, its marks on the ground, its trail and name.
+// People on the stage: the body, its marks on the ground, its trail.
 
 import {
-  BufferAttribute, BufferGeometry, CanvasTexture, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial,
-  RingGeometry, SRGBColorSpace, Sprite, SpriteMaterial, Vector3,
+  BufferAttribute, BufferGeometry, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, RingGeometry,
 } from "./vendor/three.min.js";
 import { BASES, headingOf } from "./client/index.js";
 
@@ -10,9 +9,6 @@ const ACCENT = "#0b7285";
 const BESIDE = [0.02, 0.3, 0.75]; // colour of the second person of a comparison
 const RING_LIFT = 0.014; // metres over the ground
 const WAY_LIFT = 0.025;
-
-/** Width and height of a name as shares of the view's height, half its tangent. */
-export const NAME_SIZE = [0.12, 0.03];
 
 /** A flat ring on the floor, or the arc of it around a heading. */
 export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, width = 2 * Math.PI } = {}) {
@@ -28,11 +24,12 @@ export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, wi
 
 /** The view of one agent of the session's player. */
 export class Person {
-  /** `bodies` and `trails` are shared by all people. `heightAt(x, z, y)` returns the ground's height. */
-  constructor(played, { bodies, trails, heightAt }) {
+  /** `stage`, `bodies` and `trails` are shared by all people. `heightAt(x, z, y)` returns the ground's height. */
+  constructor(played, { stage, bodies, trails, heightAt }) {
     const { agent } = played;
     this.played = played;
     this.agent = agent;
+    this.stage = stage;
     this.bodies = bodies;
     this.heightAt = heightAt;
     this.x = 0;
@@ -46,7 +43,7 @@ export class Person {
     this.fine = false; // whether its body is the fine one, or was requested
     this.shown = false; // has a body, and a pose
     this.gone = false;
-    this.group = new Group();
+    this.group = new Group(); // on the stage once something is in it
     this.group.matrixAutoUpdate = false; // it stays where it is
     this.marker = null; // the ring around a selected person, made when it is first needed
     this.path = new Group(); // a mark for each goal ahead
@@ -57,8 +54,11 @@ export class Person {
     this.revision = 0; // of its path, as last reported by the server
     this.wanders = false; // only the server knows its goals
     this.trail = trails.begin(colourOf(agent.alias));
-    this.label = null; // made when it is first needed
-    this.group.add(this.path);
+  }
+
+  #show(object) {
+    this.group.add(object);
+    this.stage.add(this.group);
   }
 
   /** Loads the body (`bodies.load`); the person appears with its first pose. */
@@ -75,7 +75,7 @@ export class Person {
     this.light = null;
     this.body = body;
     this.height = body.height;
-    if (body.object) this.group.add(body.object);
+    if (body.object) this.#show(body.object);
   }
 
   /** Shows a fine body instead of the light one. */
@@ -93,16 +93,11 @@ export class Person {
     this.fine = false;
   }
 
-  /** Where the name is, above the head. */
-  get namePlace() {
-    return new Vector3(this.x, this.y + this.height + 0.22, this.z);
-  }
-
   /** Shows that it is selected. */
   mark(selected) {
     if (selected && !this.marker) {
       this.marker = floorRing(0.36, 0.42, ACCENT);
-      this.group.add(this.marker);
+      this.#show(this.marker);
     }
     if (this.marker) this.marker.visible = this.marker.matrixAutoUpdate = selected;
     this.#placeMarker();
@@ -110,16 +105,6 @@ export class Person {
 
   #placeMarker() {
     if (this.marker?.visible) this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
-  }
-
-  showLabel(visible) {
-    if (visible && !this.label) {
-      this.label = label(this.agent.name);
-      this.group.add(this.label);
-    }
-    if (!this.label) return;
-    this.label.visible = this.label.matrixAutoUpdate = visible;
-    this.label.position.copy(this.namePlace);
   }
 
   /** Hides it: at the moment shown it was not there. */
@@ -131,7 +116,8 @@ export class Person {
   /** Shows a frame: hips x, y, z, then x, y, z, w per bone, the hips' rotation first. `now`: it is a present frame, not a past one. */
   pose(frame, now = true) {
     this.group.visible = true;
-    [this.x, , this.z] = frame;
+    this.x = frame[0];
+    this.z = frame[2];
     this.y = this.heightAt(this.x, this.z, frame[1] - 0.5);
     this.heading = headingOf(BASES.gltf, frame, 3);
     this.#placeMarker();
@@ -160,7 +146,7 @@ export class Person {
   showWay(points) {
     if (this.way) discard([this.way]);
     this.way = points.length > 1 ? wayLine(points, colourOf(this.agent.alias)) : null;
-    if (this.way) this.group.add(this.way);
+    if (this.way) this.#show(this.way);
   }
 
   /** Goal `waypoint` of the path of a revision was reached. */
@@ -175,6 +161,7 @@ export class Person {
 
   #mark(goals) {
     for (const goal of goals) this.path.add(goalMark(goal, colourOf(this.agent.alias)));
+    if (goals.length) this.#show(this.path);
   }
 
   dispose() {
@@ -216,27 +203,4 @@ function goalMark({ x, y = 0, z, heading }, colour) {
 /** Well spread hues: steps of the golden angle. */
 function colourOf(alias) {
   return `hsl(${Math.round((alias * 137.5) % 360)}, 62%, 42%)`;
-}
-
-function label(text) {
-  const canvas = document.createElement("canvas");
-  canvas.width = 256;
-  canvas.height = 64;
-  const pen = canvas.getContext("2d", { willReadFrequently: true });
-  pen.font = "600 34px system-ui, sans-serif";
-  const width = Math.min(250, pen.measureText(text).width + 36);
-  pen.fillStyle = "rgb(255 255 255 / 85%)";
-  pen.beginPath();
-  pen.roundRect((256 - width) / 2, 6, width, 52, 18);
-  pen.fill();
-  pen.fillStyle = "#22303a";
-  pen.textAlign = "center";
-  pen.textBaseline = "middle";
-  pen.fillText(text, 128, 34, 220);
-  const map = new CanvasTexture(canvas);
-  map.colorSpace = SRGBColorSpace;
-  // the same size on the screen at any distance
-  const sprite = new Sprite(new SpriteMaterial({ map, depthTest: false, sizeAttenuation: false }));
-  sprite.scale.set(...NAME_SIZE, 1);
-  return sprite;
 }

@@ -39,6 +39,7 @@ export class Stage {
     this.canvas = canvas;
     this.renderer = null; // until `begin`
     this.scene = new Scene();
+    this.scene.matrixAutoUpdate = false; // it does not move, or the matrices of all that is in it would be computed each time
     this.scene.fog = new Fog("#dfeaf0", ...FAR);
     this.camera = new PerspectiveCamera(OPENING.wide, 1, 0.15, 600);
     this.controls = new OrbitControls(this.camera, canvas);

@@ -29,7 +29,7 @@ BODIES = [(gender, detail) for gender in ("female", "male") for detail in ("high
 LIGHT = {
     "vertices": 3072,
     "faces": 4096,
-}  # of a stretch: viewer/bodies.js
+}  # at most: a page draws hundreds
 
 
 def test_there_is_something_to_choose_from():
