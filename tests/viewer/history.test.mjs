@@ -69,22 +69,6 @@ test("of a crowd fewer frames each are kept, and all of them when most people ha
   }
 });
 
-test("a crowd is noted a part at a time: no picture waits until all of it is", () => {
-  const history = new History();
-  let noted = 0;
-  const sample = () => ++noted;
-  const people = Array.from({ length: 240 }, (_, alias) => ({ agent: { alias }, played: { frame: new Float32Array(WIDTH), track: { sample, contacts: 0 } } }));
-  let most = 0;
-  for (let k = 0; k <= 180; k += 1) {
-    const before = noted;
-    history.note(k / 60, people);
-    most = Math.max(most, noted - before);
-  }
-  assert.ok(most <= 240 / 2, `${most} people in one picture`);
-  assert.ok(people.every(({ agent: { alias } }) => Math.abs(history.tracks.get(alias).count - 3 * 25) <= 1));
-  assert.ok(people.every(({ agent: { alias } }) => history.sample(alias, history.last, new Float32Array(WIDTH))));
-});
-
 test("the timeline pauses, scrubs, steps, lags in slow motion, and comes back to now", () => {
   const history = { first: 40, last: 100 };
   const timeline = new Timeline(history);
