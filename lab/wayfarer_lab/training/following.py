@@ -7,11 +7,11 @@ soles, a leaning trunk. Divergence from the policy that it starts from costs, to
 still move as recorded ones do. Gradients flow through the predictor and its markers, not through
 bodies.
 
-A later such stage (`configs/policy_alike.toml`) makes it steady and alive. Users ask for something
-else before a body has come to its aim, and no recorded person shows what to do then. So agents are
-asked for something else after 1 to 100 steps, the first of them in nearly every step; these may
-diverge more cheaply. All learn from a critic to move as recorded people do (`likeness.py`). With a
-`manner_weight` each is also taught the manner that it has drawn (`manners.py`).
+Users ask for something else before a body has come to its aim, and no recorded person shows what to
+do then. So agents are asked for something else after 1 to 100 steps, the first of them in nearly
+every step; these may diverge more cheaply. All learn from a critic to move as recorded people do
+(`likeness.py`). With a `manner_weight` each is also taught the manner that it has drawn
+(`manners.py`).
 """
 
 import copy

@@ -27,6 +27,12 @@ from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_predictor
 RESTS = 0.004
 """Metres a frame (.16 m/s): a recorded sole that is slower bears weight."""
 
+LOW = 0.1
+"""Metres: a sole that moves lower may drag; a centimetre of error is seen there, not higher."""
+
+SWINGS = 0.025
+"""Metres a frame (1 m/s): the height of a sole that is faster counts in full."""
+
 
 class PredictorConfig(BaseModel):
     """Settings of the training of a predictor; files in `training/configs/`."""
@@ -44,6 +50,7 @@ class PredictorConfig(BaseModel):
     learned_prior: bool = True  # False: N(0, I), as in the paper
     head_weight: float = 1.0  # of the five markers of the head: too few, it hardly turns
     slide_weight: float = 0.0  # of soles that move while the recorded ones rest, not in the paper
+    lift_weight: float = 0.0  # of the height of soles that move low, not in the paper
     at_once: Literal[1, 2, 4, 8] = 1  # frames that a step of the decoder finds
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
     regressors: dict[str, str] = {}  # run folders by gender: seeds of rollouts as they are served
@@ -101,6 +108,7 @@ class Terms(NamedTuple):
     velocity: Tensor  # metres a frame, Eq. 1
     kl: Tensor  # Eq. 1
     slide: Tensor  # metres a frame, of soles whose recorded ones rest; not in the paper
+    lift: Tensor  # metres, of the height of soles whose recorded ones move low; not in the paper
 
 
 def sole_slide(made: Tensor, truth: Tensor, soles: Tensor) -> Tensor:
@@ -115,6 +123,21 @@ def sole_slide(made: Tensor, truth: Tensor, soles: Tensor) -> Tensor:
     rests = (rests & (known[:, 1:, :, 2] < CONTACT_HEIGHT)).to(made.dtype)
     moved = torch.diff(found, dim=1)[..., :2].abs().sum(-1)
     return (moved * rests).sum() / (rests.sum() + 1)
+
+
+def sole_lift(made: Tensor, truth: Tensor, soles: Tensor) -> Tensor:
+    """Mean error of the height of soles that move low in the recording, weighed by their speed.
+
+    made, truth [B, F, 201]; `soles` are indices of markers. A foot that glides a centimetre above
+    the floor is nearly right for the mean of all markers, and drags for whoever looks.
+    """
+    found, known = (
+        markers.unflatten(-1, (MARKERS, 3)).index_select(-2, soles) for markers in (made, truth)
+    )
+    speed = torch.diff(known, dim=1)[..., :2].norm(dim=-1)
+    weight = (speed / SWINGS).clamp(max=1) * (known[:, 1:, :, 2] < LOW)
+    off = (found - known)[:, 1:, :, 2].abs()
+    return (off * weight).sum() / (weight.sum() + 1)
 
 
 class Serving:
@@ -284,7 +307,8 @@ class PredictorTrainer:
                 off = (beside.velocities - true.velocities).abs().mean()
                 velocity = velocity + off / FPS
             slide = sole_slide(made, told.markers[:, s:], self.soles)
-            yield Terms(reconstruction, velocity, kl, slide)
+            lift = sole_lift(made, told.markers[:, s:], self.soles)
+            yield Terms(reconstruction, velocity, kl, slide, lift)
             if p + 1 == primitives:
                 break
             handed = kind.handed_on(guess, made).detach()
@@ -309,6 +333,7 @@ class PredictorTrainer:
         for terms in self.losses(self.frames, starts, primitives):
             loss = terms.reconstruction + config.velocity_weight * terms.velocity
             loss = loss + config.kl_weight * terms.kl + config.slide_weight * terms.slide
+            loss = loss + config.lift_weight * terms.lift
             (loss / primitives).backward()
             total += torch.stack(terms).detach() / primitives
         torch.nn.utils.clip_grad_norm_(self.parameters(), 1.0)

@@ -8,9 +8,14 @@ from wayfarer.body.library import load_body
 from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.spec import GENDERS
+from wayfarer.spec import GENDERS, MARKERS
 from wayfarer_lab.training.cli import CONFIGS, read_config
-from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer, train_predictor
+from wayfarer_lab.training.predictor import (
+    PredictorConfig,
+    PredictorTrainer,
+    sole_lift,
+    train_predictor,
+)
 from wayfarer_lab.training.representation import Markers
 
 SMALL = PredictorConfig(steps=60, batch=64, rate=2e-3)
@@ -162,3 +167,23 @@ def test_the_shipped_recipe_starts_only_from_runs_that_it_makes():
     for name in sorted(n for n in names if "predictor_" in n):
         start = read_config(PredictorConfig, name).start_from
         assert start.removeprefix("runs/") in names | {""}
+
+
+def test_the_height_of_a_sole_counts_where_it_swings_low():
+    frames = torch.zeros(3, 4, 3)  # frames, soles: one rests, one swings low, slow, one high
+    frames[:, 1:3, 2] = 0.03
+    frames[:, 3, 2] = 0.3
+    frames[:, 1, 1] = torch.arange(3) * 0.05
+    frames[:, 2, 1] = torch.arange(3) * 0.0125
+    frames[:, 3, 1] = torch.arange(3) * 0.05
+    truth = torch.zeros(1, 3, MARKERS, 3)
+    truth[0, :, :4] = frames
+
+    def lift(sole: int) -> float:
+        made = truth.clone()
+        made[0, :, sole, 2] -= 0.02
+        return float(sole_lift(made.flatten(2), truth.flatten(2), torch.arange(4)))
+
+    weights = [0.0, 1.0, 0.5, 0.0]
+    expected = [0.02 * 2 * weight / (2 * sum(weights) + 1) for weight in weights]
+    assert [lift(sole) for sole in range(4)] == pytest.approx(expected, abs=1e-6)
