@@ -89,7 +89,7 @@ class Bones {
     return count === this.joints && (this.taken.includes(false) || count * (this.taken.length + 1) <= MOST_BONES);
   }
 
-  /** Makes room for more; those that are there keep theirs. */
+  /** Makes room for more rigs. Each rig keeps its place. */
   #room() {
     this.skeleton.boneTexture?.dispose();
     this.skeleton.bones.length += BONED * this.joints;
@@ -214,7 +214,7 @@ class Pack {
   }
 }
 
-/** Notes that some numbers of a buffer are to be sent to the graphics card. */
+/** Sends some numbers of a buffer to the graphics card with the next picture. */
 function written(attribute, at, count) {
   attribute.addUpdateRange(at, count);
   attribute.needsUpdate = true;

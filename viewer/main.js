@@ -66,6 +66,7 @@ const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, chosen: () => welcome(), changed: attempt(() => commands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), (agent, detail) => arrivals.mesh(agent, detail), refresh, tell);
+stage.canvas.addEventListener("webglcontextrestored", () => crowd.names.forget());
 const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: onEnded });
 const commands = new Commands(api, crowd, {
   ask: () => {

@@ -32,7 +32,12 @@ export class Names {
     this.mesh.visible = false;
   }
 
-  /** Shows names over people; `width`, `height`: pixels of the picture. */
+  /** Notes that the graphics card has lost its pictures, as in a tab that slept on a phone. */
+  forget() {
+    this.cells.clear();
+  }
+
+  /** Shows names over people in a picture of `width` by `height` pixels. */
   show(people, { camera, renderer }, width, height) {
     const reach = height / (2 * Math.tan((camera.fov * Math.PI) / 360));
     const [w, h] = SIZE.map((share) => share * reach);
@@ -68,7 +73,7 @@ export class Names {
     this.mesh.visible = this.shown.length > 0;
   }
 
-  /** The cells of texts; those that have none get those of the texts shown longest ago. */
+  /** The cells of texts. A new text gets the cell of the text that was shown longest ago. */
   #cellsOf(texts, renderer) {
     for (const text of texts) {
       const cell = this.cells.get(text);

@@ -262,7 +262,7 @@ class Sim:
             self.directory.ended(name)
 
     def machine_ends(self):
-        """With a node and the directory: returns the sessions without a copy."""
+        """A node and the directory end together. Returns the sessions without a copy."""
         self.restart()
         had = self.nodes[name := self.random.choice(sorted(self.nodes))].moves.open
         self.kill(name, told=False)

@@ -345,3 +345,48 @@ def test_without_a_server_it_says_so(page: Page):
         f"{TROUBLE}?.hidden === false && {TROUBLE}.textContent.includes('wayfarer serve')", 30
     )
     page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
+
+
+# of the middle of each name, those that differ from the same picture without names
+NAMED_PIXELS = """(() => {
+  const { crowd, stage } = wayfarer;
+  const pixels = (labels) => {
+    crowd.mark("labels", labels);
+    wayfarer.frame();
+    const { width, height } = stage.canvas;
+    const pen = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+    pen.drawImage(stage.canvas, 0, 0);
+    return pen.getImageData(0, 0, width, height).data;
+  };
+  const named = pixels(true), bare = pixels(false);
+  const { width, height } = stage.canvas, scale = height / stage.canvas.clientHeight;
+  const { clientWidth, clientHeight } = stage.canvas;
+  const whole = ({ x, y }) =>
+    Math.abs(x) < clientWidth / 2 - 30 && Math.abs(y) < clientHeight / 2 - 10;
+  return crowd.names.shown.filter(whole).map(({ x, y }) => {
+    const left = Math.round(width / 2 + x * scale) - 20;
+    const top = Math.round(height / 2 - y * scale) - 6;
+    let differing = 0;
+    for (let row = top; row < top + 12; row += 1) {
+      for (let at = 4 * (row * width + left); at < 4 * (row * width + left + 40); at += 4) {
+        differing += Math.abs(named[at] - bare[at]) + Math.abs(named[at + 1] - bare[at + 1]) > 12;
+      }
+    }
+    return differing;
+  });
+})()"""
+
+
+def test_names_come_back_when_the_graphics_card_has_lost_them(page: Page):
+    page.call("Page.navigate", url=page.url)
+    page.wait_for(f"{PEOPLE}?.filter(({{ shown }}) => shown).length > 5", 60)
+    assert min(page.evaluate(NAMED_PIXELS)) > 60
+    page.evaluate(
+        "(globalThis.card = wayfarer.stage.renderer.getContext()"
+        ".getExtension('WEBGL_lose_context')).loseContext()"
+    )
+    page.wait_for("wayfarer.stage.renderer.getContext().isContextLost()", 10)
+    page.evaluate("setTimeout(() => card.restoreContext())")
+    page.wait_for("!wayfarer.stage.renderer.getContext().isContextLost()", 10)
+    time.sleep(1)
+    assert min(page.evaluate(NAMED_PIXELS)) > 60

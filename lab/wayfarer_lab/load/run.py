@@ -91,7 +91,9 @@ async def _watch(tally: Tally, start: float, progress: Callable[[float, Tally], 
 
 
 SAMPLES = 240
-"""Maximum number of samples of a run; at most two a second: each looks through all processes."""
+"""Maximum number of samples of a run. There are two a second at most, since each looks through all
+processes.
+"""
 
 
 class MemoryWatch:

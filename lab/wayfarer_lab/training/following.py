@@ -87,9 +87,6 @@ REMEMBERED = 0.2
 WILDEST = 6.0
 """Standard deviations beyond which a window counts no more."""
 
-ARRIVING = 1.2
-"""Metres to the goal within which a critic of walks alone does not judge."""
-
 WARMING = 300
 """Steps over which the critic's weight grows to the whole: it starts untrained."""
 
@@ -122,7 +119,6 @@ class FollowingConfig(BaseModel):
     like_weight: float = 0.0  # of the critic's verdict, see likeness.py
     like_rate: float = 2e-4  # of the critic's own training
     manner_weight: float = 0.0  # of a deviation² from the manner that an agent has drawn
-    like_sideways: bool = False  # it judges side steps, steps backward and arrivals, too
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
     change: tuple[float, float] = (0.015, 0.015)  # chance at every step that an agent is asked for
     # something else: of the same two agents
@@ -287,11 +283,8 @@ class FollowingTrainer:
         names = (*Costs._fields, "kl")
         told = dict(zip(names, (seen / config.horizon).tolist(), strict=True))
         if views:
-            judged = orders.goes
-            if not config.like_sideways:
-                off = (crowd.place.detach() - orders.goal).norm(dim=-1)
-                judged = orders.walks & (orders.curves | (off > ARRIVING))
-            verdict = self.likeness[gender].judge(joined(views), judged & same & sound.bool())
+            judged = orders.goes & same & sound.bool()
+            verdict = self.likeness[gender].judge(joined(views), judged)
             warm = min(1.0, self.run.step / WARMING)
             total = total + warm * config.like_weight * verdict.cost.mean()
             told |= {"critic_right": verdict.right, "unlike": verdict.mean}

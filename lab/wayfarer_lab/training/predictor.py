@@ -129,7 +129,7 @@ def sole_lift(made: Tensor, truth: Tensor, soles: Tensor) -> Tensor:
     """Mean error of the height of soles that move low in the recording, weighed by their speed.
 
     made, truth [B, F, 201]; `soles` are indices of markers. A foot that glides a centimetre above
-    the floor is nearly right for the mean of all markers, and drags for whoever looks.
+    the floor adds little to the mean error of all markers, but one sees that it drags.
     """
     found, known = (
         markers.unflatten(-1, (MARKERS, 3)).index_select(-2, soles) for markers in (made, truth)

@@ -513,7 +513,7 @@ class Directory:
 
     @property
     def _all_told_at(self) -> float:
-        """A node that has not come by then counts as one whose lease has ended."""
+        """After this the lease of a node that has not come counts as ended."""
         return self._settled_at + self._lease_s
 
     def _pass_on(self, group: str, first: str = "") -> None:

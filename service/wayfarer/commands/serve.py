@@ -53,8 +53,8 @@ M_ARENA_MAX, M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -8, -1, -3
 """Constants of glibc's malloc.h."""
 
 KEPT_FREE: Final = 128 << 20
-"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB, two are made
-at a time, and 64 MB are not enough for them; what went back to the kernel, it would clear again.
+"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB, and two are
+made at a time: with 64 MB the kernel cleared memory anew for each call.
 """
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
