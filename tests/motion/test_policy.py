@@ -2,7 +2,14 @@ import pytest
 import torch
 
 from wayfarer.errors import ArtifactError
-from wayfarer.motion.policy import LOG_STD, Condition, Gaussian, GoalPolicy
+from wayfarer.motion.policy import (
+    INPUTS,
+    LOG_STD,
+    Condition,
+    Gaussian,
+    GoalPolicy,
+    TrajectoryPolicy,
+)
 from wayfarer.spec import LATENT, MANNER, MARKERS
 from wayfarer.terms import TERMS
 
@@ -103,3 +110,15 @@ def test_a_goal_underfoot_gives_finite_answers_and_slopes():
     seed = torch.zeros(AGENTS, 2, MARKERS * 3, requires_grad=True)
     policy(seed, condition).mean.sum().backward()
     assert seed.grad.isfinite().all()
+
+
+def test_standardised_inputs_have_mean_0_and_deviation_1_but_for_those_that_hardly_vary():
+    policy, generator = TrajectoryPolicy(16), torch.Generator().manual_seed(0)
+    width = torch.linspace(0, 2, INPUTS)
+    inputs = 3 + width * torch.randn(4000, INPUTS, generator=generator)
+    policy.standardise(inputs)
+    found = (inputs - policy.middle) / policy.spread
+    assert torch.allclose(found.mean(0), torch.zeros(INPUTS), atol=1e-2)
+    varies = width > 0.1
+    assert torch.allclose(found[:, varies].std(0), torch.ones(()), atol=1e-3)
+    assert found[:, ~varies].abs().max() < 6 and not found[:, 0].any()

@@ -1,10 +1,10 @@
 """Clone the policy from recordings, in hindsight: `wayfarer train policy-clone`.
 
-A recorded person shows by its own future what it was about to do. So the way and the facing that
-it had .2, .5 and 1 s later are the question (`motion/trajectory.py`), and the posterior code of
-what it did is the answer. Seeds are as in the service: the predictor continues from its own
-bodies, led by posterior codes and, in some rows, by the policy itself, whose errors the posterior
-of the recorded future then takes back (DAgger; Ross et al. 2011).
+A recorded person shows by its own future what it was about to do. So a request that would have led
+it there is the question (`Hindsight`), in the words of the service (`motion/trajectory.py`), and
+the posterior code of what it did is the answer. Seeds are as in the service: the predictor
+continues from its own bodies, led by posterior codes and, in some rows, by the policy itself, whose
+errors the posterior of the recorded future then takes back (DAgger; Ross et al. 2011).
 
 What tells people apart beside the way is their *manner* (`manners.py`). A recorded moment has that
 of the seconds around it; an agent draws its own.
@@ -22,7 +22,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.motion.frame import Frame, canonical_frame, to_local
 from wayfarer.motion.policy import Gaussian, TrajectoryPolicy
 from wayfarer.motion.predictor import Posterior
-from wayfarer.motion.trajectory import HORIZONS, Asked
+from wayfarer.motion.trajectory import HORIZONS, Asked, approach, asked_of, motion_of
 from wayfarer.spec import FPS, GENDERS, LATENT, MANNER, PRIMITIVE_FRAMES, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, PairedSampler
 from wayfarer_lab.training.manners import measured, recorded
@@ -31,11 +31,39 @@ from wayfarer_lab.training.predictor import Serving
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_policy, load_predictor
 
-SMOOTHING = 0.12
-"""Seconds, standard deviation: paths without the sway of a step, as a service asks for them."""
+SWAY = 0.15
+"""Seconds: width of the mean that takes the sway of a step out of a path."""
+
+TWIST = 0.3
+"""Seconds: width of the mean that takes the twist of a stride out of a facing."""
+
+SHIFT = 1.2
+"""Seconds: width of the mean of places of a standing body. Nobody asks for its shifts of weight."""
+
+STILL = 0.12
+"""m/s: hips that are slower for a stride stand."""
+
+LATER = 0.3
+"""Weight of the velocity that 1 s of way asks for beside that of .5 s, between which lies what a
+service asks for in a curve."""
+
+CORNER = round(0.4 * FPS)
+"""Frames: a point a metre ahead lies in the direction that a body faces .4 s later."""
+
+FULL_WAY = 0.6
+"""Metres in a second from which a body faces its way."""
+
+BEND = 0.6
+"""Radians: in curves a body turns no farther in a second; by twice as much it turns back."""
+
+FAR = 10.0
+"""Seconds of walking to a goal that nobody stops at, and m/s that limit nobody."""
 
 BLUR = 0.3
 """Standard deviation of the noise on a recorded manner."""
+
+KNOWN = 8192
+"""Recorded moments from which it learns the spread of its inputs."""
 
 UNSEEN = 0.05
 """Share of the posterior's variance that the policy copies. The decoder hardly hears that noise
@@ -63,7 +91,7 @@ class CloningConfig(BaseModel):
     rate: float = 1e-3
     rollout: int = 6  # primitives per window; a third of the draws are shorter, for short clips
     own: float = 0.35  # share of primitives that the policy itself leads
-    noise: float = 0.02  # spread of what is asked: metres, and parts of a facing
+    noise: float = 0.02  # spread of what is asked: m/s, and radians
     start_from: str = ""  # run folder of a cloned policy to continue from
     mix: dict[str, float] = {
         "walk": 0.24,
@@ -79,33 +107,69 @@ class CloningConfig(BaseModel):
 
 
 class Hindsight:
-    """Where recorded people were, and what they faced, a moment later."""
+    """What recorded people did a moment later, as a request that would have led them there.
+
+    Their own paths would tell more than a request does: they sway and twist with each step, so a
+    policy would read from them how the recorded legs went on. Asked to go straight on, it would
+    take a mean of all steps.
+    """
 
     def __init__(self, frames: Frames) -> None:
         facing = frames.hips_rotation[:, :2, 1]
         facing = facing / facing.norm(dim=-1, keepdim=True).clamp(min=1e-6)
-        path = smoothed(torch.cat([frames.hips[:, :2], facing], -1), frames.run)
-        self.places, facing = path.split(2, -1)
+        path = torch.cat([frames.hips[:, :2], facing], -1)
+        at_step, at_stride, calm = (smoothed(path, frames.run, s) for s in (SWAY, TWIST, SHIFT))
+        speed = torch.zeros(len(path))
+        speed[:-1] = torch.diff(at_stride[:, :2], dim=0).norm(dim=-1) * FPS
+        speed = torch.where(frames.run > 1, speed, torch.zeros(()))
+        moves = smoothed((speed > STILL).float()[:, None], frames.run, SHIFT / 3) > 0.01
+        self.rests = speed < STILL
+        self.places = torch.where(moves, at_step, calm)[:, :2]
+        facing = torch.where(moves, at_stride, calm)[:, 2:]
         self.facings = facing / facing.norm(dim=-1, keepdim=True).clamp(min=1e-6)
 
-    def asked(self, at: Tensor, hips: Tensor, frame: Frame) -> Asked:
+    def asked(
+        self, at: Tensor, hips: Tensor, frame: Frame, seed: Tensor, noise: float = 0.0
+    ) -> Asked:
         """The wishes for bodies with hips at `hips` [B, 2] at frames `at` [B] of the recording.
 
-        A body that has left the recorded path is sent back to it.
+        seed [B, S, 201]: their markers in `frame`. A body that has left the recorded path is sent
+        back to it. `noise`: standard deviation of the request, m/s and radians.
         """
-        ahead = at[:, None] + torch.tensor(HORIZONS, device=at.device)
-        turn = frame.rotation[:, :2, :2]
-        return Asked((self.places[ahead] - hips[:, None]) @ turn, self.facings[ahead] @ turn)
+        moved, velocity = motion_of(seed)
+        horizons = torch.tensor(HORIZONS[1:], device=at.device)  # before it would be the sway
+        ahead, seconds = at[:, None] + horizons, horizons[None, :, None] / FPS
+        turn, rest = frame.rotation[:, :2, :2], torch.zeros_like(velocity)
+        ways = (self.places[ahead] - hips[:, None]) @ turn
+        coasted, share = approach(velocity, rest, seconds), approach(rest, rest + 1, seconds)
+        aims = (ways - coasted) / share
+        aim = aims[:, 0].lerp(aims[:, 1], LATER)
+        goes_on = ~self.rests[ahead[:, 1]]
+        way = torch.where(goes_on[:, None], FAR * aim, ways[:, 1])
+        speed = torch.where(goes_on, aim.norm(dim=-1), FAR)
+        # who walks faces a point a metre ahead; who stands, or turns back, is asked for all at once
+        facing = torch.stack([self.facings[at + CORNER], self.facings[ahead[:, 1]]], 1) @ turn
+        angles = torch.atan2(-facing[..., 0], facing[..., 1])
+        walks = (ways[:, 1].norm(dim=-1) / FULL_WAY).clamp(max=1)
+        bends = (2 - angles[:, 1].abs() / BEND).clamp(0, 1)
+        angle = angles[:, 1].lerp(angles[:, 0], walks * bends)
+        way = way + torch.where(goes_on, FAR, 0.3)[:, None] * noise * torch.randn_like(way)
+        angle = angle + noise * torch.randn_like(angle)
+        wished = torch.stack([-torch.sin(angle), torch.cos(angle)], -1)
+        goal = torch.cat([way + moved, torch.zeros_like(way[:, :1])], -1)
+        return asked_of(seed, goal, speed, wished)
 
 
-def smoothed(values: Tensor, run: Tensor) -> Tensor:
-    """Gaussian mean over time of values [N, C]; `run` [N] says where unbroken stretches end."""
-    most = round(3 * SMOOTHING * FPS)
+def smoothed(values: Tensor, run: Tensor, deviation: float) -> Tensor:
+    """Gaussian mean over time, `deviation` seconds wide, of values [N, C]; `run` [N] says where
+    unbroken stretches end.
+    """
+    most = round(3 * deviation * FPS)
     ends = torch.arange(len(run), device=run.device) + run  # the same within a stretch
     ends = torch.where(run > 0, ends, -1 - torch.arange(len(run), device=run.device))
     total, weights = values.clone(), torch.ones_like(values[:, :1])
     for step in range(1, most + 1):
-        weight = torch.exp(torch.tensor(-0.5 * (step / FPS / SMOOTHING) ** 2)).item()
+        weight = torch.exp(torch.tensor(-0.5 * (step / FPS / deviation) ** 2)).item()
         same = (ends[step:] == ends[:-step])[:, None].to(values.dtype) * weight
         total[:-step] += same * values[step:]
         total[step:] += same * values[:-step]
@@ -146,7 +210,21 @@ class CloningTrainer:
         self.train, self.validation = (
             ClonedFrames(f, Hindsight(f), recorded(manners, f, bodies)) for f in (train, validation)
         )
+        if not start:
+            self.policy.standardise(self._inputs(self.samplers[self.lengths[-1]].draw(KNOWN)))
         self.run: TrainingRun | None = None
+
+    def _inputs(self, starts: Tensor) -> Tensor:
+        """What the policy is given at recorded frames `starts`, in rows [N, 438]."""
+        frames, hindsight, manners = self.train
+        seeds = starts[:, None] + torch.arange(SEED_FRAMES)
+        hips = frames.hips[seeds]
+        root = matrix_from_quaternion(frames.rotations[seeds][:, 0, 0])
+        frame = canonical_frame(hips[:, 0], root)
+        local = to_local(frame, frames.markers[seeds].flatten(1, 2))
+        seed = local.reshape(len(starts), SEED_FRAMES, -1)
+        asked = hindsight.asked(starts + SEED_FRAMES - 1, hips[:, -1, :2], frame, seed)
+        return self.policy.inputs(seed, asked, manners[starts])
 
     def _window(self, primitives: int) -> int:
         """Frames that a rollout needs, and what is asked at its last primitive."""
@@ -168,11 +246,12 @@ class CloningTrainer:
             local = to_local(frame, future.flatten(1, 2)).reshape(len(starts), STRIDE, -1)
             with torch.no_grad(), half_precision():
                 posterior = self.predictor.encode(seed, local)
-            asked = hindsight.asked(at + SEED_FRAMES - 1, hips[:, -1, :2], frame)
-            blurred = Asked(*(a + self.config.noise * torch.randn_like(a) for a in asked))
+            asked = hindsight.asked(
+                at + SEED_FRAMES - 1, hips[:, -1, :2], frame, seed, self.config.noise
+            )
             manner = manners[at] + BLUR * torch.randn(len(at), MANNER)
             with half_precision():
-                answer = self.policy.lead(seed, blurred, manner)
+                answer = self.policy.lead(seed, asked, manner)
             found.append(divergence(posterior, answer))
             if p + 1 == primitives:
                 break

@@ -145,6 +145,8 @@ CLONED_LOG_STD = (-3.0, 0.5)
 VELOCITY = 0.3
 """Seconds: velocities of markers are given as the way in this time, about as long as places."""
 
+LEAST_SPREAD = 0.01
+"""Least standard deviation that an input is divided by."""
 
 INPUTS = 2 * MARKERS * 3 + 4 * len(HORIZONS) + MANNER
 """Numbers that a cloned policy is given: markers and their velocities, a trajectory, a manner."""
@@ -155,6 +157,9 @@ class TrajectoryPolicy(nn.Module):
 
     An agent's *manner* is to tell people apart (`lab/wayfarer_lab/training/manners.py`).
     """
+
+    middle: Tensor
+    spread: Tensor
 
     def __init__(self, hidden: int = HIDDEN) -> None:
         """`hidden`: width of its layers."""
@@ -167,6 +172,15 @@ class TrajectoryPolicy(nn.Module):
         self.net = nn.Sequential(*layers, output)
         nn.init.zeros_(output.weight)  # begins as the prior N(0, I)
         nn.init.zeros_(output.bias)
+        self.register_buffer("middle", torch.zeros(INPUTS))
+        self.register_buffer("spread", torch.ones(INPUTS))
+
+    def standardise(self, inputs: Tensor) -> None:
+        """Learns means and standard deviations of inputs [N, 438]: markers are metres apart, and
+        what tells two steps from each other are centimetres.
+        """
+        self.middle.copy_(inputs.mean(0))
+        self.spread.copy_(inputs.std(0).clamp(min=LEAST_SPREAD))
 
     def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
         """Seed [A, S, 201], canonical frame → the distribution of latents."""
@@ -175,12 +189,18 @@ class TrajectoryPolicy(nn.Module):
 
     def lead(self, seed: Tensor, asked: Asked, manner: Tensor) -> Gaussian:
         """As `forward`, along a given trajectory, in a manner [A, 8]."""
+        inputs = (self.inputs(seed, asked, manner) - self.middle) / self.spread
+        mean, log_std = self.net(inputs).chunk(2, -1)
+        low, high = CLONED_LOG_STD
+        return Gaussian(mean, log_std.clamp(low, high))
+
+    @staticmethod
+    def inputs(seed: Tensor, asked: Asked, manner: Tensor) -> Tensor:
+        """What it is given, in one row [A, 438]."""
         last = seed[:, -1]
         moved = (last - seed[:, 0]) * (FPS * VELOCITY)
         trajectory = torch.cat([asked.ways, asked.facings], -1).flatten(1)
-        mean, log_std = self.net(torch.cat([last, moved, trajectory, manner], -1)).chunk(2, -1)
-        low, high = CLONED_LOG_STD
-        return Gaussian(mean, log_std.clamp(low, high))
+        return torch.cat([last, moved, trajectory, manner], -1)
 
 
 Policy = GoalPolicy | TrajectoryPolicy
@@ -190,10 +210,10 @@ def fitting_policy(weights: Mapping[str, Tensor]) -> Policy:
     """A new policy with the kind and width of these weights. Raises ArtifactError."""
     if "net.0.bias" in weights:
         inputs = weights["net.0.weight"].shape[1]
-        if inputs != INPUTS:
+        if inputs != INPUTS or "middle" not in weights:
             raise ArtifactError(
-                f"this policy has {inputs} inputs instead of {INPUTS}: it is of an earlier build, "
-                "without manners; clone it again"
+                f"this policy has {inputs} inputs that are not standardised, instead of {INPUTS} "
+                "that are: it is of an earlier build; clone it again"
             )
         return TrajectoryPolicy(len(weights["net.0.bias"]))
     return GoalPolicy.fitting(weights)

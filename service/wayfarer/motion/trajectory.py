@@ -55,10 +55,7 @@ def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked
     seed [A, S, 201]: markers in their canonical frame. goal [A, 3]: metres, in that frame. speed
     [A]: m/s; 0: come to rest at the goal. facing [A, 2]: unit vector, or zero: the way to the goal.
     """
-    # of all markers: the swing of limbs cancels. The export would name a mean like an output.
-    points = seed.unflatten(-1, (MARKERS, 3))[..., :2].sum(2) / MARKERS
-    moved = points[:, -1] - points[:, 0]
-    velocity = moved * (FPS / max(1, seed.shape[1] - 1))
+    moved, velocity = motion_of(seed)
     way = goal[:, :2] - moved  # the canonical origin lies under the hips of the first seed frame
     distance = _length(way)
     most = torch.maximum(speed[:, None], numbers((CREEP,), speed))
@@ -67,13 +64,26 @@ def asked_of(seed: Tensor, goal: Tensor, speed: Tensor, facing: Tensor) -> Asked
     size = _length(change)
     aim = velocity + change * torch.minimum(torch.ones_like(size), SURGE * EASE / size)
     seconds = numbers([h / FPS for h in HORIZONS], seed)[None, :, None]
-    eased = EASE * (1 - torch.exp(-seconds / EASE))
-    ways = aim[:, None] * seconds + (velocity - aim)[:, None] * eased
+    ways = approach(velocity, aim, seconds)
     # no request leads past the goal
     settled = 1 - torch.exp(-seconds / SETTLE)
     along, left = _length(ways), distance[:, None] * settled
     ways = ways * torch.minimum(torch.ones_like(along), left / along)
     return Asked(ways, _facings(seed, way, distance, facing))
+
+
+def motion_of(seed: Tensor) -> tuple[Tensor, Tensor]:
+    """The way from the first to the last frame of a seed [A, S, 201] in metres [A, 2], and m/s."""
+    # of all markers: the swing of limbs cancels. The export would name a mean like an output.
+    points = seed.unflatten(-1, (MARKERS, 3))[..., :2].sum(2) / MARKERS
+    moved = points[:, -1] - points[:, 0]
+    return moved, moved * (FPS / max(1, seed.shape[1] - 1))
+
+
+def approach(velocity: Tensor, aim: Tensor, seconds: Tensor) -> Tensor:
+    """Ways [A, H, 2] after `seconds` [1, H, 1], while a velocity [A, 2] comes to its aim [A, 2]."""
+    eased = EASE * (1 - torch.exp(-seconds / EASE))
+    return aim[:, None] * seconds + (velocity - aim)[:, None] * eased
 
 
 def _facings(seed: Tensor, way: Tensor, distance: Tensor, facing: Tensor) -> Tensor:

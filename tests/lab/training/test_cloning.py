@@ -1,20 +1,23 @@
 """Hindsight and cloning on made-up motion and untrained networks."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
-from tests.lab.training.fakes import gliding_frames, walking_frames
+from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
 from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
-from wayfarer.motion.frame import canonical_frame
+from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.policy import Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.trajectory import HORIZONS, Asked, asked_of
-from wayfarer.spec import FPS, GENDERS, STEP_SECONDS
+from wayfarer.spec import FPS, GENDERS, SEED_FRAMES, STEP_SECONDS
 from wayfarer_lab.training.cloning import (
+    SWAY,
     TEMPERATURE,
     UNSEEN,
     CloningConfig,
@@ -47,36 +50,69 @@ def runs(tmp_path):
     return {"predictor": str(tmp_path / "predictor"), "regressors": regressors}
 
 
-def test_hindsight_is_where_a_body_was_and_what_it_faced():
-    frames = walking_frames()  # in circles of 1 m, 1.5 rad/s, facing turns with the way
-    at = torch.tensor([10, 70])
-    frame = canonical_frame(frames.hips[at], frames.hips_rotation[at])
-    asked = Hindsight(frames).asked(at, frames.hips[at, :2], frame)
-    for row, start in enumerate(at.tolist()):
-        for number, ahead in enumerate(HORIZONS):
-            place = (frames.hips[start + ahead] - frames.hips[start])[:2] @ frame.rotation[
-                row, :2, :2
-            ]
-            assert (asked.ways[row, number] - place).norm() < 0.03
-    assert torch.allclose(asked.facings.norm(dim=-1), torch.ones(2, 3), atol=1e-4)
+def asked_at(frames, hindsight, at, off=0.0):
+    """What hindsight asks of the recorded bodies at frames `at`, `off` metres beside their path."""
+    begin = at - 1
+    frame = canonical_frame(frames.hips[begin], frames.hips_rotation[begin])
+    markers = frames.markers[torch.stack([begin, at], 1)]
+    seed = to_local(frame, markers.flatten(1, 2)).reshape(len(at), SEED_FRAMES, -1)
+    return hindsight.asked(at, frames.hips[at, :2] + off, frame, seed), frame
+
+
+def test_hindsight_asks_for_the_speed_of_the_recording():
+    frames = gliding_frames()
+    at = torch.tensor([20, 110])
+    asked, frame = asked_at(frames, Hindsight(frames), at)
+    ahead = at[:, None] + torch.tensor(HORIZONS)
+    ways = (frames.hips[ahead] - frames.hips[at, None])[..., :2] @ frame.rotation[:, :2, :2]
+    assert torch.allclose(asked.ways, ways, atol=0.01)
+
+
+def test_of_a_body_that_stops_hindsight_asks_for_its_place_of_rest():
+    frames = gliding_frames(clips=1, length=300)
+    moved = torch.arange(300).clamp(max=150)  # it stands from frame 150 on
+    frames = replace(frames, hips=frames.hips[moved], markers=frames.markers[moved])
+    at = torch.tensor([140, 200])
+    asked, _ = asked_at(frames, Hindsight(frames), at)
+    left = (frames.hips[150] - frames.hips[140]).norm()
+    assert asked.ways[0, 2].norm() <= left * 0.9
+    assert asked.ways[1].norm() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("angle_at", "asked_for"),
+    [
+        (lambda time: 0.5 * time, 0.5 * 0.4),  # faces a point a metre ahead
+        (lambda time: 1.5 * time, 1.5),  # turns back
+        (lambda time: 0.15 * torch.sin(2 * torch.pi * time), 0.0),  # twists with its strides
+    ],
+)
+def test_hindsight_asks_for_the_turn_but_not_for_the_twist(angle_at, asked_for):
+    frames = gliding_frames(clips=1, length=200)
+    at = torch.tensor([100])
+    angle = angle_at((torch.arange(200) - at) / FPS)
+    rotations = frames.hips_rotation.clone()
+    rotations[:, :, 1] = torch.stack([-torch.sin(angle), torch.cos(angle), 0 * angle], -1)
+    hindsight = Hindsight(replace(frames, hips_rotation=rotations))
+    asked, _ = asked_at(frames, hindsight, at)
+    turned = torch.atan2(-asked.facings[0, 2, 0], asked.facings[0, 2, 1])
+    assert (turned - asked_for * 15 / 16).abs() < 0.04
 
 
 def test_a_body_that_has_left_the_path_is_asked_back():
     frames = gliding_frames()
-    at = torch.tensor([20])
-    frame = canonical_frame(frames.hips[at], frames.hips_rotation[at])
-    hindsight = Hindsight(frames)
-    on, off = (hindsight.asked(at, frames.hips[at, :2] + d, frame).ways for d in (0.0, 0.1))
-    assert torch.allclose(on - off, torch.full_like(on, 0.1), atol=1e-5)
+    hindsight, at = Hindsight(frames), torch.tensor([20])
+    on, off = (asked_at(frames, hindsight, at, d)[0].ways for d in (0.0, 0.1))
+    assert ((on - off)[:, 2] > 0.09).all()
 
 
 def test_smoothing_keeps_to_a_stretch():
     run = torch.tensor([3, 2, 1, 0, 2, 1])
     values = torch.tensor([1.0, 1, 1, 50, 7, 7])[:, None]
-    assert torch.allclose(smoothed(values, run), values)
+    assert torch.allclose(smoothed(values, run, SWAY), values)
     time = torch.arange(80) / FPS
     sway = torch.sin(2 * torch.pi * 2 * time)[:, None]  # two steps a second
-    assert smoothed(sway, torch.arange(80, 0, -1))[20:60].abs().max() < 0.4
+    assert smoothed(sway, torch.arange(80, 0, -1), SWAY)[20:60].abs().max() < 0.4
 
 
 def test_the_divergence_is_that_of_a_narrowed_posterior_from_a_warmer_policy():
