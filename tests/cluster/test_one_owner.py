@@ -49,6 +49,10 @@ class Moves:
     def groups(self):
         return {group_of(name) for name in self.open}
 
+    @property
+    def live(self):
+        return len(self.open)
+
     def of(self, group):
         return [name for name in self.open if group_of(name) == group]
 

@@ -79,7 +79,7 @@ class LeaseRules:
     lease_s: float = 2.0
     nodes: int = 0
     """How many there will be, if that is known, and if no directory was before this one: it gives
-    nothing away until all nodes have named the groups that they have kept."""
+    nothing away until all nodes have named the groups that they have kept, and take sessions."""
     keep: bool = False
     """Nodes keep on disk what they own. Nobody adopts it: it waits for its node's next life."""
 
@@ -150,7 +150,7 @@ class Directory:
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
         self._placed: OrderedDict[str, str] = OrderedDict()  # group → node
         self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
-        self._came: set[int] = set()  # numbers of the nodes that have ever come
+        self._came: set[int] = set()  # numbers of the nodes that have ever taken sessions
         self._away: dict[str, float] = {}  # nodes that may come back, and until when
         self._missing: dict[str, set[str]] = {}  # groups without an owner; who of them may have it
         self._kept: dict[str, dict[str, tuple[float, str]]] = {}
@@ -179,6 +179,8 @@ class Directory:
         if told.count <= node.count:
             return Answer()
         node.count, node.load = told.count, told.load
+        if told.load.ready:
+            self._came.add(node.info.number)
         lost = list[str]()
         for group, epoch in told.held.items():
             self._epoch = max(self._epoch, epoch)
@@ -205,7 +207,6 @@ class Directory:
     def _enter(self, info: NodeInfo) -> _Node:
         node = self._nodes[info.name] = _Node(info, NodeLoad(), self._clock(), self._watch(info))
         self._nodes_changed()
-        self._came.add(info.number)
         for group in self._waiting.pop(info.number, ()):
             self._own(group, info.name)
         return node

@@ -231,15 +231,13 @@ class NodeAgent:
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
-        """The present load; the last one if there is no time to count: busy nodes are not empty."""
+        """The present load; people as counted last without time for it: a busy node has some."""
         with contextlib.suppress(WayfarerError, TimeoutError):
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()
-            self._counted = NodeLoad(
-                agents=stats.agents, sessions=stats.sessions, fits=stats.capacity
-            )
+            self._counted = NodeLoad(agents=stats.agents, fits=stats.capacity)
         ready = self._gateway.started and self._gateway.alive and self._tenancy.registered
-        return self._counted.model_copy(update={"ready": ready})
+        return self._counted.model_copy(update={"ready": ready, "sessions": self._moves.live})
 
     def _tell_lease(self) -> None:
         leased = self._tenancy.leased
