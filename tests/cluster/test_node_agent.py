@@ -81,7 +81,7 @@ class Pair:
             self.agents[name] = NodeAgent(
                 self.bench.nodes[name], gateway, self, SimpleNamespace(call=self.peer),
                 self.replicas[name],
-                SimpleNamespace(), lambda: self.stopped.append(1),
+                SimpleNamespace(copied=self.copied), lambda: self.stopped.append(1),
             )  # fmt: skip
         self.moves["n1"].frozen[self.name] = False
 
@@ -100,6 +100,9 @@ class Pair:
         if self.loses("answer"):
             raise Unavailable("the directory does not answer")
         return epoch
+
+    async def copied(self, name):
+        """There is no neighbour."""
 
     async def peer(self, node, verb, *told, seconds=0):
         if self.loses("take"):
