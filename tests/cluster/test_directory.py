@@ -573,6 +573,18 @@ def test_a_move_that_an_earlier_directory_decided_stays_decided():
     assert bench.directory.claim(ORPHAN, "n1", 5, "n2") and bench.owner(ORPHAN) == "n2"
 
 
+def test_what_has_ended_is_nobodys_though_an_earlier_directory_had_replicas_of_it():
+    """Else its giver, which waits for an answer, would get it back."""
+    bench = Bench()
+    bench.directory._settled_at = bench.now
+    bench.directory.renew(coming("n2", kept={ORPHAN: ("n1", 0.5)}))
+    bench.directory.renew(coming("n1", held={ORPHAN: 5}, leased=True))
+    assert bench.owner(ORPHAN) == "n1"
+    bench.directory.renew(renewal("n1", count=2, freed=(ORPHAN,)))
+    with pytest.raises(Aborted):
+        bench.directory.claim(ORPHAN, "n1", 5, "n1")
+
+
 def test_of_two_claimants_the_greater_epoch_is_right():
     now = 0.0
     directory = Directory(LeaseRules(LEASE), 1, lambda: now)
