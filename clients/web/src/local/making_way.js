@@ -6,7 +6,7 @@ import { stop } from "./passages.js";
 import { FARTHEST } from "./spots.js";
 import { STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
 
-const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, RETURNS = 1, HOME = 0.25;
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, TOUCH = 0.4, RETURNS = 1, HOME = 0.25;
 const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
 
 /** @typedef {import("./scene.js").Point} Point */
@@ -26,8 +26,8 @@ export class MakingWay {
     if (gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
     if (!mayStep(row)) return;
     const aside = walker.memory.yields > 0, others = people.filter((other) => other !== self);
-    const comes = comer(others, self, aside ? walker.aims.spot : hips, aside);
-    if (!aside && !(comes && this.#leaves(row, comes, others))) return;
+    const comes = comer(others, self, aside ? walker.aims.spot : hips, aside), way = comes ?? toucher(others, self);
+    if (!aside && !(way && this.#leaves(row, way, others, !comes))) return;
     const place = nextPlace(row, Boolean(comes));
     if (!walker.memory.yields) return;
     const stopped = isStopped(hips, place, stop(self), others);
@@ -37,8 +37,8 @@ export class MakingWay {
     };
   }
 
-  /** Whether a person finds a free place to step to. @param {Row} row @param {Way} comes @param {Seen[]} others */
-  #leaves({ hips, walker }, { way, left }, others) {
+  /** Whether a person finds a free place to step to. @param {Row} row @param {Way} comes @param {Seen[]} others @param {boolean} forGood */
+  #leaves({ hips, walker }, { way, left }, others, forGood) {
     const side = left >= 0 ? 1 : -1;
     const sides = SIDES.map((turned) => ({ x: Math.cos(turned), y: side * Math.sin(turned) }));
     const free = sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
@@ -47,8 +47,8 @@ export class MakingWay {
         && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART);
     });
     if (!free) return false;
-    walker.aims.spot = hips;
-    walker.memory = { ...walker.memory, retreat: free.step };
+    walker.aims.spot = forGood ? plus(hips, times(ASIDE, free.step)) : hips;
+    walker.memory = { ...walker.memory, retreat: forGood ? times(-1, free.step) : free.step };
     return true;
   }
 }
@@ -71,6 +71,15 @@ function comer(others, self, home, aside) {
     return { way, on: dot(to, way), left: way[0] * to[1] - way[1] * to[0], goes: Math.hypot(...minus(other.aims.spot, other.position)) };
   }).filter(({ on, left, goes }) => on > 0 && on < Math.min(SIGHT, goes) && Math.abs(left) < CLOSES);
   return comes.length ? comes.reduce((a, b) => (b.on < a.on ? b : a)) : null;
+}
+
+/** Like `comer`, of the nearest of a lower number that stands where a person stands: a way through it, to the left of which the person is. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
+function toucher(others, self) {
+  const touches = others.map(({ stands, number, position }) => {
+    const to = minus(self.position, position);
+    return { to, left: stands && number < self.number ? Math.hypot(...to) : Infinity };
+  }).reduce((a, b) => (b.left < a.left ? b : a), { to: /** @type {Point} */ ([0, 0]), left: TOUCH });
+  return self.stands && touches.left < TOUCH ? { way: unit([touches.to[1], -touches.to[0]]), left: touches.left } : null;
 }
 
 /** Whether others stand before a person that steps from here to a place. @param {Point} here @param {Point} place @param {Point} stands where it would come to a stand @param {Seen[]} others */

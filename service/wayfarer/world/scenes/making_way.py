@@ -1,4 +1,5 @@
-"""Making way: a standing agent steps aside when another is stuck before it, and returns.
+"""Making way: a standing agent steps aside when another is stuck before it, and returns. It leaves
+its place for good when somebody of a lower number stands there.
 
 `Memory.yields` counts the seconds until it returns, `Memory.retreat` is the direction of its step,
 `Aims.spot` the place that it left. All is in the world's frame, in metres.
@@ -38,6 +39,9 @@ APART: Final = 0.46
 BODY: Final = 0.37
 """Metres beside the line of a step within which somebody stops it."""
 
+TOUCH: Final = 0.4
+"""Metres between two standing people within which their bodies may be in each other."""
+
 RETURNS: Final = 1.0
 """Seconds for which people remain aside once their places are in nobody's way."""
 
@@ -66,11 +70,14 @@ class MakingWay:
                 here, others = hips[row], np.delete(stops, me, 0)
                 aside = bool(memory.yields[row] > 0)
                 comes = comer(them, me, spots[row] if aside else here, aside)
+                touches = None if aside or comes else toucher(them, me)
                 if not aside:
-                    step = self._step(int(rows[row]), here, *comes, others) if comes else None
+                    way = comes or touches
+                    step = self._step(int(rows[row]), here, *way, others) if way else None
                     if step is None:
                         continue
-                    spots[row], memory.retreat[row] = here, step
+                    spots[row] = here + ASIDE * step if touches else here
+                    memory.retreat[row] = -step if touches else step
                 place = next_place(memory, row, here, spots[row], comes is not None)
                 if memory.yields[row] > 0:
                     ahead.given[row] = not is_stopped(here, place, stops[me], others)
@@ -79,17 +86,21 @@ class MakingWay:
                     ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
 
     def _may_step(self, rows: Index, hips: Float, start: Motion, ahead: GoalColumns) -> Flags:
-        """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks.
+        """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks,
+        or another one stands in them.
 
         An agent that faces a heading, or is far from its goal, may not.
         """
-        slots, people = self._slots, self._avoidance.crowd.people
+        slots, crowd = self._slots, self._avoidance.crowd
+        people = crowd.people
         askers = people.position[people.walks & (people.aims.barred > PATIENCE)]
         near = (np.linalg.norm(hips[:, None] - askers, axis=-1) < SIGHT + CLOSES).any(1)
         at_goal = np.linalg.norm(hips - start.aims.asked, axis=-1) < FARTHEST
         free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
         free &= slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
-        return free & (near | (start.memory.yields > 0))
+        near |= start.memory.yields > 0
+        near[free] |= crowd.near(rows[free], crowd.stand, TOUCH)
+        return free & near
 
     def _step(self, slot: int, here: Float, way: Array, left: float, others: Array) -> Array | None:
         """The direction of a slot's step from `here` [2], `left` of a way [2], to a free place.
@@ -127,6 +138,20 @@ def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> tuple[Array
     comes &= np.abs(people.height - people.height[me]) < 1.0
     first = int(np.where(comes, on, np.inf).argmin())
     return (way[first], left[first]) if comes[first] else None
+
+
+def toucher(them: SessionPeople, me: int) -> tuple[Array, float] | None:
+    """Like `comer`, of the nearest of a lower number that stands where person `me` stands: a way
+    through it, to the left of which `me` is.
+    """
+    people = them.people
+    to = people.position[me] - people.position
+    far = np.linalg.norm(to, axis=-1)
+    touches = them.stand & them.stand[me] & (people.number < people.number[me]) & (far < TOUCH)
+    touches &= np.abs(people.height - people.height[me]) < 1.0
+    first = int(np.where(touches, far, np.inf).argmin())
+    way = np.array([to[first, 1], -to[first, 0]]) / max(float(far[first]), 1e-6)
+    return (way, float(far[first])) if touches[first] else None
 
 
 def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
