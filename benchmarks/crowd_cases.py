@@ -225,11 +225,11 @@ def bottleneck(seed: int) -> Case:
 
 
 def corner(seed: int) -> Case:
-    """RiMEA 6: 20 people around the corner of a corridor of 2 m."""
+    """RiMEA 6: 20 people around the corner of a corridor of 2 m; who is in front goes farthest."""
     floor = Floor(((0, -10), (2, -10), (2, 0), (10, 0), (10, 2), (0, 2)))
     starts = [np.array([0.5 + 0.5 * (k % 3), -9.5 + 0.8 * (k // 3)]) for k in range(20)]
     people = [
-        (start, np.array([9.3 - 0.7 * (k // 3), 0.5 + 0.5 * (k % 3)]))
+        (start, np.array([5.1 + 0.7 * (k // 3), 0.5 + 0.5 * (k % 3)]))
         for k, start in enumerate(starts)
     ]
     return case("RiMEA 6: corner, 20", SceneSpec(floors=(floor,)), people, 90, seed)

@@ -18,15 +18,15 @@ from wayfarer_lab.evaluation.pictures.files import GIF_FPS, write_film
 from wayfarer_lab.evaluation.pictures.film import Film
 from wayfarer_lab.evaluation.pictures.scene import ClipActor, Prop, picture
 
-SIZE = (480, 300)
+SIZE, COLOURS = (320, 200), 64
 AZIMUTH, ELEVATION, ANGLE, DISTANCE = radians(-35), radians(38), radians(30), 15.0
-START, SECONDS = 6.0, 7.0
+START, SECONDS = 6.0, 6.0
 """When a film begins, and how long it is."""
 
 LOW = 0.9
 """Metres: walls are drawn no higher, so that people are seen behind them."""
 
-MARGIN = 60
+MARGIN = 40
 """Pixels outside the picture within which the middle of a body is drawn."""
 
 
@@ -61,7 +61,7 @@ class Filming:
             return picture(camera, poses, (), solids)
 
         film = Film(round(SECONDS * GIF_FPS), GIF_FPS, SIZE, draw)
-        write_film(path, film, lambda done, total: None)
+        write_film(path, film, lambda done, total: None, COLOURS)
 
     def _solids(self) -> list[Prop]:
         solids = self._case.spec.solids if self._case.spec else ()

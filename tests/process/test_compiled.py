@@ -190,8 +190,7 @@ near, by, who = np.full(20, 9.0), np.zeros((20, 12), np.bool_), np.arange(20)
 ways = people.position[:, None] + np.arange(0, 2, 0.2)[:, None] * people.velocity[:, None]
 standing = people.position, people.height, stand
 stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
-pressed = np.zeros(20, np.bool_)
-find_near(who, own, (people.position, people.height, people.walks), PRESSED, pressed)
+pressed = find_near(who, own, people.position, people.height, people.walks, PRESSED)
 columns = people.number, people.position, people.height, stand
 everyone = Everyone(*own, *columns, people.position, people.position)
 claims = Claims(np.zeros((20, 2), "f4"), np.zeros(20))
