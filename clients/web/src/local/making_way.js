@@ -6,7 +6,7 @@ import { stop } from "./passages.js";
 import { FARTHEST } from "./spots.js";
 import { STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
 
-const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, TOUCH = 0.4, RETURNS = 1, HOME = 0.25;
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, BESIDE = 0.1, TOUCH = 0.4, RETURNS = 1, HOME = 0.25;
 const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
 const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math.cos(turned), aside: size * Math.sin(turned) })));
 
@@ -90,6 +90,6 @@ function isStopped(here, place, stands, others) {
   const step = unit(minus(place, here));
   return others.map((other) => minus(stop(other), stands)).some((gap) => {
     const far = Math.hypot(...gap), along = dot(gap, step);
-    return along > 0 && far < APART && far ** 2 - along ** 2 < BODY ** 2;
+    return along > BESIDE && far < APART && far ** 2 - along ** 2 < BODY ** 2;
   });
 }

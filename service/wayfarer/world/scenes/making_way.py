@@ -37,8 +37,8 @@ STEPS: Final = np.concatenate([s * np.stack([np.cos(SIDES), np.sin(SIDES)], 1) f
 APART: Final = 0.46
 """Metres that a step leaves between two people."""
 
-BODY: Final = 0.37
-"""Metres beside the line of a step within which somebody stops it."""
+BODY, BESIDE = 0.37, 0.1
+"""Metres beside the line of a step within which somebody stops it, and ahead from which."""
 
 TOUCH: Final = 0.4
 """Metres between two standing people within which their bodies may be in each other."""
@@ -165,4 +165,4 @@ def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
     """
     gaps, step = others - stop, place - here
     far, along = np.linalg.norm(gaps, axis=-1), gaps @ step / max(np.linalg.norm(step), 1e-6)
-    return bool(((along > 0) & (far**2 - along**2 < BODY**2) & (far < APART)).any())
+    return bool(((along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)).any())
