@@ -283,6 +283,7 @@ CASES: dict[str, Make] = {
     "counter_10": lambda seed: counterflow(10, seed),
     "counter_50": lambda seed: counterflow(50, seed),
     "counter_100": lambda seed: counterflow(100, seed),
+    "square_60": lambda seed: square(60, seed),
     "square_200": lambda seed: square(200, seed),
     "dense_0.5": lambda seed: dense(0.5, seed),
     "dense_1": lambda seed: dense(1.0, seed),
