@@ -23,6 +23,9 @@ AZIMUTH, ELEVATION, ANGLE, DISTANCE = radians(-35), radians(38), radians(30), 15
 START, SECONDS = 6.0, 6.0
 """When a film begins, and how long it is."""
 
+FEW = 40
+"""People up to whom a film has all pictures of a GIF; of more it has half, to stay small."""
+
 LOW = 0.9
 """Metres: walls are drawn no higher, so that people are seen behind them."""
 
@@ -51,16 +54,18 @@ class Filming:
         view = View.wide(AZIMUTH, ELEVATION, DISTANCE, ANGLE, SIZE)
         camera, solids = Camera(view, (0.0, 0.0, 0.5)), self._solids()
 
+        rate = GIF_FPS if len(actors) <= FEW else GIF_FPS / 2
+
         def draw(number: int) -> Image.Image:
             poses = []
             for actor, first in actors:
-                frame = first + round(number * FPS / GIF_FPS)
+                frame = first + round(number * FPS / rate)
                 x, y, _ = camera.project(actor.hips[frame])
                 if -MARGIN < x < SIZE[0] + MARGIN and -MARGIN < y < SIZE[1] + MARGIN:
                     poses.append((actor, frame))
             return picture(camera, poses, (), solids)
 
-        film = Film(round(SECONDS * GIF_FPS), GIF_FPS, SIZE, draw)
+        film = Film(round(SECONDS * rate), rate, SIZE, draw)
         write_film(path, film, lambda done, total: None, COLOURS)
 
     def _solids(self) -> list[Prop]:
