@@ -36,6 +36,7 @@ class Case:
     seconds: float  # after which it is over
     door: float | None = None  # metres: width of an opening in the line y = 0
     peer: bool = True  # JuPedSim can run it, too
+    measures_skin: bool = False  # how deep skin is in walls, and bodies are in each other
     standing: tuple[int, ...] = field(default=())  # numbers of the people without a goal
 
     @property
@@ -191,7 +192,8 @@ def corridor(width: float, seed: int) -> Case:
     """Two meet in a corridor."""
     ends = np.array([0.0, 6.0])
     spec = room(width, 16)
-    return case(f"2 meet in {width} m", spec, [(-ends, ends), (ends, -ends)], 60, seed)
+    people = [(-ends, ends), (ends, -ends)]
+    return case(f"2 meet in {width} m", spec, people, 60, seed, measures_skin=True)
 
 
 def flat(count: int, seed: int) -> Case:
@@ -223,11 +225,11 @@ def bottleneck(seed: int) -> Case:
 
 
 def corner(seed: int) -> Case:
-    """RiMEA 6: 20 people around the corner of a corridor of 2 m."""
+    """RiMEA 6: 20 people around the corner of a corridor of 2 m; who is in front goes farthest."""
     floor = Floor(((0, -10), (2, -10), (2, 0), (10, 0), (10, 2), (0, 2)))
     starts = [np.array([0.5 + 0.5 * (k % 3), -9.5 + 0.8 * (k // 3)]) for k in range(20)]
     people = [
-        (start, np.array([9.3 - 0.7 * (k // 3), 0.5 + 0.5 * (k % 3)]))
+        (start, np.array([5.1 + 0.7 * (k // 3), 0.5 + 0.5 * (k % 3)]))
         for k, start in enumerate(starts)
     ]
     return case("RiMEA 6: corner, 20", SceneSpec(floors=(floor,)), people, 90, seed)
@@ -240,6 +242,15 @@ def square(count: int, seed: int) -> Case:
     places = np.stack([cells % 20 - 9.5, cells // 20 - 9.5], -1) * 0.94
     people = list(zip(places, places[random.permutation(count)], strict=True))
     return case(f"{count} in a yard of 20 m", room(20, 20), people, 120, seed)
+
+
+def dense(density: float, seed: int) -> Case:
+    """`square`, in a smaller yard: 100 people, `density` per m²."""
+    random, side = np.random.default_rng(seed), (100 / density) ** 0.5
+    cells = (np.arange(10) - 4.5) * side / 10
+    places = np.array([(x, y) for y in cells for x in cells])
+    people = list(zip(places, places[random.permutation(100)], strict=True))
+    return case(f"100 in a yard, {density:g} per m²", room(side, side), people, 20, seed)
 
 
 Make = Callable[[int], Case]
@@ -272,7 +283,12 @@ CASES: dict[str, Make] = {
     "counter_10": lambda seed: counterflow(10, seed),
     "counter_50": lambda seed: counterflow(50, seed),
     "counter_100": lambda seed: counterflow(100, seed),
+    "square_60": lambda seed: square(60, seed),
     "square_200": lambda seed: square(200, seed),
+    "dense_0.5": lambda seed: dense(0.5, seed),
+    "dense_1": lambda seed: dense(1.0, seed),
+    "dense_2": lambda seed: dense(2.0, seed),
+    "dense_3": lambda seed: dense(3.0, seed),
 }
 
 QUICK = ("one_way_1.2", "two_ways_1.2", "one_goal_6", "row_5", "three_rows", "blocked", "flat_2")

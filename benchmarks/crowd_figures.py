@@ -50,6 +50,7 @@ def figures(case: Case, tracks: Tracks) -> Row:
     row |= dict.fromkeys(("through_s", "flow", "per_m", "door_idle_s"))
     if case.door is not None:
         row |= door_figures(case.door, tracks.place[:, walkers])
+    row["m/s"] = mean_speed(tracks.place[:, walkers], reached)
     row["still_s"] = longest_still(tracks.place[:, walkers], reached)
     row["hips_cm"] = 100 * least_distance(tracks.place)
     row["overlap_cm"], row["overlap_%"] = overlap(tracks)
@@ -87,6 +88,16 @@ def moved_within(place: Array, seconds: float) -> Array:
     found: Array = np.linalg.norm(place - before, axis=-1)
     found[:back] = np.inf
     return found
+
+
+def mean_speed(place: Array, reached: Array) -> float | None:
+    """Mean m/s of those on their way, each over a second, from 3 to 15 s after the start."""
+    second = round(RATE)
+    speed = np.linalg.norm(place[second:] - place[:-second], axis=-1)  # of the second that begins
+    on = (np.arange(len(speed))[:, None] + second) / RATE < reached
+    window = slice(3 * second, 15 * second)
+    known = on[window] & np.isfinite(speed[window])
+    return float(speed[window][known].mean()) if known.any() else None
 
 
 def longest(holds: Array) -> float:

@@ -1,7 +1,7 @@
 """People among people: doors, groups, shared goals, people in the way.
 
     python -m benchmarks.crowds [--cases one_way_1.2 …] [--seeds 1] [--no-peer] [--plots FOLDER]
-        [--json FILE] [--quick]
+        [--films FOLDER] [--json FILE] [--quick]
 
 The world of a session in lock-step with the real engine and one candidate; time passes as fast as
 it is computed. It is compared with JuPedSim's collision-free speed model V2 on the same
@@ -13,8 +13,10 @@ so they block nobody. *flow*, *per_m*: people per second through the door, also 
 *still_s*: longest time for which a person on its way has not advanced by .3 m. *hips_cm*: minimum
 distance between two people's hips. *overlap_cm*: maximum overlap of two bodies (capsules of .42 by
 .22 m across their facing), and the share of bodies and times that overlap by more than 1 cm.
-*walked_on_m*: maximum that a person walked later than 15 s after the first arrival. With several
-seeds the figures are the worst (of *there*, *all_s*, *still_s* …) or the mean (of flows).
+*m/s*: mean speed of people on their way, 3 to 15 s after the start. *wall_cm*, *body_cm*: maximum
+depth of skin in a wall, and of a limb or trunk in another body (corridors). *walked_on_m*: maximum
+that a person walked later than 15 s after the first arrival. With several seeds the figures are the
+worst (of *there*, *all_s*, *still_s* …) or the mean (of flows).
 
 `--cost` instead measures the rule: microseconds of an agent and step at 1 and 3 people per m².
 """
@@ -22,7 +24,7 @@ seeds the figures are the worst (of *there*, *all_s*, *still_s* …) or the mean
 import argparse
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -34,10 +36,12 @@ from benchmarks.bench import Row
 from benchmarks.crowd_cases import CASES, QUICK, Case
 from benchmarks.crowd_cost import rule_cost
 from benchmarks.crowd_figures import RATE, Tracks, figures
+from benchmarks.crowd_film import Filming
+from benchmarks.crowd_skin import Skin
 from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.navigation.scene import bake
 from wayfarer.spec import BETAS, FPS, GENDERS
-from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
@@ -49,15 +53,13 @@ OVER = 16.0
 """Seconds for which a case continues after the last arrival."""
 
 
-def run(case: Case, bundle: ModelBundle, seed: int) -> Tracks:
-    """Simulates a case."""
-    begun = time.process_time()
-    scenes = SceneRegistry()
-    scene = "" if case.spec is None else scenes.add(bake(case.spec)).scene_id
-    world = bundle.world(len(case.starts), Steering().with_search(candidates=1), scenes)
-    session = world.create_session(SessionSpec(scene=scene), 0.0).session_id
+See = Callable[[int, MotionChunk], None]
+
+
+def people_of(case: Case, seed: int) -> list[AgentSpec]:
+    """The people of a case."""
     random = np.random.default_rng(seed)
-    specs = [
+    return [
         AgentSpec(
             gender=GENDERS[number % 2],
             betas=tuple(random.uniform(-1, 1, BETAS).tolist()),
@@ -69,6 +71,17 @@ def run(case: Case, bundle: ModelBundle, seed: int) -> Tracks:
             zip(case.starts.tolist(), case.headings, strict=True)
         )
     ]
+
+
+def run(
+    case: Case, bundle: ModelBundle, specs: list[AgentSpec], watchers: Sequence[See] = ()
+) -> Tracks:
+    """Simulates a case; `watchers` see each chunk and the number of its person."""
+    begun = time.process_time()
+    scenes = SceneRegistry()
+    scene = "" if case.spec is None else scenes.add(bake(case.spec)).scene_id
+    world = bundle.world(len(case.starts), Steering().with_search(candidates=1), scenes)
+    session = world.create_session(SessionSpec(scene=scene), 0.0).session_id
     people = [agent.agent_id for agent in world.create_agents(session, specs, 0.0)]
     for agent, goal in zip(people, case.goals, strict=True):
         if goal is not None:
@@ -81,6 +94,8 @@ def run(case: Case, bundle: ModelBundle, seed: int) -> Tracks:
     wanted = [k for k, goal in enumerate(case.goals) if goal is not None]
     for chunk in world.advance(case.seconds):
         who = number[chunk.agent_id]
+        for see in watchers:
+            see(who, chunk)
         first = round(chunk.scheduled_at * RATE)
         for k, frame in enumerate(range(EVERY - 1, len(chunk.translation), EVERY)):
             if first + k < samples:
@@ -114,7 +129,7 @@ def summed(rows: Sequence[Row]) -> Row:
                 words = text.split()
                 counts.update(dict(zip(words[::2], map(int, words[1::2]), strict=True)))
             found[name] = " ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
-        elif name in ("flow", "per_m", "wall_s"):
+        elif name in ("flow", "per_m", "m/s", "wall_s"):
             known = [value for value in values if value is not None]
             found[name] = float(np.mean(known)) if known else None
         elif name in ("all_s", "through_s") and None in values:
@@ -134,6 +149,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--no-peer", action="store_true", help="without JuPedSim")
     parser.add_argument("--plots", type=Path, help="draw paths from above into this folder")
+    parser.add_argument("--films", type=Path, help="film the first seed into this folder (GIF)")
     parser.add_argument("--cost", action="store_true", help="measure the rule's cost instead")
     asked: argparse.Namespace = parser.parse_args()
     if asked.cost:
@@ -149,8 +165,13 @@ def main() -> None:
                 case = CASES[name](seed)
                 if who == "jupedsim" and not (has_peer and case.peer):
                     continue
-                tracks = run(case, bundle, seed) if who == "ours" else peer(case)
-                rows.append(figures(case, tracks))
+                if who == "jupedsim":
+                    tracks = peer(case)
+                    rows.append(figures(case, tracks))
+                else:
+                    film = asked.films / f"{name}.gif" if asked.films and seed == 0 else None
+                    tracks, row = ours(case, bundle, seed, film)
+                    rows.append(row)
                 if asked.plots and seed == 0:
                     from benchmarks.crowd_plots import draw
 
@@ -160,6 +181,18 @@ def main() -> None:
                 found.append({"case": case.name, "of": who, **summed(rows)})
                 print(found[-1], flush=True)
     bench.finish(asked, found)
+
+
+def ours(case: Case, bundle: ModelBundle, seed: int, film: Path | None) -> tuple[Tracks, Row]:
+    """Runs the case, and films it into a file if asked."""
+    specs = people_of(case, seed)
+    skin, filming = Skin(case, specs, bundle.bodies), Filming(case, specs, bundle.bodies)
+    watchers = [skin.see] * case.measures_skin + [filming.see] * (film is not None)
+    tracks = run(case, bundle, specs, watchers)
+    if film is not None:
+        film.parent.mkdir(parents=True, exist_ok=True)
+        filming.write(film)
+    return tracks, figures(case, tracks) | (skin.figures() if case.measures_skin else {})
 
 
 def peer(case: Case) -> Any:

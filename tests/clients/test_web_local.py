@@ -119,11 +119,13 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
 
 
 def test_people_in_the_way_step_aside_as_on_the_server(exported, tmp_path):
-    """Three close a corridor; one lets a walker pass, and returns."""
-    places = [(0, -3), (-0.6, 0), (0, 0), (0.6, 0)]
+    """Three close a corridor; one lets a walker pass, and returns. Two stand in each other, of
+    whom one leaves its place for good.
+    """
+    places = [(0, -3), (-0.6, 0), (0, 0), (0.6, 0), (0, -6.5), (0, -6.2)]
     specs = [AgentSpec(position=place, noise_seed=80 + k) for k, place in enumerate(places)]
     commands = [(0.5, 0, [{"x": 0, "y": 3}])]
-    scene = write_scene(SceneSpec((Floor(rectangle(-1, -5, 1, 5)),)), tmp_path / "scene")
+    scene = write_scene(SceneSpec((Floor(rectangle(-1, -8, 1, 5)),)), tmp_path / "scene")
     told = traced(specs, commands, scene, seconds=12.0)
     (trace := tmp_path / "trace.json").write_text(json.dumps(told))
     found = json.loads(node("local_trace.js", exported, trace, tmp_path / "scene"))
@@ -131,6 +133,7 @@ def test_people_in_the_way_step_aside_as_on_the_server(exported, tmp_path):
     ways = [np.array([c["translation"][-3:-1] for c in chunks]) for chunks in told["chunks"]]
     off = np.linalg.norm(ways[2], axis=-1)
     assert ways[0][-1, 1] > 2.5 and off.max() > 0.6 and off[-1] < 0.4
+    assert np.linalg.norm(ways[5][-1] - ways[4][-1]) > 0.5
 
 
 class _Quiet(SimpleHTTPRequestHandler):

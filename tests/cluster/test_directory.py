@@ -10,7 +10,7 @@ from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewa
 from wayfarer.cluster.directory import AWAY_S, DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, Changes, NodeLoad
-from wayfarer.cluster.tenancy import CLAIM_S
+from wayfarer.cluster.tenancy import CLAIM_S, Tenancy
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 
@@ -573,6 +573,18 @@ def test_a_move_that_an_earlier_directory_decided_stays_decided():
     assert bench.directory.claim(ORPHAN, "n1", 5, "n2") and bench.owner(ORPHAN) == "n2"
 
 
+def test_what_has_ended_is_nobodys_though_an_earlier_directory_had_replicas_of_it():
+    """Else its giver, which waits for an answer, would get it back."""
+    bench = Bench()
+    bench.directory._settled_at = bench.now
+    bench.directory.renew(coming("n2", kept={ORPHAN: ("n1", 0.5)}))
+    bench.directory.renew(coming("n1", held={ORPHAN: 5}, leased=True))
+    assert bench.owner(ORPHAN) == "n1"
+    bench.directory.renew(renewal("n1", count=2, freed=(ORPHAN,)))
+    with pytest.raises(Aborted):
+        bench.directory.claim(ORPHAN, "n1", 5, "n1")
+
+
 def test_of_two_claimants_the_greater_epoch_is_right():
     now = 0.0
     directory = Directory(LeaseRules(LEASE), 1, lambda: now)
@@ -694,6 +706,18 @@ def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
     bench.present["n1"] = {one, two}  # it was moving when all were killed
     bench.add("n1")
     assert bench.nodes["n1"].lost == {one}
+    assert bench.status.settled
+
+
+def test_a_directory_is_settled_once_all_nodes_take_sessions():
+    """Else the first sessions would all be placed on the node that was the first."""
+    bench = Bench(["n0"], settled=False, nodes=2)
+    starting = bench.nodes["n1"] = Tenancy(info("n1"), lambda: bench.now)
+    bench.present["n1"], bench.loads["n1"] = set(), NodeLoad(ready=False)
+    bench.beat()
+    assert starting.leased and not bench.status.settled
+    bench.loads["n1"] = NodeLoad()
+    bench.beat()
     assert bench.status.settled
 
 

@@ -30,6 +30,10 @@ class Moves:
     def groups(self):
         return {group_of(name) for name in self.frozen}
 
+    @property
+    def live(self):
+        return len(self.frozen)
+
     def of(self, group):
         return [name for name in self.frozen if group_of(name) == group]
 
@@ -77,7 +81,7 @@ class Pair:
             self.agents[name] = NodeAgent(
                 self.bench.nodes[name], gateway, self, SimpleNamespace(call=self.peer),
                 self.replicas[name],
-                SimpleNamespace(), lambda: self.stopped.append(1),
+                SimpleNamespace(copied=self.copied), lambda: self.stopped.append(1),
             )  # fmt: skip
         self.moves["n1"].frozen[self.name] = False
 
@@ -96,6 +100,9 @@ class Pair:
         if self.loses("answer"):
             raise Unavailable("the directory does not answer")
         return epoch
+
+    async def copied(self, name):
+        """There is no neighbour."""
 
     async def peer(self, node, verb, *told, seconds=0):
         if self.loses("take"):
@@ -327,8 +334,9 @@ def test_a_busy_node_that_loses_an_answer_of_the_directory_keeps_its_lease():
         async def loop_stats():
             await asyncio.sleep(60)  # the motion thread takes in sessions
 
+        moves = Moves()
         gateway = SimpleNamespace(
-            moves=Moves(), started=True, alive=True, streams=0, loop_stats=loop_stats
+            moves=moves, started=True, alive=True, streams=0, loop_stats=loop_stats
         )
         link = SimpleNamespace(call=call)
         replication = SimpleNamespace(neighbour="")
@@ -336,11 +344,13 @@ def test_a_busy_node_that_loses_an_answer_of_the_directory_keeps_its_lease():
         renewing = asyncio.create_task(agent.renewing())
         while tenancy._count < 2 or not tenancy.leased:
             await asyncio.sleep(0.01)
+        moves.frozen[f"session-{tenancy.new_group()}{0:012x}"] = False
         ends_at = now() + 20
         while now() < ends_at:
             await asyncio.sleep(0.01)
             assert tenancy.leased
         assert directory.counters["expired"] == 0
+        assert directory.look((0, 0))[0].nodes[0].load.sessions == 1, "placement knows of it"
         renewing.cancel()
 
     virtual_time.run(renew())

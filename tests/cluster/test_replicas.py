@@ -3,10 +3,20 @@
 import pytest
 
 from wayfarer.cluster import replicas
-from wayfarer.cluster.replicas import CONTENT, KEPT_S, Replicas
+from wayfarer.cluster.group_map import GroupMap
+from wayfarer.cluster.messages import ADOPTED, Changes
+from wayfarer.cluster.replicas import CONTENT, KEPT_S, QUIET_S, Replicas
 from wayfarer.errors import ResourceExhausted
 
 SCENE, SESSION, OTHER = "scene-00ff12", "session-00ff34", "session-00ee34"
+
+
+def view(groups=None, **told):
+    """The owners, as the directory has told them."""
+    owners = {"00ff": "a", "00ee": "b"} if groups is None else groups
+    made = GroupMap()
+    made.take(Changes(generation=1, version=1, groups=owners, **told))
+    return made
 
 
 def test_a_scene_comes_with_its_content_and_its_sessions():
@@ -32,11 +42,49 @@ def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with
     for _ in range(9):
         now[0] += KEPT_S
         kept.renew("a", {SCENE})
+        kept.age(view())
     assert len(kept) == 2, "nobody had a lease meanwhile"
     for _ in range(round(KEPT_S)):
         now[0] += 1
         kept.renew("a", {SCENE})
+        kept.age(view())
     assert list(kept.of("00ff")) == [SCENE + CONTENT] and len(kept) == 1
+
+
+def test_they_get_older_where_nobody_sends_any_more():
+    """Else a node that was away would have the youngest ones for ever."""
+    now = [0.0]
+    kept = Replicas(lambda: now[0])
+    kept.keep("a", SESSION, b"1")
+    for _ in range(round(KEPT_S)):
+        now[0] += 1.0
+        kept.age(view())
+        assert kept.ages() == {"00ff": ("a", now[0])}
+    now[0] += 1.0
+    kept.age(view())
+    assert not len(kept)
+
+
+@pytest.mark.parametrize(
+    ("told", "is_kept"),
+    [
+        ({"groups": {"00ff": "a"}}, True),
+        ({"groups": {"00ff": "b"}}, False),
+        ({"groups": {"00ff": ADOPTED}}, True),
+        ({"groups": {}}, False),
+        ({"groups": {}, "settled": False}, True),
+    ],
+)
+def test_what_has_ended_or_has_another_owner_is_dropped(told, is_kept):
+    now = [0.0]
+    kept = Replicas(lambda: now[0])
+    kept.keep("a", SESSION, b"1")
+    kept.age(view(**told))
+    assert len(kept), "the directory may not have heard of it when it answered"
+    for _ in range(2):
+        now[0] += QUIET_S
+        kept.age(view(**told))
+    assert len(kept) == is_kept
 
 
 def test_there_is_a_limit(monkeypatch):

@@ -126,7 +126,7 @@ from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs, bones
 from wayfarer.world.scenes.nearest_obstacles import nearest_people
 from wayfarer.world.scenes.around import keep_apart, stand_before, way_around
-from wayfarer.world.scenes.people import find_pressed
+from wayfarer.world.scenes.people import PRESSED, find_near
 from wayfarer.world.scenes.spots import Claims, Everyone, Walkers, next_taken
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.scenes.routes import Routes
@@ -190,8 +190,7 @@ near, by, who = np.full(20, 9.0), np.zeros((20, 12), np.bool_), np.arange(20)
 ways = people.position[:, None] + np.arange(0, 2, 0.2)[:, None] * people.velocity[:, None]
 standing = people.position, people.height, stand
 stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
-pressed = np.zeros(20, np.bool_)
-find_pressed(who, *own, people.position, people.height, people.walks, pressed)
+pressed = find_near(who, own, people.position, people.height, people.walks, PRESSED)
 columns = people.number, people.position, people.height, stand
 everyone = Everyone(*own, *columns, people.position, people.position)
 claims = Claims(np.zeros((20, 2), "f4"), np.zeros(20))

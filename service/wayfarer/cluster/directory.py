@@ -79,7 +79,7 @@ class LeaseRules:
     lease_s: float = 2.0
     nodes: int = 0
     """How many there will be, if that is known, and if no directory was before this one: it gives
-    nothing away until all nodes have named the groups that they have kept."""
+    nothing away until all nodes have named the groups that they have kept, and take sessions."""
     keep: bool = False
     """Nodes keep on disk what they own. Nobody adopts it: it waits for its node's next life."""
 
@@ -150,7 +150,7 @@ class Directory:
         self._log: deque[tuple[int, str]] = deque(maxlen=LOGGED)  # version, group
         self._placed: OrderedDict[str, str] = OrderedDict()  # group → node
         self._over: OrderedDict[str, None] = OrderedDict()  # names of nodes that have ended
-        self._came: set[int] = set()  # numbers of the nodes that have ever come
+        self._came: set[int] = set()  # numbers of the nodes that have ever taken sessions
         self._away: dict[str, float] = {}  # nodes that may come back, and until when
         self._missing: dict[str, set[str]] = {}  # groups without an owner; who of them may have it
         self._kept: dict[str, dict[str, tuple[float, str]]] = {}
@@ -179,6 +179,8 @@ class Directory:
         if told.count <= node.count:
             return Answer()
         node.count, node.load = told.count, told.load
+        if told.load.ready:
+            self._came.add(node.info.number)
         lost = list[str]()
         for group, epoch in told.held.items():
             self._epoch = max(self._epoch, epoch)
@@ -198,6 +200,7 @@ class Directory:
         for group in node.used.intersection(freed):
             if not self._is_adopted(group):
                 self._disown(group)
+                self._kept.pop(group, None)
         compared = node.used.intersection({*told.held, *share_of(node.used, told.count)})
         epochs = {g: self._groups[g].epoch for g in compared if not self._is_adopted(g)}
         return self._answer(node, told.seen, tuple(lost), epochs)
@@ -205,7 +208,6 @@ class Directory:
     def _enter(self, info: NodeInfo) -> _Node:
         node = self._nodes[info.name] = _Node(info, NodeLoad(), self._clock(), self._watch(info))
         self._nodes_changed()
-        self._came.add(info.number)
         for group in self._waiting.pop(info.number, ()):
             self._own(group, info.name)
         return node
@@ -385,8 +387,7 @@ class Directory:
             told = ", ".join(f"{count} {what}" for what, count in why.items())
             raise Unavailable(f"no node takes new sessions: {told or 'none is registered'}")
         drawn = self._random.sample(able, min(2, len(able)))
-        mean = self._mean_session(able)
-        chosen = min(drawn, key=lambda node: self._burden(node, mean, now))
+        chosen = min(drawn, key=self._burden(able, now))
         chosen.placed.append((now, chosen.load.sessions))
         self.counters["placed"] += 1
         if group:
@@ -402,27 +403,20 @@ class Directory:
         kind = kinds.most_common(1)[0][0] if kinds else ""
         return [node for node in found if node.info.fingerprint == kind]
 
-    def _mean_session(self, nodes: Iterable[_Node]) -> float:
-        loads = [node.load for node in nodes]
-        sessions = sum(load.sessions for load in loads)
-        return max(1.0, sum(load.agents for load in loads) / max(1, sessions))
+    def _burden(self, nodes: list[_Node], now: float) -> Callable[[_Node], float]:
+        """A function for the share of a node's room that is taken.
 
-    def _burden(self, node: _Node, mean: float, now: float) -> float:
-        """Share of a node's room that is taken.
-
-        Agents come after their session: a session counts as the mean one beside the agents that
-        are there.
+        Agents come after their session: a session counts as the mean one of these nodes beside the
+        agents that are there.
         """
-        return (node.load.agents + mean * node.sessions(now)) / max(1, node.info.capacity)
+        sessions = sum(node.load.sessions for node in nodes)
+        mean = max(1.0, sum(node.load.agents for node in nodes) / max(1, sessions))
+        return lambda one: (one.load.agents + mean * one.sessions(now)) / max(1, one.info.capacity)
 
     # ---- answers
 
     def _answer(
-        self,
-        node: _Node,
-        seen: tuple[int, int],
-        lost: tuple[str, ...],
-        epochs: dict[str, int],
+        self, node: _Node, seen: tuple[int, int], lost: tuple[str, ...], epochs: dict[str, int]
     ) -> Answer:
         now = self._clock()
         node.heard_at = now
@@ -447,8 +441,7 @@ class Directory:
         able = [n for n in self._able(now) if n is not node and self._alike(n, node)]
         if not able:
             return
-        mean = self._mean_session(able)
-        able.sort(key=lambda other: self._burden(other, mean, now))
+        able.sort(key=self._burden(able, now))
         for i, group in enumerate(sorted(node.used - set(adoptions))[:AT_ONCE]):
             to = able[i % len(able)].info.name
             yield NodeOrder(kind="move", group=group, epoch=self._groups[group].epoch, to=to)

@@ -156,7 +156,8 @@ class Entry:
     async def _redirect(self, request: Request) -> Response:
         path, verb = request.scope["path"], request.method
         if http_is_for_all(verb, path):
-            raise _for_each(f"{verb} {path}")
+            told = "concerns each node by itself: GET /v1/cluster lists them"
+            raise FailedPrecondition(f"{verb} {path} {told}")
         key = request.headers.get("idempotency-key", "")
         body = b"" if path == MESHES else await request.body()
         subject = http_subject(verb, path, request.url.query, key, body)
@@ -267,10 +268,6 @@ def _elsewhere(subject: Subject, call: str, node: NodeInfo) -> Misdirected:
     if kind == "named":
         return misdirected(name, endpoint(node))
     return Misdirected(f"{call} is for node {node.number}; call {endpoint(node)}", endpoint(node))
-
-
-def _for_each(call: str) -> FailedPrecondition:
-    return FailedPrecondition(f"{call} concerns each node by itself: GET /v1/cluster lists them")
 
 
 async def _no_loop() -> LoopStats:

@@ -3,7 +3,7 @@
 from typing import Final
 
 from wayfarer.cluster.directory import rendezvous
-from wayfarer.cluster.messages import Changes, NodeInfo
+from wayfarer.cluster.messages import ADOPTED, Changes, NodeInfo
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
 from wayfarer.ids import group_of
@@ -59,6 +59,10 @@ class GroupMap:
         if owner is None and not self._settled:
             raise Unavailable("not all nodes have come back to the directory; try again")
         return None if owner is None else self.nodes[owner]
+
+    def is_not_of(self, node: str, group: str) -> bool:
+        """Nobody has this group, or another node; not so while it is being adopted."""
+        return self._settled and self._owners.get(group) not in (node, ADOPTED)
 
     def node_for(self, name: str) -> NodeInfo | None:
         """The owner, or the node that answers that there is nothing; None without any node.

@@ -142,11 +142,12 @@ class NodeAgent:
         gives the group to this node. `orphan`: these are copies, and nobody else has it. Returns
         the reason if it does not come: the caller may have gone.
         """
-        self._tenancy.coming(group, epoch if orphan else 0)
-        found, kept = dict[str, Arrival | None](), self._replicas.of(group)
+        self._tenancy.coming(group, epoch if orphan else 0, states)
+        found, kept = dict[str, Arrival | None](), self._replicas.of(group).items()
+        contents = {name.removesuffix(CONTENT): one.state for name, one in kept if CONTENT in name}
         try:
             await _together(
-                lambda name: self._arrival(name, states[name], _content(kept, name), orphan),
+                lambda name: self._arrival(name, states[name], contents.get(name, b""), orphan),
                 states,
                 found,
             )
@@ -228,18 +229,17 @@ class NodeAgent:
         if answer.fenced:
             log.error("the directory has given this node up; it comes back without what it lost")
         if self._tenancy.take(answer, told, sent_at):
+            self._replicas.age(self._tenancy.view)
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
-        """The present load; the last one if there is no time to count: busy nodes are not empty."""
+        """The present load; people as counted last without time for it: a busy node has some."""
         with contextlib.suppress(WayfarerError, TimeoutError):
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()
-            self._counted = NodeLoad(
-                agents=stats.agents, sessions=stats.sessions, fits=stats.capacity
-            )
+            self._counted = NodeLoad(agents=stats.agents, fits=stats.capacity)
         ready = self._gateway.started and self._gateway.alive and self._tenancy.registered
-        return self._counted.model_copy(update={"ready": ready})
+        return self._counted.model_copy(update={"ready": ready, "sessions": self._moves.live})
 
     def _tell_lease(self) -> None:
         leased = self._tenancy.leased
@@ -252,7 +252,7 @@ class NodeAgent:
     # Orders
 
     async def _obey(self, answer: Answer) -> None:
-        for group in self._tenancy.lost:
+        for group in sorted(self._tenancy.lost):
             if not (self._is_busy(group) and self._busy[group].get_name() != "move"):
                 await self._give_up(group)  # otherwise more may come into it; nobody is stepped
         self._replication.neighbour = answer.neighbour
@@ -357,6 +357,7 @@ class NodeAgent:
             ms = round(1e3 * (boot_clock() - began))
             log.info("session moved", session_id=name, to=node.name, ms=ms)
         tenancy.decided(group, 0)
+        await self._replication.copied(group)  # the neighbour drops what it has of it
 
     async def _thaw(self, names: Iterable[str]) -> None:
         for name in names:
@@ -406,11 +407,6 @@ async def _together(
     done |= {name: one for name, one in ended.items() if not isinstance(one, BaseException)}
     if failed := [one for one in found if isinstance(one, BaseException)]:
         raise failed[0]
-
-
-def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
-    found = kept.get(scene_id + CONTENT)
-    return found.state if found else b""
 
 
 def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:

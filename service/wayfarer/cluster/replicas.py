@@ -5,17 +5,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from wayfarer.cluster.group_map import GroupMap
 from wayfarer.errors import ResourceExhausted
 from wayfarer.ids import group_of
 
 REPLICA_BYTES: Final = 512 * 1024 * 1024
 """All replicas that a node keeps for others."""
 
-KEPT_S: Final = 60.0
-"""Seconds after which a replica without renewal is dropped."""
+KEPT_S: Final = 330.0
+"""Seconds after which a replica without renewal is dropped: five of the longest leases, since one
+is adopted that was three leases old when a directory asked, two leases later (directory.py)."""
 
-QUIET_S: Final = 2.0
-"""If nobody calls for longer, replicas do not get older: nobody has a lease."""
+QUIET_S: Final = 3.0
+"""In a longer pause replicas do not get older: nobody has a lease."""
 
 KEEP_S: Final = 120.0
 """Seconds within which a node keeps the content of a scene that it is sent."""
@@ -43,8 +45,8 @@ class Replicas:
 
     def keep(self, owner: str, name: str, state: bytes) -> None:
         """In place of an earlier one. Raises ResourceExhausted."""
-        before = self._kept.get(name)
-        if self.bytes + len(state) - (len(before.state) if before else 0) > REPLICA_BYTES:
+        others = sum(len(one.state) for kept, one in self._kept.items() if kept != name)
+        if others + len(state) > REPLICA_BYTES:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
         self._kept[name] = KeptReplica(owner, state, self._now())
 
@@ -56,9 +58,19 @@ class Replicas:
         for name, replica in list(self._kept.items()):
             if replica.owner == owner and name.removesuffix(CONTENT) in present:
                 replica.at = now
-            elif replica.owner == owner or now - replica.at > KEPT_S:
+            elif replica.owner == owner:
                 del self._kept[name]
         return {name for name in present if name + CONTENT not in self._kept}
+
+    def age(self, view: GroupMap) -> None:
+        """The directory has answered: what is not renewed gets older, and is dropped once it is too
+        old, or its owner does not have it any more. The answer may be older than a new replica.
+        """
+        now = self._now()
+        for name, one in list(self._kept.items()):
+            age, is_lost = now - one.at, view.is_not_of(one.owner, group_of(name))
+            if age > KEPT_S or (is_lost and age > QUIET_S):
+                del self._kept[name]
 
     def of(self, group: str) -> dict[str, KeptReplica]:
         """Those of a group, by name; they are kept until `drop`."""
@@ -80,11 +92,6 @@ class Replicas:
         self._time += min(now - self._called_at, QUIET_S)
         self._called_at = now
         return self._time
-
-    @property
-    def bytes(self) -> int:
-        """The size of all states."""
-        return sum(len(replica.state) for replica in self._kept.values())
 
     def __len__(self) -> int:
         return len(self._kept)

@@ -7,7 +7,6 @@ each neighbour, with its baked ground. Logs of recorded sessions are not copied.
 
 import asyncio
 import contextlib
-import time
 from collections.abc import Collection, Sequence
 from itertools import islice
 from typing import Final
@@ -60,15 +59,16 @@ class Replication:
 
     async def running(self) -> None:
         """For ever."""
+        now = asyncio.get_running_loop().time
         while True:
-            began = time.monotonic()
+            began = now()
             try:
                 await self._round(self._names())
             except WayfarerError as error:
                 log.warning("replicas not kept", neighbour=self.neighbour, reason=str(error))
             except Exception:  # else nothing would be copied any more
                 log.exception("a round of copies failed", neighbour=self.neighbour)
-            await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
+            await asyncio.sleep(max(0.0, REPLICATE_S - (now() - began)))
 
     async def _round(self, names: Sequence[str]) -> None:
         for first in range(0, len(names) or 1, AT_ONCE):  # without any, that is told, too
@@ -113,7 +113,7 @@ class Replication:
         if node is None or not self._tenancy.may_step():
             return
         # First: ended sessions make room there; a neighbour that is away fails it at once.
-        own, present = self._tenancy.node.name, self._names()
+        own, present = self._tenancy.node.name, [*self._names(), *self._tenancy.names_coming]
         lacks = await self._link.call(node, "present", own, present, seconds=SEND_S)
         groups = set(map(group_of, names))
         for scene_id in [one for one in lacks if group_of(one) in groups]:

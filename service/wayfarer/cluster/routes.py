@@ -37,25 +37,16 @@ def grpc_subject(call: Rpc, data: bytes) -> Subject:
         return ANY_NODE
     match call.options.routing:
         case CallOptions.ROUTING_NEW:
-            if scene := _scene_in(message):
-                return "named", scene
-            return "new", _request_id_in(message)
+            if message.DESCRIPTOR.name == "CreateSessionRequest" and message.scene:
+                return "named", message.scene
+            own = "request_id" in message.DESCRIPTOR.fields_by_name
+            return "new", message.request_id if own else message.header.scene.request_id
         case CallOptions.ROUTING_IMPORT:
             return "named", named_session(message.snapshot)
     if "open" in message.DESCRIPTOR.fields_by_name:  # Control
         message = message.open
     names = [getattr(message, name) for name in NAMES if name in message.DESCRIPTOR.fields_by_name]
     return ("named", str(names[0])) if names else ANY_NODE
-
-
-def _scene_in(message: Any) -> str:
-    """The scene of a new session."""
-    return str(message.scene) if message.DESCRIPTOR.name == "CreateSessionRequest" else ""
-
-
-def _request_id_in(message: Any) -> str:
-    fields = message.DESCRIPTOR.fields_by_name
-    return str(message.request_id if "request_id" in fields else message.header.scene.request_id)
 
 
 _ROUTES: Final = [

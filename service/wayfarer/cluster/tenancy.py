@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import os
 import time
-from collections.abc import Callable, Collection, Coroutine
+from collections.abc import Callable, Collection, Coroutine, Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -57,7 +57,8 @@ class Tenancy:
         self._held: dict[str, int] = {}  # groups in use, and their epochs; 0: not known yet
         self._lost: frozenset[str] = frozenset()  # to be released before another step
         self._frozen: set[str] = set()  # until the directory has decided who gets them
-        self._coming: set[str] = set()  # some of what lives there is not here yet
+        self._coming: dict[str, Iterable[str]] = {}
+        """Groups; what is to come: some of it is not here yet."""
         self._freed: set[str] = set()  # the directory does not know that yet
 
     # ---- Ownership
@@ -141,10 +142,10 @@ class Tenancy:
 
     def renewal(self, load: NodeLoad, present: Collection[str]) -> LeaseRenewal:
         """`present`: groups of this node's sessions and scenes; a journal may have kept them."""
-        for group in set(present) - self._held.keys() - self._lost - self._coming:
+        for group in set(present) - self._held.keys() - self._lost - self._coming.keys():
             self._held[group] = 0
             self._freed.discard(group)
-        for group in set(self._held) - set(present) - self._frozen - self._coming:
+        for group in set(self._held) - set(present) - self._frozen - self._coming.keys():
             del self._held[group]
             self._freed.add(group)
         self._count += 1
@@ -177,7 +178,7 @@ class Tenancy:
         same = {group for group, epoch in told.held.items() if self._held.get(group) == epoch}
         lost = same.intersection(answer.lost)
         self._lost |= lost - self._frozen  # nobody steps the others: `claim` decides
-        for group in lost - (self._frozen - self._coming):
+        for group in lost - (self._frozen - self._coming.keys()):
             del self._held[group]
         for group, epoch in answer.epochs.items():
             if group in same and group in self._held and group not in self._frozen:
@@ -193,6 +194,11 @@ class Tenancy:
 
     # ---- what has happened here
 
+    @property
+    def names_coming(self) -> list[str]:
+        """Ids of what may be this node's, though no caller finds it yet."""
+        return [name for names in self._coming.values() for name in names]
+
     def released(self, group: str) -> None:
         """Nothing of this group is here any more."""
         self._lost -= {group}
@@ -201,12 +207,12 @@ class Tenancy:
         """Notes that all of it is frozen and will be given away, until `decided`."""
         self._frozen.add(group)
 
-    def coming(self, group: str, epoch: int = 0) -> None:
+    def coming(self, group: str, epoch: int = 0, names: Iterable[str] = ()) -> None:
         """Notes that its sessions are being put into this node, frozen, until `decided`. `epoch`:
-        of the order to adopt it.
+        of the order to adopt it; `names`: of all that comes.
         """
         self._frozen.add(group)
-        self._coming.add(group)
+        self._coming[group] = names
         self._freed.discard(group)  # it lived here once
         if epoch:
             self._held[group] = epoch
@@ -221,11 +227,11 @@ class Tenancy:
             self._held[group] = epoch
         else:
             self._held.pop(group, None)
-            self._coming.discard(group)
+            self._coming.pop(group, None)
 
     def came(self, group: str) -> None:
         """Notes that callers find all of it here."""
-        self._coming.discard(group)
+        self._coming.pop(group, None)
 
 
 async def _alone(name: str) -> None:

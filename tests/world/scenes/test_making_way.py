@@ -36,6 +36,25 @@ def test_people_who_stand_in_the_way_step_aside_and_return(scene, placed):
     assert max(each[-1] for each in off) < 0.4
 
 
+@pytest.mark.parametrize("scene", [True, False])
+def test_of_two_who_stand_in_each_other_one_steps_aside_for_good(scene):
+    places = [(6.0, 6.0), (6.3, 6.1), (6.0, 7.2)]
+    if scene:
+        world, _, _ = world_in(field())
+        people = enter(world, *places)
+    else:
+        world, people = on_floor(*places)
+    tracks, _ = walked(world, 10.0)
+    tracks = [tracks[agent.agent_id][:, :2] for agent in people]
+    count = min(map(len, tracks))
+    one, other, third = (track[:count] for track in tracks)
+    late = slice(count // 2, count)
+    assert np.linalg.norm(one - places[0], axis=1).max() < 0.1
+    assert np.linalg.norm(third - places[2], axis=1).max() < 0.1
+    assert np.linalg.norm(other - one, axis=1)[late].min() > 0.5
+    assert np.ptp(other[late], axis=0).max() < 0.1, "it stays there"
+
+
 @pytest.mark.parametrize("heading", [None, 0.0])
 def test_who_faces_a_heading_at_its_goal_does_not_make_way(heading):
     world, _, _ = world_in(CORRIDOR)

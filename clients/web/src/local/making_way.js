@@ -6,13 +6,14 @@ import { stop } from "./passages.js";
 import { FARTHEST } from "./spots.js";
 import { STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
 
-const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, RETURNS = 1, HOME = 0.25;
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, BESIDE = 0.1, TOUCH = 0.4, RETURNS = 1, HOME = 0.25;
 const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
+const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math.cos(turned), aside: size * Math.sin(turned) })));
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
-/** Somebody's way, and metres to the left of it of a place @typedef {{ way: Point, left: number }} Way */
+/** Somebody's way, and metres to the left of it of a place @typedef {{ way: Point, left: number, forGood?: boolean }} Way */
 
 export class MakingWay {
   /** @param {import("./scene.js").LocalScene | null} scene */
@@ -26,9 +27,9 @@ export class MakingWay {
     if (gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
     if (!mayStep(row)) return;
     const aside = walker.memory.yields > 0, others = people.filter((other) => other !== self);
-    const comes = comer(others, self, aside ? walker.aims.spot : hips, aside);
+    const comes = comer(others, self, aside ? walker.aims.spot : hips, aside) ?? (aside ? null : toucher(others, self));
     if (!aside && !(comes && this.#leaves(row, comes, others))) return;
-    const place = nextPlace(row, Boolean(comes));
+    const place = nextPlace(row, Boolean(comes && !comes.forGood));
     if (!walker.memory.yields) return;
     const stopped = isStopped(hips, place, stop(self), others);
     row.ahead = {
@@ -38,17 +39,17 @@ export class MakingWay {
   }
 
   /** Whether a person finds a free place to step to. @param {Row} row @param {Way} comes @param {Seen[]} others */
-  #leaves({ hips, walker }, { way, left }, others) {
+  #leaves({ hips, walker }, { way, left, forGood }, others) {
     const side = left >= 0 ? 1 : -1;
-    const sides = SIDES.map((turned) => ({ x: Math.cos(turned), y: side * Math.sin(turned) }));
+    const sides = STEPS.map(({ x, aside }) => ({ x, y: side * aside }));
     const free = sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
       const place = plus(hips, times(ASIDE, step));
       return Math.abs(left + ASIDE * y) >= CLOSES && (!this.scene || this.scene.distance(...place) >= this.scene.radius)
         && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART);
     });
     if (!free) return false;
-    walker.aims.spot = hips;
-    walker.memory = { ...walker.memory, retreat: free.step };
+    walker.aims.spot = forGood ? plus(hips, times(ASIDE, free.step)) : hips;
+    walker.memory = { ...walker.memory, retreat: forGood ? times(-1, free.step) : free.step };
     return true;
   }
 }
@@ -73,11 +74,22 @@ function comer(others, self, home, aside) {
   return comes.length ? comes.reduce((a, b) => (b.on < a.on ? b : a)) : null;
 }
 
+/** Like `comer`, of the nearest that is still where a person stands: a way through it, past the person. If it stands, the one of the higher number leaves, for good. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
+function toucher(others, self) {
+  const touches = others.filter(({ walks, number, velocity, position }) =>
+    !velocity[0] && !velocity[1] && (walks || number < self.number) && Math.hypot(...minus(self.position, position)) < TOUCH,
+  ).map(({ stands, position }) => {
+    const to = minus(self.position, position);
+    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to), forGood: stands };
+  });
+  return self.stands && touches.length ? touches.reduce((a, b) => (b.left < a.left ? b : a)) : null;
+}
+
 /** Whether others stand before a person that steps from here to a place. @param {Point} here @param {Point} place @param {Point} stands where it would come to a stand @param {Seen[]} others */
 function isStopped(here, place, stands, others) {
   const step = unit(minus(place, here));
   return others.map((other) => minus(stop(other), stands)).some((gap) => {
     const far = Math.hypot(...gap), along = dot(gap, step);
-    return along > 0 && far < APART && far ** 2 - along ** 2 < BODY ** 2;
+    return along > BESIDE && far < APART && far ** 2 - along ** 2 < BODY ** 2;
   });
 }

@@ -47,6 +47,7 @@ function choose(people, self, aims, clear, room) {
     aims.spot = goal;
     return;
   }
+  if (mine <= SLACK) return; // one that gets no nearer stops where it is
   if (!taken.some((other) => apart(claim(other), aims.spot) - by(other) < -SLACK)) return;
   aims.spot = freeSpot(place, goal, others.map((other) => ({ spot: claim(other), by: by(other) })), clear, room) ?? aims.spot;
 }

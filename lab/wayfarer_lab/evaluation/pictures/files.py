@@ -1,6 +1,7 @@
 """Pictures and films to files, which appear whole or not at all."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,8 @@ GIF_FPS: Final = 20.0
 """Every second frame: GIF counts in 1/100 s, so that it has no 40 fps, and 25 would limp."""
 
 COLOURS: Final = 200
+"""Colours of a GIF, unless fewer are asked for: a third of them makes it a third smaller."""
+
 SAMPLES: Final = 6  # pictures of a film from which its colours are chosen
 WEIGHED: Final = 40_000  # pixels that choose them
 SIX_BITS: Final = np.array([4096, 64, 1])
@@ -70,9 +73,14 @@ def write_still(path: Path, picture: Image.Image) -> None:
     atomically(path, lambda unfinished: picture.save(unfinished, format="PNG", optimize=True))
 
 
-def write_film(path: Path, film: Film, watch: Callable[[int, int], None]) -> None:
-    """Writes a GIF or an MP4 (H.264), by the name. Raises ModuleNotFoundError without ffmpeg."""
-    write = {".gif": _write_gif, ".mp4": _write_mp4}[path.suffix.lower()]
+def write_film(
+    path: Path, film: Film, watch: Callable[[int, int], None], colours: int = COLOURS
+) -> None:
+    """Writes a GIF of some colours, or an MP4 (H.264), by the name. Raises ModuleNotFoundError
+    without ffmpeg.
+    """
+    is_gif = path.suffix.lower() == ".gif"
+    write = partial(_write_gif, colours) if is_gif else _write_mp4
 
     def pictures() -> Iterator[Image.Image]:
         for number in range(film.pictures):
@@ -82,8 +90,8 @@ def write_film(path: Path, film: Film, watch: Callable[[int, int], None]) -> Non
     atomically(path, lambda unfinished: write(unfinished, film, pictures()))
 
 
-def _write_gif(path: Path, film: Film, pictures: Iterator[Image.Image]) -> None:
-    palette = _palette(film)
+def _write_gif(colours: int, path: Path, film: Film, pictures: Iterator[Image.Image]) -> None:
+    palette = _palette(film, colours)
     # without dithering, the still parts of two pictures are equal and cost nothing
     frames = (p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures)
     next(frames).save(
@@ -97,7 +105,7 @@ def _write_gif(path: Path, film: Film, pictures: Iterator[Image.Image]) -> None:
     )
 
 
-def _palette(film: Film) -> Image.Image:
+def _palette(film: Film, count: int) -> Image.Image:
     """Colours that serve the whole film, as a picture in them."""
     numbers = np.unique(np.linspace(0, film.pictures - 1, SAMPLES).astype(int)).tolist()
     pixels = np.concatenate([np.asarray(film.draw(number)).reshape(-1, 3) for number in numbers])
@@ -110,7 +118,7 @@ def _palette(film: Film) -> Image.Image:
         for colours in (pixels, distinct)
     ]
     weighed = np.concatenate(chosen).reshape(-1, 200, 3)
-    return Image.fromarray(weighed).quantize(COLOURS, Image.Quantize.MEDIANCUT)
+    return Image.fromarray(weighed).quantize(count, Image.Quantize.MEDIANCUT)
 
 
 def _write_mp4(path: Path, film: Film, pictures: Iterator[Image.Image]) -> None:

@@ -61,6 +61,11 @@ class SessionMoves:
         return self._context.sessions.ids()
 
     @property
+    def live(self) -> int:
+        """Number of sessions that run in real time."""
+        return self._context.sessions.live
+
+    @property
     def scenes(self) -> list[str]:
         """Ids of all scenes."""
         return self._context.scenes.ids()

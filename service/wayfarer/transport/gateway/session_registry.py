@@ -122,6 +122,11 @@ class SessionRegistry:
         """Ids of all sessions."""
         return list(self._sessions)
 
+    @property
+    def live(self) -> int:
+        """Number of sessions that are not in lock-step."""
+        return sum(not session.info.spec.lock_step for session in self._sessions.values())
+
     def scene_of(self, session_id: str) -> str | None:
         """Id of a session's scene, empty for the flat floor; None for an unknown session."""
         found = self._sessions.get(session_id)

@@ -14,7 +14,7 @@ class Memory(Rows):
     chosen: Annotated[Float, Shape(2)]  # m/s: the velocity that it took
     waited: Float  # seconds for which it has not advanced although it wanted to
     yields: Float  # seconds for which it still makes way for others
-    retreat: Annotated[Float, Shape(2)]  # unit vector in which it makes way
+    retreat: Annotated[Float, Shape(2)]  # direction in which it makes way
 
 
 @dataclass(slots=True, eq=False)

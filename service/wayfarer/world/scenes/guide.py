@@ -17,6 +17,7 @@ from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
 from wayfarer.world.scenes.making_way import MakingWay
 from wayfarer.world.scenes.nearest_obstacles import nearest_people, nearest_walls
+from wayfarer.world.scenes.people import PRESSED
 from wayfarer.world.scenes.planner import Planner, Tell
 from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
@@ -238,7 +239,8 @@ class SceneGuide:
         avoids = self._slots.avoids[rows]
         found = np.zeros(len(rows), np.bool_)
         if avoids.any():
-            found[avoids] = self.avoidance.crowd.pressed(rows[avoids])
+            crowd = self.avoidance.crowd
+            found[avoids] = crowd.near(rows[avoids], crowd.people.walks, PRESSED)
         return found
 
     def _visible(

@@ -1,6 +1,7 @@
-"""Making way: a standing agent steps aside when another is stuck before it, and returns.
+"""Making way: a standing agent steps aside when another is stuck before it or waits in its place,
+and returns. It leaves its place for good when an agent of a lower number stands there.
 
-`Memory.yields` counts the seconds until it returns, `Memory.retreat` is the direction of its step,
+`Memory.yields` counts the seconds until it returns, `Memory.retreat` is its step, in `ASIDE`,
 `Aims.spot` the place that it left. All is in the world's frame, in metres.
 """
 
@@ -29,20 +30,28 @@ CLOSES: Final = 0.5
 ASIDE: Final = 0.8
 """Metres of a step aside."""
 
-SIDES: Final = np.radians([75.0, 45.0, 105.0, 135.0])
-"""Directions of that step, from that of the way to the side on which the person stands."""
+SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135])
+STEPS: Final = np.concatenate([s * np.stack([np.cos(SIDES), np.sin(SIDES)], 1) for s in (1, 0.6)])
+"""Such steps [S, 2], and shorter ones: along a way, and to the side on which the person stands."""
 
 APART: Final = 0.46
 """Metres that a step leaves between two people."""
 
-BODY: Final = 0.37
-"""Metres beside the line of a step within which somebody stops it."""
+BODY, BESIDE = 0.37, 0.1
+"""Metres beside the line of a step within which somebody stops it, and ahead from which."""
+
+TOUCH: Final = 0.4
+"""Metres between two standing people within which their bodies may be in each other."""
 
 RETURNS: Final = 1.0
 """Seconds for which people remain aside once their places are in nobody's way."""
 
 HOME: Final = 0.25
 """Metres from its place within which a person is back."""
+
+
+Asks = tuple[Array, float, bool]
+"""The way of another one [2], metres from it to a person, to the left; leave for good?"""
 
 
 class MakingWay:
@@ -67,11 +76,13 @@ class MakingWay:
                 aside = bool(memory.yields[row] > 0)
                 comes = comer(them, me, spots[row] if aside else here, aside)
                 if not aside:
-                    step = self._step(int(rows[row]), here, *comes, others) if comes else None
-                    if step is None:
+                    comes = comes or toucher(them, me)
+                    step = self._step(int(rows[row]), here, *comes[:2], others) if comes else None
+                    if comes is None or step is None:
                         continue
-                    spots[row], memory.retreat[row] = here, step
-                place = next_place(memory, row, here, spots[row], comes is not None)
+                    spots[row] = here + ASIDE * comes[2] * step
+                    memory.retreat[row] = -step if comes[2] else step
+                place = next_place(memory, row, here, spots[row], bool(comes and not comes[2]))
                 if memory.yields[row] > 0:
                     ahead.given[row] = not is_stopped(here, place, stops[me], others)
                     ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
@@ -79,28 +90,31 @@ class MakingWay:
                     ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
 
     def _may_step(self, rows: Index, hips: Float, start: Motion, ahead: GoalColumns) -> Flags:
-        """Which of rows [A] at `hips` [A, 2] may step: they are aside, or near an agent that asks.
+        """Which of rows [A] at `hips` [A, 2] may step: they are aside, near an agent that asks, or
+        in one that is still.
 
         An agent that faces a heading, or is far from its goal, may not.
         """
-        slots, people = self._slots, self._avoidance.crowd.people
-        askers = people.position[people.walks & (people.aims.barred > PATIENCE)]
-        near = (np.linalg.norm(hips[:, None] - askers, axis=-1) < SIGHT + CLOSES).any(1)
+        slots, crowd = self._slots, self._avoidance.crowd
+        asks = crowd.people.walks & (crowd.people.aims.barred > PATIENCE)
         at_goal = np.linalg.norm(hips - start.aims.asked, axis=-1) < FARTHEST
         free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
         free &= slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
-        return free & (near | (start.memory.yields > 0))
+        may, still = start.memory.yields > 0, np.all(crowd.people.velocity == 0, -1)
+        may[free] |= crowd.near(rows[free], asks, SIGHT + CLOSES)
+        may[free] |= crowd.near(rows[free], still, TOUCH)
+        return free & may
 
     def _step(self, slot: int, here: Float, way: Array, left: float, others: Array) -> Array | None:
-        """The direction of a slot's step from `here` [2], `left` of a way [2], to a free place.
+        """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place.
 
         `others` [N, 2]: where everybody else would come to a stand.
         """
         clear, room = self._scenery.walls(slot)
-        sides = np.concatenate([SIDES, -SIDES]) * (1 if left >= 0 else -1)
-        steps = np.cos(sides)[:, None] * way + np.sin(sides)[:, None] * [-way[1], way[0]]
+        tried = STEPS * [1, 1 if left >= 0 else -1]
+        steps = tried @ np.array([way, [-way[1], way[0]]])
         places = here + ASIDE * steps
-        free = (clear(places) >= room) & (np.abs(left + ASIDE * np.sin(sides)) >= CLOSES)
+        free = (clear(places) >= room) & (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
         free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
         return steps[free.argmax()] if free.any() else None
 
@@ -113,7 +127,7 @@ def next_place(memory: Memory, row: int, here: Float, home: Float, needed: bool)
     return home if returns else home + ASIDE * memory.retreat[row]
 
 
-def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> tuple[Array, float] | None:
+def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> Asks | None:
     """The nearest whose way person `me` closes at its place `home` [2]: the direction of that way
     [2], and metres from it to `home`, to the left. It asks, unless `me` has stepped `aside`.
     """
@@ -126,7 +140,22 @@ def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> tuple[Array
     comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES)
     comes &= np.abs(people.height - people.height[me]) < 1.0
     first = int(np.where(comes, on, np.inf).argmin())
-    return (way[first], left[first]) if comes[first] else None
+    return (way[first], left[first], False) if comes[first] else None
+
+
+def toucher(them: SessionPeople, me: int) -> Asks | None:
+    """Like `comer`, of the nearest that is still where `me` stands: a way through it, past `me`. If
+    it stands, the one of the higher number leaves, for good.
+    """
+    people = them.people
+    to = people.position[me] - people.position
+    far = np.linalg.norm(to, axis=-1)
+    touches = them.stand[me] & (far < TOUCH) & ~people.velocity.any(-1)
+    touches &= people.walks | (people.number < people.number[me])
+    touches &= np.abs(people.height - people.height[me]) < 1.0
+    first = int(np.where(touches, far, np.inf).argmin())
+    way = np.array([to[first, 1], -to[first, 0]]) / max(float(far[first]), 1e-6)
+    return (way, float(far[first]), bool(them.stand[first])) if touches[first] else None
 
 
 def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
@@ -136,4 +165,4 @@ def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
     """
     gaps, step = others - stop, place - here
     far, along = np.linalg.norm(gaps, axis=-1), gaps @ step / max(np.linalg.norm(step), 1e-6)
-    return bool(((along > 0) & (far**2 - along**2 < BODY**2) & (far < APART)).any())
+    return bool(((along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)).any())

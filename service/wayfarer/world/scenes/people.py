@@ -52,13 +52,10 @@ class Gathering(NamedTuple):
         found: Flags = last[rows] - first[rows] > 1
         return found
 
-    def pressed(self, slots: Index) -> Flags:
-        """Which of some slots walk in a crowd."""
-        found = np.zeros(len(slots), np.bool_)
-        people = self.people
-        find_pressed(
-            self.places[slots], *self.own, people.position, people.height, people.walks, found
-        )
+    def near(self, slots: Index, those: Flags, within: float) -> Flags:
+        """Which of some slots have another of `those` [N] within some metres."""
+        them, me = self.people, self.places[slots]
+        found: Flags = find_near(me, self.own, them.position, them.height, those, within)
         return found
 
     def session(self, slot: int) -> SessionPeople:
@@ -198,16 +195,18 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
 
 
 @compiled
-def find_pressed(
-    me: Index, first: Index, last: Index, place: Float, height: Float, walks: Flags, found: Flags
-) -> None:
-    """See `Gathering.pressed`."""
+def find_near(
+    me: Index, own: tuple[Index, Index], place: Float, height: Float, those: Flags, within: float
+) -> Flags:
+    """See `Gathering.near`."""
+    found = np.zeros(len(me), np.bool_)
     for row in range(len(me)):
         at = me[row]
-        for other in range(first[at], last[at]):
+        for other in range(own[0][at], own[1][at]):
             x, y = place[other, 0] - place[at, 0], place[other, 1] - place[at, 1]
-            if other != at and walks[other] and x * x + y * y < PRESSED * PRESSED:
+            if other != at and those[other] and x * x + y * y < within * within:
                 found[row] = found[row] or abs(height[other] - height[at]) < 1.0
+    return found
 
 
 @cache
@@ -215,4 +214,4 @@ def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     warm(_gather, _arrays(Slots.empty(1)), row)
-    warm(find_pressed, row, row, row, place, place[0, :1], flag, flag)
+    warm(find_near, row, (row, row), place, place[0, :1], flag, PRESSED)

@@ -123,7 +123,10 @@ def take_spots(
     walls of a slot's scene, and the metres that the slot keeps from them.
     Returns whether each row waits at a spot that is too far from the goal to count as arrived.
     """
-    others, aims, count = _everyone(crowd), start.aims, len(crowd.stand)
+    them, to, aims, count = crowd.people, crowd.people.aims, start.aims, len(crowd.stand)
+    others = Everyone(
+        *crowd.own, them.number, them.position, them.height, crowd.stand, to.asked, to.spot
+    )
     claims, waits = (
         Claims(np.empty((count, 2), np.float32), np.empty(count)),
         np.zeros(len(rows), bool),
@@ -150,19 +153,6 @@ def prepare() -> None:
     one_each = flag, one, place, place, place[0, :1], place, flag
     walkers = Walkers(*one_each, flag, np.zeros((1, 3), np.float32), place[0, :1], flag)
     warm(next_taken, others, walkers, one, 0, False, Claims(place, np.zeros(1)), flag)
-
-
-def _everyone(crowd: Gathering) -> Everyone:
-    them, aims = crowd.people, crowd.people.aims
-    return Everyone(
-        *crowd.own,
-        them.number,
-        them.position,
-        them.height,
-        crowd.stand,
-        aims.asked,
-        aims.spot,
-    )
 
 
 @compiled
@@ -240,7 +230,7 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
     if not near or (free and mine > RADIUS):  # an agent that stays there has settled
         spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
         return -1
-    return count if taken else -1
+    return count if taken and mine > SLACK else -1  # one that gets no nearer stops where it is
 
 
 def _free_spot(
