@@ -91,7 +91,7 @@ class CloningConfig(BaseModel):
     rate: float = 1e-3
     rollout: int = 6  # primitives per window; a third of the draws are shorter, for short clips
     own: float = 0.35  # share of primitives that the policy itself leads
-    noise: float = 0.02  # spread of what is asked: m/s, and radians
+    noise: float = 0.05  # spread of what is asked: m/s, and radians
     start_from: str = ""  # run folder of a cloned policy to continue from
     mix: dict[str, float] = {
         "walk": 0.24,

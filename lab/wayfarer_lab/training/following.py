@@ -81,9 +81,6 @@ crowd people wait for moments."""
 SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
 
-STANDING_KL = 4.0
-"""The same of agents that stand: the critic does not see them, and they stand as recorded ones."""
-
 REMEMBERED = 0.2
 """Share that a window of .8 s has in the manner that an agent shows."""
 
@@ -279,7 +276,6 @@ class FollowingTrainer:
             crowd, costs, far, view = self.advance(gender, crowd, orders)
             views += [view] if view else []
             price = self.kl_weight * torch.where(orders.slow, SLOW_KL, 1.0)
-            price = price * torch.where(orders.goes, 1.0, STANDING_KL)
             total = total + (sound * (self.cost(costs, orders, speed) + price * far)).mean()
             seen += torch.stack([c.detach().nan_to_num().mean() for c in (*costs, far)])
             sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
