@@ -225,7 +225,7 @@ def bottleneck(seed: int) -> Case:
 
 
 def corner(seed: int) -> Case:
-    """RiMEA 6: 20 people around the corner of a corridor of 2 m; who is in front goes farthest."""
+    """RiMEA 6: 20 people around the corner of a corridor of 2 m; people in front go farthest."""
     floor = Floor(((0, -10), (2, -10), (2, 0), (10, 0), (10, 2), (0, 2)))
     starts = [np.array([0.5 + 0.5 * (k % 3), -9.5 + 0.8 * (k // 3)]) for k in range(20)]
     people = [

@@ -1,6 +1,6 @@
 """Nodes that stop, die, lose messages and drain, and directories that start again: at every instant
 at most one node steps what lives in a group, and nothing is lost while no node dies, or if one dies
-with the directory; what was deleted does not come back then.
+with the directory. Deleted sessions do not come back then.
 
 Nodes are the real `NodeAgent`, `Tenancy` and `Replication`; time, network, sessions and their death
 are made here.

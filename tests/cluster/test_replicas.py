@@ -52,7 +52,7 @@ def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with
 
 
 def test_they_get_older_where_nobody_sends_any_more():
-    """Else a node that was away would have the youngest ones for ever."""
+    """Otherwise a node that was away would keep the youngest ones for ever."""
     now = [0.0]
     kept = Replicas(lambda: now[0])
     kept.keep("a", SESSION, b"1")

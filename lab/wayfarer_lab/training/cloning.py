@@ -22,7 +22,14 @@ from wayfarer.errors import ArtifactError
 from wayfarer.motion.frame import Frame, canonical_frame, to_local
 from wayfarer.motion.policy import Gaussian, TrajectoryPolicy
 from wayfarer.motion.predictor import Posterior
-from wayfarer.motion.trajectory import HORIZONS, Asked, approach, asked_of, motion_of
+from wayfarer.motion.trajectory import (
+    EASE,
+    HORIZONS,
+    Asked,
+    approach,
+    asked_of,
+    motion_of,
+)
 from wayfarer.spec import FPS, GENDERS, LATENT, MANNER, PRIMITIVE_FRAMES, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, PairedSampler
 from wayfarer_lab.training.manners import measured, recorded
@@ -147,13 +154,13 @@ class Hindsight:
         goes_on = ~self.rests[ahead[:, 1]]
         way = torch.where(goes_on[:, None], FAR * aim, ways[:, 1])
         speed = torch.where(goes_on, aim.norm(dim=-1), FAR)
-        # who walks faces a point a metre ahead; who stands, or turns back, is asked for all at once
+        # walkers face a point a metre ahead; bodies that stand or turn back face the end at once
         facing = torch.stack([self.facings[at + CORNER], self.facings[ahead[:, 1]]], 1) @ turn
         angles = torch.atan2(-facing[..., 0], facing[..., 1])
         walks = (ways[:, 1].norm(dim=-1) / FULL_WAY).clamp(max=1)
         bends = (2 - angles[:, 1].abs() / BEND).clamp(0, 1)
         angle = angles[:, 1].lerp(angles[:, 0], walks * bends)
-        way = way + torch.where(goes_on, FAR, 0.3)[:, None] * noise * torch.randn_like(way)
+        way = way + torch.where(goes_on, FAR, EASE)[:, None] * noise * torch.randn_like(way)
         angle = angle + noise * torch.randn_like(angle)
         wished = torch.stack([-torch.sin(angle), torch.cos(angle)], -1)
         goal = torch.cat([way + moved, torch.zeros_like(way[:, :1])], -1)
@@ -215,7 +222,7 @@ class CloningTrainer:
         self.run: TrainingRun | None = None
 
     def _inputs(self, starts: Tensor) -> Tensor:
-        """What the policy is given at recorded frames `starts`, in rows [N, 438]."""
+        """The policy's inputs at recorded frames `starts`, in rows [N, 438]."""
         frames, hindsight, manners = self.train
         seeds = starts[:, None] + torch.arange(SEED_FRAMES)
         hips = frames.hips[seeds]

@@ -233,7 +233,7 @@ class NodeAgent:
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
-        """The present load; people as counted last without time for it: a busy node has some."""
+        """The present load. A busy node without time to count people gives the last count."""
         with contextlib.suppress(WayfarerError, TimeoutError):
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()

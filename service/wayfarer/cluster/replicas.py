@@ -17,7 +17,7 @@ KEPT_S: Final = 330.0
 is adopted that was three leases old when a directory asked, two leases later (directory.py)."""
 
 QUIET_S: Final = 3.0
-"""In a longer pause replicas do not get older: nobody has a lease."""
+"""Replicas do not get older in a longer pause: nobody has a lease then."""
 
 KEEP_S: Final = 120.0
 """Seconds within which a node keeps the content of a scene that it is sent."""
@@ -63,8 +63,8 @@ class Replicas:
         return {name for name in present if name + CONTENT not in self._kept}
 
     def age(self, view: GroupMap) -> None:
-        """The directory has answered: what is not renewed gets older, and is dropped once it is too
-        old, or its owner does not have it any more. The answer may be older than a new replica.
+        """The directory has answered, so replicas without renewal get older. One is dropped when
+        it is too old or its owner has lost it. The answer may be older than a new replica.
         """
         now = self._now()
         for name, one in list(self._kept.items()):

@@ -58,7 +58,7 @@ class Tenancy:
         self._lost: frozenset[str] = frozenset()  # to be released before another step
         self._frozen: set[str] = set()  # until the directory has decided who gets them
         self._coming: dict[str, Iterable[str]] = {}
-        """Groups; what is to come: some of it is not here yet."""
+        """Records of groups that have not come yet."""
         self._freed: set[str] = set()  # the directory does not know that yet
 
     # ---- Ownership

@@ -196,7 +196,7 @@ class TrajectoryPolicy(nn.Module):
 
     @staticmethod
     def inputs(seed: Tensor, asked: Asked, manner: Tensor) -> Tensor:
-        """What it is given, in one row [A, 438]."""
+        """Its inputs, in one row [A, 438]."""
         last = seed[:, -1]
         moved = (last - seed[:, 0]) * (FPS * VELOCITY)
         trajectory = torch.cat([asked.ways, asked.facings], -1).flatten(1)
