@@ -222,7 +222,7 @@ class CloningTrainer:
         self.run: TrainingRun | None = None
 
     def _inputs(self, starts: Tensor) -> Tensor:
-        """The policy's inputs at recorded frames `starts`, in rows [N, 438]."""
+        """The policy's inputs at recorded frames `starts`, in rows [N, 422]."""
         frames, hindsight, manners = self.train
         seeds = starts[:, None] + torch.arange(SEED_FRAMES)
         hips = frames.hips[seeds]

@@ -158,9 +158,6 @@ class TrajectoryPolicy(nn.Module):
     An agent's *manner* is to tell people apart (`lab/wayfarer_lab/training/manners.py`).
     """
 
-    middle: Tensor
-    spread: Tensor
-
     def __init__(self, hidden: int = HIDDEN) -> None:
         """`hidden`: width of its layers."""
         super().__init__()
@@ -172,11 +169,11 @@ class TrajectoryPolicy(nn.Module):
         self.net = nn.Sequential(*layers, output)
         nn.init.zeros_(output.weight)  # begins as the prior N(0, I)
         nn.init.zeros_(output.bias)
-        self.register_buffer("middle", torch.zeros(INPUTS))
-        self.register_buffer("spread", torch.ones(INPUTS))
+        self.middle = nn.Parameter(torch.zeros(INPUTS), requires_grad=False)  # as engines read it
+        self.spread = nn.Parameter(torch.ones(INPUTS), requires_grad=False)
 
     def standardise(self, inputs: Tensor) -> None:
-        """Learns means and standard deviations of inputs [N, 438]: markers are metres apart, and
+        """Learns means and standard deviations of inputs [N, 422]: markers are metres apart, and
         what tells two steps from each other are centimetres.
         """
         self.middle.copy_(inputs.mean(0))
@@ -196,7 +193,7 @@ class TrajectoryPolicy(nn.Module):
 
     @staticmethod
     def inputs(seed: Tensor, asked: Asked, manner: Tensor) -> Tensor:
-        """Its inputs, in one row [A, 438]."""
+        """Its inputs, in one row [A, 422]."""
         last = seed[:, -1]
         moved = (last - seed[:, 0]) * (FPS * VELOCITY)
         trajectory = torch.cat([asked.ways, asked.facings], -1).flatten(1)
