@@ -12,7 +12,7 @@ SCENE, SESSION, OTHER = "scene-00ff12", "session-00ff34", "session-00ee34"
 
 
 def view(groups=None, **told):
-    """The owners, as the directory has told them."""
+    """The owners by the directory's answer."""
     owners = {"00ff": "a", "00ee": "b"} if groups is None else groups
     made = GroupMap()
     made.take(Changes(generation=1, version=1, groups=owners, **told))
@@ -52,7 +52,7 @@ def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with
 
 
 def test_they_get_older_where_nobody_sends_any_more():
-    """Otherwise a node that was away would keep the youngest ones for ever."""
+    """Otherwise a node that was away would keep the youngest ones."""
     now = [0.0]
     kept = Replicas(lambda: now[0])
     kept.keep("a", SESSION, b"1")

@@ -347,7 +347,7 @@ def test_without_a_server_it_says_so(page: Page):
     page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
 
 
-# of the middle of each name, those that differ from the same picture without names
+# pixels in the middle of each name that differ from the same picture without names
 NAMED_PIXELS = """(() => {
   const { crowd, stage } = wayfarer;
   const pixels = (labels) => {

@@ -117,8 +117,8 @@ class Hindsight:
     """What recorded people did a moment later, as a request that would have led them there.
 
     Their own paths would tell more than a request does: they sway and twist with each step, so a
-    policy would read from them how the recorded legs went on. Asked to go straight on, it would
-    take a mean of all steps.
+    policy would read from them what the recorded legs did next. Asked to walk straight ahead, it
+    would take a mean of all steps.
     """
 
     def __init__(self, frames: Frames) -> None:

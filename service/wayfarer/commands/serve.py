@@ -54,7 +54,7 @@ M_ARENA_MAX, M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -8, -1, -3
 
 KEPT_FREE: Final = 128 << 20
 """Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB, and two are
-made at a time: with 64 MB the kernel cleared memory anew for each call.
+made at a time: with 64 MB the kernel cleared memory again for each call.
 """
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)

@@ -174,7 +174,7 @@ class TrajectoryPolicy(nn.Module):
 
     def standardise(self, inputs: Tensor) -> None:
         """Learns means and standard deviations of inputs [N, 422]: markers are metres apart, and
-        what tells two steps from each other are centimetres.
+        two steps differ by centimetres.
         """
         self.middle.copy_(inputs.mean(0))
         self.spread.copy_(inputs.std(0).clamp(min=LEAST_SPREAD))

@@ -76,6 +76,12 @@ def test_a_network_of_another_version_is_refused(known):
         weights._filled(Gru(3, 4), "gru", known, PATH)
 
 
+def test_weights_without_a_place_are_refused(known):
+    """A buffer of a network, for example: only parameters are read."""
+    with pytest.raises(ArtifactError, match=r"gru.spread: the torch engine has no place for it"):
+        weights._filled(Gru(3, 4), "gru", known | {"gru.spread": torch.ones(3)}, PATH)
+
+
 def test_the_shipped_model_is_whole(models):
     step = load_step(models, "female", "float32")
     assert step.policy is not None

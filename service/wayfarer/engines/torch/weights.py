@@ -116,7 +116,8 @@ def output_biases(
 
 
 def _filled(network: Network, name: str, weights: Weights, path: Path) -> Network:
-    """The network with its weights. Raises ArtifactError when one is missing or of another shape.
+    """The network with its weights. Raises ArtifactError when one is missing, of another shape, or
+    left over.
 
     Graphs from before the learned prior have no weights for it; the network starts with N(0, I).
     """
@@ -133,4 +134,8 @@ def _filled(network: Network, name: str, weights: Weights, path: Path) -> Networ
                 "it was exported from another version of the networks; export the model again"
             )
         parameter.data.copy_(found)
+    known = {f"{name}.{key}" for key, _ in network.named_parameters()}
+    left = sorted(key for key in weights if key.startswith(f"{name}.") and key not in known)
+    if left:
+        raise ArtifactError(f"{path}: {left[0]}: the torch engine has no place for it")
     return network

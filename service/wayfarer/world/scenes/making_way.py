@@ -91,7 +91,7 @@ class MakingWay:
 
     def _may_step(self, rows: Index, hips: Float, start: Motion, ahead: GoalColumns) -> Flags:
         """Which of rows [A] at `hips` [A, 2] may step: they are aside, near an agent that asks, or
-        in one that is still.
+        so near an agent at rest that their bodies overlap.
 
         An agent that faces a heading, or is far from its goal, may not.
         """

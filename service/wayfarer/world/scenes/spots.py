@@ -230,7 +230,7 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
     if not near or (free and mine > RADIUS):  # an agent that stays there has settled
         spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
         return -1
-    return count if taken and mine > SLACK else -1  # one that gets no nearer stops where it is
+    return count if taken and mine > SLACK else -1  # an agent that gets no nearer stops where it is
 
 
 def _free_spot(
