@@ -108,12 +108,13 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
             await cluster.until(lambda s: cluster.ready(s) == 3)
             name, ends_at = await with_the_scene(cluster, watched), time.monotonic() + 120
             while time.monotonic() < ends_at:
-                copied = [(line["timestamp"], line["node"]) for line in cluster.said()
-                          if line.get("event") == "scene copied"]  # fmt: skip
-                if name == max(copied, default=("", ""))[1]:
+                copied = [(line["timestamp"], line["node"], line["to"]) for line in cluster.said()
+                          if (line.get("event"), line.get("scene_id"))
+                          == ("scene copied", field.scene_id)]  # fmt: skip
+                if name == max(copied, default=("", "", ""))[1]:
                     return
                 await asyncio.sleep(0.2)
-            pytest.fail(f"the scene of {name} has not been copied to its neighbour")
+            pytest.fail(f"the scene of {name} has not been copied to its neighbour: {copied}")
 
         await settle()
         there = await ids(crowd)
