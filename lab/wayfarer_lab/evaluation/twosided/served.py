@@ -36,6 +36,9 @@ STAND_SECONDS: Final = 30.0
 STEADY: Final = 4.0
 """Seconds from the order on in which somebody may set off."""
 
+START: Final = 2.5
+"""Seconds until somebody that stands is to set off."""
+
 TURN_EVERY: Final = 4.0
 BACK_EVERY: Final = 2.0
 """Seconds from one order to turn, or to turn back, to the next."""
@@ -68,18 +71,13 @@ class Served:
         ]
 
 
-def _goes(name: str, plan: Callable[[Request], Plan], *, starts: bool = False) -> Served:
+def _goes(name: str, plan: Callable[[Request], Plan]) -> Served:
     """One order, of which the steady part is measured."""
-
-    def parts(take: Take) -> dict[str, list[Take]]:
-        found = {name: [part(take, STEADY, SECONDS)]}
-        return found | ({"start": [part(take, 0.0, 3.5)]} if starts else {})
-
-    return Served(case(name, SECONDS, plan), parts)
+    return Served(case(name, SECONDS, plan), lambda take: {name: [part(take, STEADY, SECONDS)]})
 
 
-def _walks(name: str, speed: float, *, starts: bool = False) -> Served:
-    return _goes(name, lambda request: way_to(0.0, 16.0 * speed, speed), starts=starts)
+def _walks(name: str, speed: float) -> Served:
+    return _goes(name, lambda request: way_to(0.0, 16.0 * speed, speed))
 
 
 def _strafes(name: str, angles: tuple[float, ...], speed: float) -> Served:
@@ -128,6 +126,15 @@ def _stairs(climbs: Case) -> Served:
     return Served(replace(climbs, name=name, share=0.75), parts)
 
 
+def _sets_off(request: Request) -> Plan:
+    """Stays, then walks: recorded starts have the moment before, too."""
+    return way_to(0.0, 16.0 if request.order else 0.0)
+
+
+def _started(take: Take) -> dict[str, list[Take]]:
+    return {"start": [part(take, START - 1.0, START + 2.5)]}
+
+
 def _stands(take: Take) -> dict[str, list[Take]]:
     return {"stand": [take]}
 
@@ -144,8 +151,9 @@ def _turned_back(take: Take) -> dict[str, list[Take]]:
 SERVED: Final[tuple[Served, ...]] = (
     Served(case("stand", STAND_SECONDS), _stands),
     _walks("walk 0.9", 0.9),
-    _walks("walk 1.2", 1.2, starts=True),
+    _walks("walk 1.2", 1.2),
     _walks("walk 1.5", 1.5),
+    Served(case("start", 2 * START, _sets_off, every=START), _started),
     _strafes("side", (90.0, -90.0), SIDE),
     _strafes("back", (180.0,), BACK),
     _turns(90.0),
