@@ -1,11 +1,13 @@
-"""Where to walk among others: sampled reciprocal velocity obstacles.
+"""Where to walk among others: the best of some ways, as fast as it is free.
 
-Each person tries velocities around the one it would like, and takes that of the least cost (see
-kernel.py). As RVO has it, of somebody who avoids others, too, it expects half of what is to be
-done; of others nothing. Bodies are slow to react and do not walk well below some speed: a person
-walks faster than that or waits. Before people who come the other way it keeps to the right. Two who
-block each other are parted by their numbers: the one of the higher number makes way, but not for
-somebody who goes the same way, from behind.
+Each person tries directions around the one it would like, each at the pace that the free way there
+allows, and takes that of the least cost (see kernel.py). How fast it walks depends on the next half
+metre, as in the collision-free speed model; where it goes, on the next seconds, as in RVO: of
+somebody who avoids others, too, it expects half of what is to be done. Bodies are slow to react and
+do not walk well below some speed: a person walks faster than that or waits. Who is more in front
+has the right of way, and squeezes past; so does who has waited. Before people who come the other
+way it keeps to the right. Two who come from opposite sides and block each other are parted by their
+numbers: the one of the higher number makes way.
 """
 
 from collections.abc import Callable

@@ -75,6 +75,7 @@ LEAD: Final = 1.0  # metres ahead of the middle of its group from which a person
 GROUP_SLOWEST: Final = 0.6  # share of its speed to which it slows down
 
 TINY: Final = 1e-6
+FREE: Final = 1e3  # metres: nothing is in the way
 
 
 class Everybody(NamedTuple):
@@ -163,9 +164,8 @@ def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         square = dx * dx + dy * dy
-        if square > SIGHT * SIGHT or other == me:
-            continue
-        if abs(everybody.height[other] - everybody.height[me]) >= STOREY:
+        seen = (square <= SIGHT * SIGHT) & (other != me)
+        if not (seen & (abs(everybody.height[other] - everybody.height[me]) < STOREY)):
             continue
         distance = sqrt(square)
         if count == NEIGHBOURS and distance >= urgencies[count - 1]:
@@ -213,14 +213,8 @@ def _keep_right(
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         ahead, left = dx * ux + dy * uy, dy * ux - dx * uy
-        if (
-            ahead <= 0
-            or ahead >= LANE_SIGHT
-            or abs(left) >= LANE_WIDE
-            or not everybody.walks[other]
-        ):
-            continue
-        if abs(everybody.height[other] - everybody.height[me]) >= STOREY:
+        seen = (ahead > 0) & (ahead < LANE_SIGHT) & (abs(left) < LANE_WIDE) & everybody.walks[other]
+        if not (seen & (abs(everybody.height[other] - everybody.height[me]) < STOREY)):
             continue
         x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
         fast = max(_length(x, y), TINY)
@@ -283,17 +277,14 @@ def _free(everybody: Everybody, me: int, other: int, speed: float, fan: Fan) -> 
         touch *= needs
     for k in range(WIDE):
         ahead, aside = to_x * fan.x[k] + to_y * fan.y[k], to_y * fan.x[k] - to_x * fan.y[k]
-        share = min(aside * aside / (touch * touch), 1.0)
-        if share < 1 and ahead > 0:
-            gap = ahead - DEEP * touch * sqrt(1 - share)
-            fan.pace[k] = min(fan.pace[k], gap / HEADWAY)
+        across = max(touch * touch - aside * aside, 0.0)
+        gap = ahead - DEEP * sqrt(across) if (across > 0) & (ahead > 0) else FREE
         wx, wy = speed * fan.x[k] - vx, speed * fan.y[k] - vy
         square = max(wx * wx + wy * wy, 1e-4)
         on, beside = to_x * wx + to_y * wy, to_y * wx - to_x * wy
-        depth = touch * touch - beside * beside / square
-        if on > 0 and depth > 0:
-            soon = on / square - sqrt(depth / square)
-            fan.pace[k] = min(fan.pace[k], speed * soon / HEADWAY)
+        depth = max(touch * touch * square - beside * beside, 0.0)
+        met = speed * (on - sqrt(depth)) / square if (depth > 0) & (on > 0) else FREE
+        fan.pace[k] = min(fan.pace[k], min(gap, met) / HEADWAY)
 
 
 @inner
@@ -359,9 +350,10 @@ def aim(everybody: Everybody, rows: Index, preferred: Float, half: Float, made: 
             px, py = _keep_right(everybody, me, px, py, min(LANE, PASS_SHARE * float(half[row])))
         made.aim[row, 0], made.aim[row, 1] = px, py
         speed = max(_length(px, py), TINY)
+        ux, uy = px / speed, py / speed
         for k in range(len(FAN)):
-            made.ways[row, k, 0] = (FAN[k, 0] * px - FAN[k, 1] * py) / speed
-            made.ways[row, k, 1] = (FAN[k, 0] * py + FAN[k, 1] * px) / speed
+            made.ways[row, k, 0] = FAN[k, 0] * ux - FAN[k, 1] * uy
+            made.ways[row, k, 1] = FAN[k, 0] * uy + FAN[k, 1] * ux
         last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
         before = max(_length(last_x, last_y), TINY)
         made.ways[row, TRIED - 2, 0] = last_x / before
