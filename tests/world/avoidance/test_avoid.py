@@ -228,7 +228,7 @@ def test_a_jam_in_a_corridor_dissolves(seed):
     while walkers.now < 60 and not is_clear():
         walkers.run(1.0)
     assert is_clear()
-    assert too_near(walkers) < 0.02
+    assert too_near(walkers) < 0.04  # who has waited squeezes past at three quarters of the width
 
 
 def doorway(points):
@@ -272,14 +272,14 @@ def test_a_busy_room_keeps_moving():
     walkers = Walkers(grid, wander, clear=lambda p: side / 2 - np.abs(p).max(-1), speed=speed).run(
         30.0
     )
-    assert too_near(walkers) < 0.01 and walkers.stuck.max() < 10
+    assert too_near(walkers) < 0.015 and walkers.stuck.max() < 10
 
 
 @pytest.mark.parametrize("grouped", [True, False])
 def test_a_group_is_no_stranger(grouped):
-    people = standing_at((0.0, 0.0), (0.62, 0.0))
+    people = standing_at((0.0, 0.0), (0.62, 1.5))
     people.walks[:] = True
-    people.velocity[:] = 0.0, 1.2
+    people.velocity[:] = (0.0, 1.2), (0.0, 0.6)
     people.group[:] = 1 if grouped else 0
     chosen, _ = velocity(people, (0.0, 1.2))
     straight = np.allclose(chosen, (0.0, 1.2), atol=0.02)

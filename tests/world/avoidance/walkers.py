@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wayfarer.world.avoidance.avoid import avoid
-from wayfarer.world.avoidance.people import Float, Memory, People
+from wayfarer.world.avoidance.people import Aims, Float, Memory, People
 
 TICK, PHASES = 0.05, 4
 STEP = TICK * PHASES
@@ -38,7 +38,7 @@ class Walkers:
     def __post_init__(self) -> None:
         count = len(self.start)
         self.people = People.empty(count)
-        self.people.memory = Memory.empty(count)
+        self.people.memory, self.people.aims = Memory.empty(count), Aims.empty(count)
         self.people.number[:] = np.arange(count)
         self.people.position[:] = self.start
         self.people.radius[:] = 0.25
@@ -66,7 +66,8 @@ class Walkers:
 
     def _tell(self, phase: int) -> None:
         people = self.people
-        way = self.goals(self) - people.position
+        people.aims.spot[:] = goals = self.goals(self)
+        way = goals - people.position
         distance = np.linalg.norm(way, axis=-1)
         people.walks[:] = distance >= 0.3
         self.told[~people.walks] = 0

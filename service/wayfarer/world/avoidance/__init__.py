@@ -1,1 +1,1 @@
-"""Collision avoidance: sampled reciprocal velocity obstacles. Pure numpy."""
+"""Collision avoidance: directions that are tried, and their free paces."""

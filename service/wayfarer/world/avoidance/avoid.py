@@ -1,11 +1,13 @@
-"""Where to walk among others: sampled reciprocal velocity obstacles.
+"""Where to walk among others: the best of some ways, as fast as it is free.
 
-Each person tries velocities around the one it would like, and takes that of the least cost (see
-kernel.py). As RVO has it, of somebody who avoids others, too, it expects half of what is to be
-done; of others nothing. Bodies are slow to react and do not walk well below some speed: a person
-walks faster than that or waits. Before people who come the other way it keeps to the right. Two who
-block each other are parted by their numbers: the one of the higher number makes way, but not for
-somebody who goes the same way, from behind.
+Each person tries directions around the one it would like, each at the pace that the free way there
+allows, and takes that of the least cost (see kernel.py). How fast it walks depends on the next half
+metre, as in the collision-free speed model; where it goes, on the next seconds, as in RVO: of
+somebody who avoids others, too, it expects half of what is to be done. Bodies are slow to react and
+do not walk well below some speed: a person walks faster than that or waits. Who is more in front
+has the right of way, and squeezes past; so does who has waited. Before people who come the other
+way it keeps to the right. Two who come from opposite sides and block each other are parted by their
+numbers: the one of the higher number makes way.
 """
 
 from collections.abc import Callable
@@ -23,12 +25,13 @@ from wayfarer.world.avoidance.kernel import (
     WALL,
     WALL_ROOM,
     WALL_SHARE,
-    WALL_TIMES,
+    WALL_SLACK,
+    WAY,
     Choices,
     Everybody,
     Next,
+    aim,
     decide,
-    weigh,
 )
 from wayfarer.world.avoidance.people import Float, Memory, People
 from wayfarer.world.rows import Index
@@ -69,16 +72,16 @@ def avoid(
     made = _room_for(count)
     stops = np.full(count, np.inf, np.float32) if left is None else left
     wide = np.full(count, np.inf, np.float32) if half is None else half
-    weigh(everybody, rows, preferred, stops, wide, made)
+    aim(everybody, rows, preferred, wide, made)
     if clear is not None:
-        made.costs[:] += _walls(people, rows, made.tried, clear, wide)
+        _walls(people, rows, clear, wide, made)
     found = Next(
         velocity=np.empty((count, 2), np.float32),
         waited=np.empty(count, np.float32),
         yields=np.empty(count, np.float32),
         retreat=np.empty((count, 2), np.float32),
     )
-    decide(everybody, rows, made, float(seconds), found)
+    decide(everybody, rows, stops, wide, float(seconds), made, found)
     memory = Memory(made.preferred, found.velocity, found.waited, found.yields, found.retreat)
     return NextVelocity(found.velocity, (found.velocity == 0).all(-1), memory)
 
@@ -88,10 +91,10 @@ def prepare() -> None:
     """Compile the rule, or load it, before anybody walks."""
     people, row = People.empty(1), np.zeros(1, np.int64)
     made, one = _room_for(1), np.ones(1, np.float32)
-    warm(weigh, _everybody(people, None), row, np.ones((1, 2), np.float32), one, one, made)
+    warm(aim, _everybody(people, None), row, np.ones((1, 2), np.float32), one, made)
     still = np.zeros(1, np.float32), np.zeros(1, np.float32)
     found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
-    warm(decide, _everybody(people, None), row, made, 0.2, found)
+    warm(decide, _everybody(people, None), row, one, one, 0.2, made, found)
 
 
 def _everybody(people: People, own: tuple[Index, Index] | None) -> Everybody:
@@ -107,6 +110,7 @@ def _everybody(people: People, own: tuple[Index, Index] | None) -> Everybody:
         people.velocity,
         people.walks,
         people.radius,
+        people.aims.spot,
         memory.preferred,
         memory.chosen,
         memory.waited,
@@ -118,25 +122,29 @@ def _everybody(people: People, own: tuple[Index, Index] | None) -> Everybody:
 def _room_for(count: int) -> Choices:
     return Choices(
         preferred=np.empty((count, 2), np.float32),
-        tried=np.empty((count, TRIED, 2), np.float32),
-        costs=np.empty((count, TRIED)),
+        aim=np.empty((count, 2), np.float32),
+        ways=np.empty((count, TRIED, 2), np.float32),
+        free=np.full((count, TRIED), np.inf),
+        walls=np.zeros((count, TRIED)),
         near=np.empty((count, NEIGHBOURS), np.int64),
         known=np.empty(count, np.int64),
     )
 
 
-def _walls(people: People, rows: Index, tried: Float, clear: Clearance, half: Float) -> Float:
-    """What it costs that a way leads into walls within the next second. [A, C]"""
-    own = people.velocity[rows]
-    slip = REACTION * (own[:, None] - tried)
-    start = people.position[rows]
-    times = np.array(WALL_TIMES, np.float32)
-    points = start[:, None, None] + slip[:, :, None] + tried[:, :, None] * times[:, None]
-    count, fan = tried.shape[:2]
+def _walls(people: People, rows: Index, clear: Clearance, half: Float, made: Choices) -> None:
+    """How far each way is free of walls, and what it costs to come near one, into `made`."""
+    start, far = people.position[rows], np.array(WAY, np.float32)
+    slip = REACTION * people.velocity[rows]
+    points = (start + slip)[:, None, None] + made.ways[:, :, None] * far[:, None]
+    count, fan = made.ways.shape[:2]
     flat = np.concatenate([points.reshape(count, -1, 2), start[:, None]], 1)
     room = clear(flat.astype(np.float32))
     # a person that is too near already may go wherever it is no nearer
-    wanted = np.minimum(people.radius[rows] + WALL_ROOM, WALL_SHARE * half)
-    wanted = np.minimum(wanted, room[:, -1])
-    lack = np.maximum(wanted[:, None] - room[:, :-1], 0).reshape(count, fan, len(times))
-    return np.asarray(WALL * (lack / WALL_ROOM).max(-1))
+    here, radius = room[:, -1], people.radius[rows]
+    room = room[:, :-1].reshape(count, fan, len(far))
+    wanted = np.minimum(np.minimum(radius + WALL_ROOM, WALL_SHARE * half), here)
+    least = np.minimum(np.minimum(radius - WALL_SLACK, WALL_SHARE * half), here)
+    lack = np.maximum(wanted[:, None, None] - room, 0).max(-1)
+    made.walls[:] = WALL * np.minimum(lack, WALL_ROOM) / WALL_ROOM
+    barred = room < least[:, None, None] - 1e-4
+    made.free[:] = np.where(barred.any(-1), np.append(0, far)[barred.argmax(-1)], np.inf)

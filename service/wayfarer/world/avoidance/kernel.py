@@ -11,61 +11,54 @@ import numpy as np
 from wayfarer.process.compiled import compiled, inner
 from wayfarer.world.rows import Double, Flags, Float, Index, Int
 
-TURNS: Final = (0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160)
+TURNS: Final = (0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120)
 """Degrees from the preferred direction that are tried, anticlockwise."""
-SPEEDS: Final = (1.0, 0.6)
-"""Shares of the preferred speed that are tried."""
-FAN: Final = np.array(
-    [(s * cos(radians(a)), s * sin(radians(a))) for s in SPEEDS for a in TURNS], np.float32
-)
-"""The candidates [F, 2], in a frame in which the preferred velocity is (1, 0)."""
+FAN: Final = np.array([(cos(radians(a)), sin(radians(a))) for a in TURNS])
+"""The candidates [F, 2], in a frame in which the preferred direction is (1, 0)."""
 TRIED: Final = len(FAN) + 2
-"""Candidates: the fan, the last velocity, a stop."""
+"""Candidates: the fan, the last direction, a stop."""
 WIDE: Final = -(-TRIED // 8) * 8
 """That many numbers fill whole registers; the last ones mean nothing."""
 
 NEIGHBOURS: Final = 10  # of whom a person takes notice at most
 SIGHT: Final = 8.0  # metres beyond which others are ignored
 STOREY: Final = 2.0  # metres up or down from which others are on another storey
-HORIZON: Final = 3.5  # seconds that are looked ahead
+HORIZON: Final = 3.5  # seconds that are looked ahead …
+SHORTEST: Final = 0.7  # … and at least, however long a person has waited
 SOON: Final = 0.3  # what happens before cannot be helped
 CLOSE: Final = 1.5  # nearer nobody relies on others; twice as far, on half of the task
-COMFORT: Final = 0.35  # preferred room between two, beside their radii
-REACTION: Final = 0.25  # seconds until a body follows a new velocity
-SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly
+COMFORT: Final = 0.35  # preferred room between two, beside their radii …
+SHARE: Final = 0.5  # … but no more than that share of the room that they have …
+APART: Final = 0.05  # … and no less than that, which is also asked within a group
+REACTION: Final = 0.3  # seconds until a body follows a new velocity
+SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly; …
+SETS_OFF: Final = 0.5  # … a person waits until that share of it is free
+HEADWAY: Final = 0.6  # a person's pace is at most the free way divided by these seconds
+DEEP: Final = 0.9  # depth of a body on this way, as a share of its width
+SQUEEZE: Final = 0.75  # share of its width that a body needs past those who let it pass
+WAY: Final = (0.2, 0.4, 0.7, 1.0)  # metres at which a way is looked at for walls
 WALL_ROOM: Final = 0.1  # preferred between a person's radius and a wall
+WALL_SLACK: Final = 0.04  # by which an elbow may be nearer to it
 WALL_SHARE: Final = 0.42  # but in a narrow way at most that share of half its width
 LANES: Final = 0.9  # half of a way's width within which it has lanes (see scenes/lanes.py): …
 PASSING: Final = 0.3  # … who comes the other way keeps to its own, and no more room is asked for
 PASS_SHARE: Final = 0.8  # share of half the width that is then between two who pass
-WALL_TIMES: Final = (0.3, 0.7, 1.2)  # at which a way is looked at for walls
 
 DEVIATION: Final = 2.0  # costs, of 1 m/s: not to go where one would
 CHANGE: Final = 0.7  # to go elsewhere than last time
-COLLISION: Final = 2.2  # to collide (at once: ten times that)
-WALL: Final = 15.0  # to touch a wall
+COLLISION: Final = 1.8  # to want to go where one would collide at once
+WALL: Final = 1.0  # to walk beside a wall
+TOUCH: Final = 12.0  # cost of a metre within another person …
+NEXT: Final = 0.5  # … in so many seconds
 EVEN: Final = 1e-4
 """Costs that differ by no more are equal: the first candidate is taken (1 m/s off the way costs 2).
 Left and right often cost the same, and rounding must not choose."""
 
-PATIENCE: Final = 1.25  # seconds of waiting until a person makes way for those before it
+PUSH: Final = 2.0  # seconds of waiting after which a person looks half as far ahead, …
+# … insists half as much on the right, and squeezes past those who walk
+PATIENCE: Final = 2.5  # seconds of waiting until a person makes way for those before it
 YIELDING: Final = 1.6  # seconds for which it does
 YIELD_SPEED: Final = 0.6
-PUSH: Final = 4.0  # seconds of waiting until a person is content with half of the room
-MIN_COMFORT: Final = 0.15  # and the room that it wants however long it waits
-BESIDE_STANDING: Final = 0.1  # preferred room beside a person that stands, before any wait
-ALONG: Final = (
-    0.3  # cosine of directions from which another one is a leader, which goes the same way
-)
-BEHIND: Final = 0.1  # preferred room behind and beside a leader
-FOLLOWS: Final = 2.0  # seconds that are looked ahead at a leader
-FIRM: Final = 0.25  # divides the cost of too little room behind a leader
-TOUCH: Final = 6.0  # cost of 1 m/s towards a person that it touches
-TOUCHES: Final = 0.15  # metres beyond their radii at which that cost is nothing
-STANDS_APART: Final = 0.05  # room beside those where it stops
-IN_GROUP: Final = 0.05  # room, and weight, between two of one group
-HURRY: Final = 2.5  # seconds of waiting; after n times that it looks ahead 1/n as far
-SHORTEST: Final = 1.0  # seconds that it looks ahead at least
 BLOCKING: Final = 1.6  # metres within which somebody stands in one's way …
 FACING: Final = 0.3  # … and cosine: it would walk towards one
 
@@ -82,6 +75,7 @@ LEAD: Final = 1.0  # metres ahead of the middle of its group from which a person
 GROUP_SLOWEST: Final = 0.6  # share of its speed to which it slows down
 
 TINY: Final = 1e-6
+FREE: Final = 1e3  # metres: nothing is in the way
 
 
 class Everybody(NamedTuple):
@@ -99,6 +93,7 @@ class Everybody(NamedTuple):
     velocity: Float
     walks: Flags
     radius: Float
+    spot: Float
     preferred: Float
     chosen: Float
     waited: Float
@@ -110,17 +105,20 @@ class Choices(NamedTuple):
     """What some people [A] may do next."""
 
     preferred: Float  # [A, 2] as their groups have it
-    tried: Float  # [A, C, 2] velocities
-    costs: Double  # [A, C]
+    aim: Float  # [A, 2] and as they pass, or make way for, those who come towards them
+    ways: Float  # [A, C, 2] unit vectors, or zero: where they may go
+    free: Double  # [A, C] metres to a wall on these ways
+    walls: Double  # [A, C] costs of 1 m/s beside walls
     near: Index  # [A, K] those who matter soonest: rows of everybody, the first `known` of each
     known: Index  # [A]
 
 
 class Fan(NamedTuple):
-    """The velocities [C] that one person tries, and what it thinks of them: room to work in."""
+    """The ways [C] that one person tries, and what it thinks of them: room to work in."""
 
     x: Double
     y: Double
+    pace: Double  # m/s at which it would walk there
     last: Double  # seconds that are looked ahead at most
     most: Double  # cost of the worst meeting …
     total: Double  # … and of all
@@ -166,9 +164,8 @@ def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         square = dx * dx + dy * dy
-        if square > SIGHT * SIGHT or other == me:
-            continue
-        if abs(everybody.height[other] - everybody.height[me]) >= STOREY:
+        seen = (square <= SIGHT * SIGHT) & (other != me)
+        if not (seen & (abs(everybody.height[other] - everybody.height[me]) < STOREY)):
             continue
         distance = sqrt(square)
         if count == NEIGHBOURS and distance >= urgencies[count - 1]:
@@ -190,6 +187,16 @@ def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -
 
 
 @inner
+def _against(everybody: Everybody, me: int, other: int) -> bool:
+    """Whether the places where two will stand lie in opposite directions."""
+    product = 0.0
+    for k in range(2):
+        mine = float(everybody.spot[me, k] - everybody.position[me, k])
+        product += mine * float(everybody.spot[other, k] - everybody.position[other, k])
+    return product <= 0
+
+
+@inner
 def _keep_right(
     everybody: Everybody, me: int, px: float, py: float, lane: float
 ) -> tuple[float, float]:
@@ -206,18 +213,12 @@ def _keep_right(
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         ahead, left = dx * ux + dy * uy, dy * ux - dx * uy
-        if (
-            ahead <= 0
-            or ahead >= LANE_SIGHT
-            or abs(left) >= LANE_WIDE
-            or not everybody.walks[other]
-        ):
-            continue
-        if abs(everybody.height[other] - everybody.height[me]) >= STOREY:
+        seen = (ahead > 0) & (ahead < LANE_SIGHT) & (abs(left) < LANE_WIDE) & everybody.walks[other]
+        if not (seen & (abs(everybody.height[other] - everybody.height[me]) < STOREY)):
             continue
         x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
         fast = max(_length(x, y), TINY)
-        if -(x * ux + y * uy) / fast <= OPPOSITE:
+        if -(x * ux + y * uy) / fast <= OPPOSITE or not _against(everybody, me, other):
             continue
         aside = max(lane - left, 0.0) / max(ahead / (speed + fast), LANE_SOON)
         pair = max(pair, aside * min(max(left + BESIDE, 0.0), 1.0))
@@ -227,24 +228,12 @@ def _keep_right(
         return px, py
     stream = total / count * (1 - 1 / count)
     sideways = min(max(pair, stream), LANE_MOST * speed)
+    sideways /= 1 + float(everybody.waited[me]) / PUSH
     if sideways <= 0:
         return px, py
     x, y = px + sideways * uy, py - sideways * ux
     turned = speed / max(_length(x, y), TINY)
     return float(np.float32(turned * x)), float(np.float32(turned * y))
-
-
-@inner
-def _candidates(wx: float, wy: float, tried: Float) -> None:
-    """Velocities to try: the way, a fan around it; the last one and a stop follow."""
-    speed = _length(wx, wy)
-    # slower than a body can walk well only for those who want to
-    least = min(SLOWEST, speed) / max(speed, TINY)
-    for k in range(len(FAN)):
-        x, y = float(FAN[k, 0]), float(FAN[k, 1])
-        length = _length(x, y)
-        scale = max(length, least) / length
-        tried[k, 0], tried[k, 1] = scale * (x * wx - y * wy), scale * (x * wy + y * wx)
 
 
 @inner
@@ -256,43 +245,75 @@ def _along(everybody: Everybody, me: int, other: int) -> float:
 
 
 @inner
+def _precedes(everybody: Everybody, me: int, other: int) -> bool:
+    """Whether one is more in the way of another one, which goes its way, than that one in its."""
+    dx = float(everybody.position[other, 0] - everybody.position[me, 0])
+    dy = float(everybody.position[other, 1] - everybody.position[me, 1])
+    px, py = float(everybody.preferred[me, 0]), float(everybody.preferred[me, 1])
+    x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
+    behind = (x * dx + y * dy) / max(_length(x, y), TINY)
+    behind += (px * dx + py * dy) / max(_length(px, py), TINY)
+    first = behind < 0 or (behind == 0 and everybody.number[me] < everybody.number[other])
+    return first and x * px + y * py > 0
+
+
+@inner
+def _free(everybody: Everybody, me: int, other: int, speed: float, fan: Fan) -> None:
+    """Slows the ways of the fan on which one other is too near.
+
+    It may stop, or go on as it does.
+    """
+    own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
+    vx, vy = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
+    to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
+    to_y = float(everybody.position[other, 1] - everybody.position[me, 1])
+    # until the bodies react they keep their velocities
+    to_x, to_y = to_x + REACTION * (vx - own_x), to_y + REACTION * (vy - own_y)
+    touch = float(everybody.radius[me] + everybody.radius[other])
+    if everybody.walks[other]:
+        needs = SQUEEZE
+        if not _precedes(everybody, me, other):
+            needs = max(1 / (1 + float(everybody.waited[me]) / PUSH), SQUEEZE)
+        touch *= needs
+    for k in range(WIDE):
+        ahead, aside = to_x * fan.x[k] + to_y * fan.y[k], to_y * fan.x[k] - to_x * fan.y[k]
+        across = max(touch * touch - aside * aside, 0.0)
+        gap = ahead - DEEP * sqrt(across) if (across > 0) & (ahead > 0) else FREE
+        wx, wy = speed * fan.x[k] - vx, speed * fan.y[k] - vy
+        square = max(wx * wx + wy * wy, 1e-4)
+        on, beside = to_x * wx + to_y * wy, to_y * wx - to_x * wy
+        depth = max(touch * touch * square - beside * beside, 0.0)
+        met = speed * (on - sqrt(depth)) / square if (depth > 0) & (on > 0) else FREE
+        fan.pace[k] = min(fan.pace[k], min(gap, met) / HEADWAY)
+
+
+@inner
 def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, fan: Fan) -> None:
     """How soon and how nearly one other is met at each velocity of the fan, added to its costs."""
     own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
     their_x, their_y = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
     to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
     to_y = float(everybody.position[other, 1] - everybody.position[me, 1])
-    waited, walks = float(everybody.waited[me]), everybody.walks[other]
+    walks = everybody.walks[other]
     touch, distance = float(everybody.radius[me] + everybody.radius[other]), _length(to_x, to_y)
-    # the longer a person has waited, the less room it asks for and the less far it looks ahead:
-    # people who all stand .8 m apart could else not move, for fear of a touch seconds later;
-    # nor does it ask for more room on the way than where it stops
-    room, weight = max(COMFORT / (1 + waited / PUSH), MIN_COMFORT), COLLISION / COMFORT
-    room = min(room, max(STANDS_APART, 0.25 * left))
-    soon = 1 / max(HORIZON / max(waited / HURRY, 1.0), SHORTEST)
-    fast = their_x * their_x + their_y * their_y
-    margin = TOUCHES
-    if not walks and fast == 0:  # a person that stands will stay there, and can be passed closely
-        room, margin = min(room, BESIDE_STANDING / (1 + waited)), TOUCHES / (1 + waited)
-    if walks and _along(everybody, me, other) > ALONG:
-        room, weight, soon = min(room, BEHIND), COLLISION / FIRM, max(soon, 1 / FOLLOWS)
+    # people who all stand .8 m apart could not move if each asked for more room than that, nor
+    # does one ask for more room on the way than where it stops
+    room = max(min(COMFORT, SHARE * (distance - touch), 0.25 * left), APART)
     if everybody.group[me] > 0 and everybody.group[me] == everybody.group[other]:
-        room, weight = IN_GROUP, COLLISION / IN_GROUP
+        room = APART
+    weight = COLLISION / room
     room += touch
     if half < LANES and walks and _along(everybody, me, other) < -OPPOSITE:
         room = min(room, PASSING)
     # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
     # close by it would be too late to rely on that
     share = 1.0
-    if walks and fast > 0.09:
+    if walks and their_x * their_x + their_y * their_y > 0.09:
         share += min(max((distance - touch) / CLOSE - 1, 0.0), 1.0)
-    # how soon bodies meet that touch is uncertain, since they sway; that nobody goes nearer is not
-    next_x, next_y = to_x + REACTION * (their_x - own_x), to_y + REACTION * (their_y - own_y)
-    near = max(_length(next_x, next_y), TINY)
-    presses = TOUCH * min(max((touch - near) / margin + 1, 0.0), 1.0) / near
     base_x, base_y = (share - 1) * own_x + their_x, (share - 1) * own_y + their_y
+    soon = 1 / max(HORIZON / (1 + float(everybody.waited[me]) / PUSH), SHORTEST)
     for k in range(WIDE):
-        vx, vy = fan.x[k], fan.y[k]
+        vx, vy = fan.pace[k] * fan.x[k], fan.pace[k] * fan.y[k]
         wx, wy = share * vx - base_x, share * vy - base_y
         # until the body reacts it keeps its velocity
         dx, dy = to_x - REACTION * (own_x - vx), to_y - REACTION * (own_y - vy)
@@ -300,53 +321,78 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
         at = min(max((wx * dx + wy * dy) * slowly, SOON), fan.last[k])
         dx, dy = dx - wx * at, dy - wy * at
         square = dx * dx + dy * dy
-        depth = weight * max(room - sqrt(square), 0.0)
+        depth = min(weight * max(room - sqrt(square), 0.0), COLLISION)
         sooner = at - sqrt(max(room * room - square, 0.0) * slowly)
-        each = depth * (1 / (0.1 + min(max(sooner * soon, 0.0), 1.0)) - 1 / 1.1)
-        each += presses * max(vx * next_x + vy * next_y, 0.0)
+        each = depth * (1 - min(max(sooner * soon, 0.0), 1.0))
+        dx, dy = to_x + NEXT * (their_x - vx), to_y + NEXT * (their_y - vy)
+        each += TOUCH * max(touch - sqrt(dx * dx + dy * dy), 0.0)
         fan.most[k] = max(fan.most[k], each)
         fan.total[k] += each
 
 
 @compiled
-def weigh(
-    everybody: Everybody, rows: Index, preferred: Float, left: Float, half: Float, made: Choices
-) -> None:
-    """What people `rows` [A] may do that would walk at `preferred` [A, 2], into `made`.
+def aim(everybody: Everybody, rows: Index, preferred: Float, half: Float, made: Choices) -> None:
+    """Where people `rows` [A] may go that would walk at `preferred` [A, 2], into `made`.
 
-    left [A]: metres to where each will stop; half [A]: half the width of its way. Walls are not
-    among the costs.
+    half [A]: half the width of their ways.
     """
-    fan = Fan(np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE))
     urgencies = np.empty(NEIGHBOURS)
     for row in range(len(rows)):
-        me, stops, wide = rows[row], float(left[row]), float(half[row])
+        me = rows[row]
         slowed = _keep_together(everybody, me, float(preferred[row, 0]), float(preferred[row, 1]))
         made.preferred[row, 0] = slowed * preferred[row, 0]
         made.preferred[row, 1] = slowed * preferred[row, 1]
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
-        near = made.near[row]
-        made.known[row] = _neighbours(everybody, me, near, urgencies)
+        made.known[row] = _neighbours(everybody, me, made.near[row], urgencies)
         if everybody.yields[me] > 0:
             px, py = YIELD_SPEED * everybody.retreat[me, 0], YIELD_SPEED * everybody.retreat[me, 1]
         else:
-            px, py = _keep_right(everybody, me, px, py, min(LANE, PASS_SHARE * wide))
+            px, py = _keep_right(everybody, me, px, py, min(LANE, PASS_SHARE * float(half[row])))
+        made.aim[row, 0], made.aim[row, 1] = px, py
+        speed = max(_length(px, py), TINY)
+        ux, uy = px / speed, py / speed
+        for k in range(len(FAN)):
+            made.ways[row, k, 0] = FAN[k, 0] * ux - FAN[k, 1] * uy
+            made.ways[row, k, 1] = FAN[k, 0] * uy + FAN[k, 1] * ux
         last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
-        _candidates(px, py, made.tried[row])
-        made.tried[row, TRIED - 2, 0], made.tried[row, TRIED - 2, 1] = last_x, last_y
-        made.tried[row, TRIED - 1, 0], made.tried[row, TRIED - 1, 1] = 0.0, 0.0
-        for k in range(TRIED):
-            fan.x[k], fan.y[k] = made.tried[row, k, 0], made.tried[row, k, 1]
-            fan.most[k], fan.total[k] = 0.0, 0.0
-            # whom it would meet behind the place where it stops, it does not meet
-            stop = stops / max(_length(fan.x[k], fan.y[k]), 1e-3)
-            fan.last[k] = min(HORIZON, max(stop, SOON))
-        for k in range(made.known[row]):
-            _meet(everybody, me, near[k], stops, wide, fan)
-        for k in range(TRIED):
-            cost = DEVIATION * _length(fan.x[k] - px, fan.y[k] - py)
-            cost += CHANGE * _length(fan.x[k] - last_x, fan.y[k] - last_y)
-            made.costs[row, k] = cost + (fan.most[k] + 0.25 * fan.total[k])
+        before = max(_length(last_x, last_y), TINY)
+        made.ways[row, TRIED - 2, 0] = last_x / before
+        made.ways[row, TRIED - 2, 1] = last_y / before
+        made.ways[row, TRIED - 1, 0] = made.ways[row, TRIED - 1, 1] = 0.0
+
+
+@inner
+def _best(
+    everybody: Everybody, row: int, me: int, left: float, half: float, made: Choices, fan: Fan
+) -> int:
+    """The way of least cost, of those that a person tries; their paces are in the fan then."""
+    px, py = float(made.aim[row, 0]), float(made.aim[row, 1])
+    last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
+    speed = _length(px, py)
+    for k in range(TRIED):
+        fan.x[k], fan.y[k] = made.ways[row, k, 0], made.ways[row, k, 1]
+        fan.pace[k] = min(speed, made.free[row, k] / HEADWAY)
+        fan.most[k], fan.total[k] = 0.0, 0.0
+    for k in range(made.known[row]):
+        _free(everybody, me, made.near[row, k], speed, fan)
+    slowest = min(SLOWEST, speed)
+    for k in range(TRIED):
+        waits = fan.pace[k] <= SETS_OFF * slowest or (fan.x[k] == 0 and fan.y[k] == 0)
+        fan.pace[k] = 0.0 if waits else max(fan.pace[k], slowest)
+        # whom it would meet behind the place where it stops, it does not meet
+        fan.last[k] = min(HORIZON, max(left / max(fan.pace[k], 1e-3), SOON))
+    for k in range(made.known[row]):
+        _meet(everybody, me, made.near[row, k], left, half, fan)
+    least, best = np.inf, 0
+    for k in range(TRIED):
+        x, y = fan.pace[k] * fan.x[k], fan.pace[k] * fan.y[k]
+        cost = DEVIATION * _length(x - px, y - py)
+        if last_x != 0 or last_y != 0:
+            cost += CHANGE * _length(x - last_x, y - last_y)
+        cost += made.walls[row, k] * fan.pace[k] + speed * (fan.most[k] + 0.25 * fan.total[k])
+        if cost < least - EVEN:
+            least, best = cost, k
+    return best
 
 
 @inner
@@ -368,23 +414,40 @@ def _in_the_way(
         along = (x * px + y * py) / (speed * pace)
         moves = _length(float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1]))
         slow = moves < 0.5 * speed
-        if distance < BLOCKING and towards > FACING and along < OPPOSITE and slow:
+        if (
+            distance < BLOCKING
+            and towards > FACING
+            and along < 0
+            and slow
+            and _against(everybody, me, int(other))
+        ):
             return int(other)
     return -1
 
 
 @compiled
-def decide(everybody: Everybody, rows: Index, made: Choices, seconds: float, found: Next) -> None:
-    """Take the choices of least cost, and remember them, into `found`."""
+def decide(
+    everybody: Everybody,
+    rows: Index,
+    left: Float,
+    half: Float,
+    seconds: float,
+    made: Choices,
+    found: Next,
+) -> None:
+    """Take the ways of least cost, and remember them, into `found`.
+
+    left [A]: metres to where each will stop; half [A]: as in `aim`.
+    """
+    room = np.zeros((6, WIDE))
+    fan = Fan(room[0], room[1], room[2], room[3], room[4], room[5])
     for row in range(len(rows)):
         me = rows[row]
-        costs, least, best = made.costs[row], np.inf, 0
-        for k in range(TRIED):
-            least = min(least, costs[k])
-        while costs[best] > least + EVEN:
-            best += 1
-        found.velocity[row, 0] = made.tried[row, best, 0]
-        found.velocity[row, 1] = made.tried[row, best, 1]
+        best = _best(everybody, row, me, float(left[row]), float(half[row]), made, fan)
+        found.velocity[row, 0] = fan.pace[best] * fan.x[best]
+        found.velocity[row, 1] = fan.pace[best] * fan.y[best]
+        if best == 0 and fan.pace[0] == _length(float(made.aim[row, 0]), float(made.aim[row, 1])):
+            found.velocity[row] = made.aim[row]  # not even rounding turns it
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
         speed = _length(px, py)
         on = everybody.velocity[me, 0] * px + everybody.velocity[me, 1] * py
