@@ -32,6 +32,7 @@ from benchmarks import bench, gemm
 from benchmarks.bench import Row
 from benchmarks.flops import products
 from benchmarks.models import ENGINES, GENDER, opened, step_graph
+from wayfarer.commands.serve import share_heaps
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.onnx_engine import INPUTS
@@ -154,6 +155,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=THREADS)
     parser.add_argument("--model", type=Path, default=DEFAULT_MODEL)
     asked: argparse.Namespace = parser.parse_args()
+    share_heaps()  # the engines have the server's memory settings
     batches = asked.batches or (QUICK_BATCHES if asked.quick else BATCHES)
     spend = 0.5 if asked.quick else 2.0
     graph = step_graph(asked.model)

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+from typing import Any
 from urllib.parse import quote, urlsplit
 
 import httpx
@@ -31,12 +32,13 @@ HEADERS = (
 )
 BODIES = (b"", b"hello", b"5\r\nhello\r\n0\r\n\r\n", b"ffffffffffffffff\r\n", b"\x00" * 99)
 SECONDS = 20.0
+JSON = {"content-type": "application/json"}
 
 
-async def operations(http: httpx.AsyncClient) -> list[tuple[str, str, object]]:
+async def operations(http: httpx.AsyncClient) -> list[tuple[str, str, Any]]:
     """Method, path and an example body (None: it takes none) of every route."""
     description = (await http.get("/openapi.json")).json()
-    found = []
+    found: list[tuple[str, str, Any]] = []
     for path, methods in description["paths"].items():
         if path.startswith(LEFT_OUT):
             continue
@@ -52,6 +54,19 @@ def _example(schema: dict, description: dict) -> object:
     if "$ref" in schema:
         schema = description["components"]["schemas"][schema["$ref"].rsplit("/", 1)[1]]
     return (schema.get("examples") or [{}])[0]
+
+
+async def use_everything(http: httpx.AsyncClient, known: dict[str, list[str]]) -> None:
+    """Calls each route once as its example has it, about the first known things: what the server
+    loads or begins at first use is there then.
+    """
+    for method, path, example in await operations(http):
+        if method != "DELETE":
+            target = path.format(**{name: things[0] for name, things in known.items()})
+            if path == "/v1/clips":
+                example |= {"seconds": 1.0}  # `campaign.SETTINGS` allow few
+            body = json.dumps(example).encode() if example else b""
+            await _answer(http, method, target, body, JSON)
 
 
 async def worker(http: httpx.AsyncClient, inputs: Inputs, quota: Quota, tally: Tally) -> None:

@@ -154,7 +154,7 @@ def share_heaps() -> None:
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
         libc.mallopt(M_ARENA_MAX, cores())
         libc.mallopt(M_TRIM_THRESHOLD, KEPT_FREE)
-        libc.mallopt(M_MMAP_THRESHOLD, KEPT_FREE // 8)  # larger blocks are the kernel's own
+        libc.mallopt(M_MMAP_THRESHOLD, KEPT_FREE // 4)  # a call takes 21 MB in one piece
 
 
 def settle() -> None:

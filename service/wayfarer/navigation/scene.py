@@ -26,7 +26,6 @@ from wayfarer.navigation.ground.ground import Ground, find_ground
 from wayfarer.navigation.locate import MeshPoint, nearest_place
 from wayfarer.navigation.mesh import NavMesh
 from wayfarer.navigation.obstruction import notes_on, why_apart
-from wayfarer.navigation.paths.find import sampled, shortest, widened
 from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.navigation.roofs import roofs_of
 from wayfarer.navigation.scene_spec import MAX_OBSTACLES, Obstacle, Point2, Point3, SceneSpec
@@ -110,6 +109,8 @@ class Scene:
         can be reached), and the path gives the distance. Raises Unreachable when no way leads to a
         goal on free ground, InvalidArgument on malformed points.
         """
+        from wayfarer.navigation.paths.find import shortest, widened
+
         first, last = self._ends(start, goal)
         points = shortest(self.mesh, self.ground, first, last)
         points = widened(points, self, self.spec.walkable.radius)
@@ -140,6 +141,8 @@ class Scene:
 
     def is_clear(self, points: Array) -> bool:
         """Whether the polyline [P, 2 | 3] still keeps the radius free: no need to plan again."""
+        from wayfarer.navigation.paths.find import sampled
+
         return bool(self._free(sampled(_lift(points))[0]).all())
 
     def floor(self, points: Array) -> Array:

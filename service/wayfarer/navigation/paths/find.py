@@ -1,6 +1,7 @@
 """Finds a path between two places: A* over triangles, string pulling, a step back from corners.
 
 String pulling finds the shortest way through a corridor of portals (Lee & Preparata 1984).
+Loaded by the first search: a bake has none.
 """
 
 from functools import cache
