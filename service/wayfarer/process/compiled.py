@@ -7,7 +7,6 @@ folder, since numba itself would mistake code of another release for this one's.
 """
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from hashlib import sha256
@@ -20,19 +19,11 @@ import numpy as np
 import structlog
 from filelock import FileLock
 from numba.core.dispatcher import Dispatcher
-from numba.core.registry import cpu_target
 
 log = structlog.get_logger(__name__)
 
 OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Not `fastmath`: a result is the same in every batch, process and replay."""
-
-LINALG: Final = "scipy.linalg"
-if LINALG not in sys.modules:
-    # numba would load it with the first rule, for matrix products, which no rule has: .3 s, 17 MB
-    sys.modules[LINALG] = None  # type: ignore[assignment]
-    cpu_target.target_context.refresh()
-    del sys.modules[LINALG]
 
 
 def compiled(rule: Callable[..., Any], **more: bool) -> Any:
