@@ -1,12 +1,12 @@
 """Where to walk among others: the best of some ways, as fast as it is free.
 
-Each person tries directions around the one it would like, each at the pace that the free way there
-allows, and takes that of the least cost (see kernel.py). How fast it walks depends on the next half
-metre, as in the collision-free speed model; where it goes, on the next seconds, as in RVO: of
-somebody who avoids others, too, it expects half of what is to be done. Bodies are slow to react and
-do not walk well below some speed: a person walks faster than that or waits. Who is more in front
-has the right of way, and squeezes past; so does who has waited. Before people who come the other
-way it keeps to the right. Two who come from opposite sides and block each other are parted by their
+Each person tries directions around the one that it would like, each at the pace that the free way
+there allows, and takes the one of least cost (kernel.py). Its pace depends on the next half metre,
+as in the collision-free speed model; its direction on the next seconds, as in RVO: another person
+that avoids it, too, is expected to do half of it. Bodies react slowly and do not walk well below
+some speed: a person walks faster than that or waits. A person that is more in front has the right
+of way, and squeezes past; so does one that has waited. Before oncoming people a person keeps to the
+right. Two that come from opposite sides and block each other are parted by their
 numbers: the one of the higher number makes way.
 """
 

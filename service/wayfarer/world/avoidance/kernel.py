@@ -23,44 +23,45 @@ WIDE: Final = -(-TRIED // 8) * 8
 NEIGHBOURS: Final = 10  # of whom a person takes notice at most
 SIGHT: Final = 8.0  # metres beyond which others are ignored
 STOREY: Final = 2.0  # metres up or down from which others are on another storey
-HORIZON: Final = 3.5  # seconds that are looked ahead …
-SHORTEST: Final = 0.7  # … and at least, however long a person has waited
+HORIZON: Final = 3.5  # seconds that are looked ahead
+SHORTEST: Final = 0.7  # least of these, however long a person has waited
 SOON: Final = 0.3  # what happens before cannot be helped
 CLOSE: Final = 1.5  # nearer nobody relies on others; twice as far, on half of the task
-COMFORT: Final = 0.35  # preferred room between two, beside their radii …
-SHARE: Final = 0.5  # … but no more than that share of the room that they have …
-APART: Final = 0.05  # … and no less than that, which is also asked within a group
+COMFORT: Final = 0.35  # metres of room that one prefers to another one, beside their radii
+SHARE: Final = 0.5  # greatest share of the room between them that is preferred
+APART: Final = 0.05  # metres: least preferred room, and that within a group
 REACTION: Final = 0.3  # seconds until a body follows a new velocity
-SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly; …
-SETS_OFF: Final = 0.5  # … a person waits until that share of it is free
+SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly
+SETS_OFF: Final = 0.5  # share of it up to which a person waits instead
 HEADWAY: Final = 0.6  # a person's pace is at most the free way divided by these seconds
 DEEP: Final = 0.9  # depth of a body on this way, as a share of its width
-SQUEEZE: Final = 0.75  # share of its width that a body needs past those who let it pass
+SQUEEZE: Final = 0.75  # least share of its width that a body needs to pass another one
 WAY: Final = (0.2, 0.4, 0.7, 1.0)  # metres at which a way is looked at for walls
 WALL_ROOM: Final = 0.1  # preferred between a person's radius and a wall
 WALL_SLACK: Final = 0.04  # by which an elbow may be nearer to it
 WALL_SHARE: Final = 0.42  # but in a narrow way at most that share of half its width
-LANES: Final = 0.9  # half of a way's width within which it has lanes (see scenes/lanes.py): …
-PASSING: Final = 0.3  # … who comes the other way keeps to its own, and no more room is asked for
+LANES: Final = 0.9  # half of a way's width within which it has lanes (scenes/lanes.py)
+PASSING: Final = 0.3  # metres of room to oncoming people there: they keep to their own lane
 PASS_SHARE: Final = 0.8  # share of half the width that is then between two who pass
 
 DEVIATION: Final = 2.0  # costs, of 1 m/s: not to go where one would
 CHANGE: Final = 0.7  # to go elsewhere than last time
 COLLISION: Final = 1.8  # to want to go where one would collide at once
 WALL: Final = 1.0  # to walk beside a wall
-TOUCH: Final = 12.0  # cost of a metre within another person …
-NEXT: Final = 0.5  # … in so many seconds
+TOUCH: Final = 12.0  # of a metre within another person after `NEXT`
+NEXT: Final = 0.5  # seconds
 EVEN: Final = 1e-4
 """Costs that differ by no more are equal: the first candidate is taken (1 m/s off the way costs 2).
 Left and right often cost the same, and rounding must not choose."""
 
-PUSH: Final = 2.0  # seconds of waiting after which a person looks half as far ahead, …
-# … insists half as much on the right, and squeezes past those who walk
+PUSH: Final = 2.0
+"""Seconds of waiting after which a person looks half as far ahead, keeps to the right half as much,
+and squeezes past people that walk."""
 PATIENCE: Final = 2.5  # seconds of waiting until a person makes way for those before it
 YIELDING: Final = 1.6  # seconds for which it does
 YIELD_SPEED: Final = 0.6
-BLOCKING: Final = 1.6  # metres within which somebody stands in one's way …
-FACING: Final = 0.3  # … and cosine: it would walk towards one
+BLOCKING: Final = 1.6  # metres within which somebody stands in one's way
+FACING: Final = 0.3  # cosine from which it would walk towards one
 
 OPPOSITE: Final = 0.5  # cosine from which two walk against each other, or the same way
 LANE: Final = 0.6  # metres by which oncoming people are passed on the right
@@ -105,7 +106,7 @@ class Choices(NamedTuple):
     """What some people [A] may do next."""
 
     preferred: Float  # [A, 2] as their groups have it
-    aim: Float  # [A, 2] and as they pass, or make way for, those who come towards them
+    aim: Float  # [A, 2] the same, turned to pass oncoming people or to make way for them
     ways: Float  # [A, C, 2] unit vectors, or zero: where they may go
     free: Double  # [A, C] metres to a wall on these ways
     walls: Double  # [A, C] costs of 1 m/s beside walls
@@ -259,10 +260,7 @@ def _precedes(everybody: Everybody, me: int, other: int) -> bool:
 
 @inner
 def _free(everybody: Everybody, me: int, other: int, speed: float, fan: Fan) -> None:
-    """Slows the ways of the fan on which one other is too near.
-
-    It may stop, or go on as it does.
-    """
+    """Slows the ways of the fan on which another one is too near, if it stops or if it goes on."""
     own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
     vx, vy = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
     to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
