@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import torch
 from pydantic import BaseModel, ConfigDict
-from torch import Tensor, nn
+from torch import Tensor
 
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.frame import Frame, canonical_frame, to_local
@@ -99,7 +99,6 @@ class CloningConfig(BaseModel):
     rollout: int = 6  # primitives per window; a third of the draws are shorter, for short clips
     own: float = 0.35  # share of primitives that the policy itself leads
     noise: float = 0.05  # spread of what is asked: m/s, and radians
-    dropout: float = 0.1  # share of hidden numbers that are left out while it learns
     start_from: str = ""  # run folder of a cloned policy to continue from
     mix: dict[str, float] = {
         "walk": 0.24,
@@ -209,9 +208,6 @@ class CloningTrainer:
             if start
             else TrajectoryPolicy(config.hidden)
         )
-        for layer in self.policy.net:
-            if isinstance(layer, nn.ELU):
-                layer.register_forward_hook(self._left_out)
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
         self.lengths = (config.rollout, max(1, config.rollout // 3))
         self.samplers = {n: PairedSampler(train, self._window(n)) for n in self.lengths}
@@ -224,10 +220,6 @@ class CloningTrainer:
         if not start:
             self.policy.standardise(self._inputs(self.samplers[self.lengths[-1]].draw(KNOWN)))
         self.run: TrainingRun | None = None
-
-    def _left_out(self, layer: nn.Module, inputs: tuple[Tensor, ...], found: Tensor) -> Tensor:
-        """Dropout, where it learns: otherwise it learns its people by heart within 500 steps."""
-        return nn.functional.dropout(found, self.config.dropout, torch.is_grad_enabled())
 
     def _inputs(self, starts: Tensor) -> Tensor:
         """The policy's inputs at recorded frames `starts`, in rows [N, 422]."""
