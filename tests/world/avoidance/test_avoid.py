@@ -228,7 +228,7 @@ def test_a_jam_in_a_corridor_dissolves(seed):
     while walkers.now < 60 and not is_clear():
         walkers.run(1.0)
     assert is_clear()
-    assert too_near(walkers) < 0.04  # who has waited squeezes past at three quarters of the width
+    assert too_near(walkers) < 0.04  # a person that has waited squeezes past
 
 
 def doorway(points):

@@ -37,7 +37,7 @@ STEADY: Final = 4.0
 """Seconds from the order on in which somebody may set off."""
 
 START: Final = 2.5
-"""Seconds until somebody that stands is to set off."""
+"""Seconds of standing before the order to walk."""
 
 TURN_EVERY: Final = 4.0
 BACK_EVERY: Final = 2.0

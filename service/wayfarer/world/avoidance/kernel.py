@@ -363,7 +363,7 @@ def aim(everybody: Everybody, rows: Index, preferred: Float, half: Float, made: 
 def _best(
     everybody: Everybody, row: int, me: int, left: float, half: float, made: Choices, fan: Fan
 ) -> int:
-    """The way of least cost, of those that a person tries; their paces are in the fan then."""
+    """The way of least cost of the ones that a person tries. Their paces are in the fan then."""
     px, py = float(made.aim[row, 0]), float(made.aim[row, 1])
     last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
     speed = _length(px, py)
