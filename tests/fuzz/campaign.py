@@ -89,7 +89,7 @@ async def run(
     ):
         before, began = await _stats(http), time.monotonic()
         await _furnish(channel, drawn)
-        await http_calls.use_everything(http, drawn.known)
+        await http_calls.use_everything(http, drawn.known, report.answers)
         async with _tended(channel, drawn, healthy, lambda: progress(report)):
             for share in (WARM_UP, 1 - WARM_UP):
                 await _send(target, http, channel, drawn, report.answers, round(share * inputs))

@@ -56,7 +56,9 @@ def _example(schema: dict, description: dict) -> object:
     return (schema.get("examples") or [{}])[0]
 
 
-async def use_everything(http: httpx.AsyncClient, known: dict[str, list[str]]) -> None:
+async def use_everything(
+    http: httpx.AsyncClient, known: dict[str, list[str]], tally: Tally
+) -> None:
     """Calls each route once as its example has it, about the first known things: what the server
     loads or begins at first use is there then.
     """
@@ -66,7 +68,7 @@ async def use_everything(http: httpx.AsyncClient, known: dict[str, list[str]]) -
             if path == "/v1/clips":
                 example |= {"seconds": 1.0}  # `campaign.SETTINGS` allow few
             body = json.dumps(example).encode() if example else b""
-            await _answer(http, method, target, body, JSON)
+            await _ask(http, method, target, "example", body, JSON, tally)
 
 
 async def worker(http: httpx.AsyncClient, inputs: Inputs, quota: Quota, tally: Tally) -> None:
@@ -77,11 +79,23 @@ async def worker(http: httpx.AsyncClient, inputs: Inputs, quota: Quota, tally: T
         kind, body = _body(inputs, example)
         headers = {"content-type": inputs.chance.choice(CONTENT_TYPES)}
         target = _fill(inputs, path)
-        answer = await _answer(http, method, target, body, headers)
-        if answer.startswith("5") or not answer.isdigit():
-            tally.failure(SURFACE, kind, answer, f"{method} {target[:200]}", body)
-        else:
-            tally.answer(SURFACE, kind, answer)
+        await _ask(http, method, target, kind, body, headers, tally)
+
+
+async def _ask(
+    http: httpx.AsyncClient,
+    method: str,
+    target: str,
+    kind: str,
+    body: bytes,
+    headers: dict[str, str],
+    tally: Tally,
+) -> None:
+    answer = await _answer(http, method, target, body, headers)
+    if answer.startswith("5") or not answer.isdigit():
+        tally.failure(SURFACE, kind, answer, f"{method} {target[:200]}", body)
+    else:
+        tally.answer(SURFACE, kind, answer)
 
 
 async def _answer(

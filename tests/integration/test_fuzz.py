@@ -17,6 +17,6 @@ async def test_hostile_inputs_do_no_harm(tmp_path):
         assert server.errors == []
         assert (report.failed_turns, report.resets) == (0, 0)
         assert report.stream.chunks > 0
-        # 19 without a leak: bounded caches (body meshes) and heaps still fill; benchmarks/fuzz.py
-        # checks over 100,000 inputs whether memory is flat
+        # Bounded caches (body meshes) and heaps still fill, by 19 MB. Whether memory is flat over
+        # 100,000 inputs is checked by benchmarks/fuzz.py.
         assert report.growth_megabytes < 60

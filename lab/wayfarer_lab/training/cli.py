@@ -207,9 +207,11 @@ def policy_follow(settings: FollowingConfig, data: Path, out: Path, minutes: flo
 @app.command(short_help="Mix two policies, one of which began near the other.")
 def policy_mix(
     first: Annotated[Path, typer.Argument(help="Run folder of a policy.")],
-    second: Annotated[Path, typer.Argument(help="Run folder of one that began near it.")],
+    second: Annotated[Path, typer.Argument(help="Run folder of a policy that began near it.")],
     out: Annotated[Path, typer.Option(help="Run folder to write.")],
-    share: Annotated[float, typer.Option(min=0, max=1, help="Of the second's weights.")] = 0.5,
+    share: Annotated[
+        float, typer.Option(min=0, max=1, help="Share of the second policy's weights.")
+    ] = 0.5,
 ) -> None:
     """Write a policy between two, by their weights. It takes no training and no data."""
     mix_policies(first, second, share, out)

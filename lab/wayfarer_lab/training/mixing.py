@@ -1,8 +1,8 @@
 """Mix two policies that began near each other: `wayfarer train policy-mix`.
 
-One that was taught to follow is steady, and people are alike; one that also learned its manners
-jumps at times. Their weights lie near each other, so the weights between are those of a policy
-between (Wortsman et al., Model soups, ICML 2022).
+A policy that was taught to follow is steady, and its people are alike. A policy that also learned
+manners jumps at times. Their weights lie near each other, so the weights between are those of a
+policy between (Wortsman et al., Model soups, ICML 2022).
 """
 
 import json

@@ -1,4 +1,4 @@
-// Where to walk among others: of some ways, the best one. The server's world/avoidance/kernel.py, where the
+// Where to walk among others: of some ways, the best one. The server's world/avoidance/, where the
 // rules are explained. World: metres, m/s, seconds.
 
 import { bounded } from "./steering.js";
@@ -163,7 +163,7 @@ function meetings(self, near, [vx, vy], left, half) {
   return most + 0.25 * sum;
 }
 
-/** How far a way is free of walls, and the cost of 1 m/s beside them. @param {Other} self @param {Point} way @param {(x: number, y: number) => number} clear @param {number} half */
+/** Metres of a way that are free of walls, and what 1 m/s costs near a wall. @param {Other} self @param {Point} way @param {(x: number, y: number) => number} clear @param {number} half */
 function wallsOn({ position: [x, y], velocity: [ux, uy] }, [wayX, wayY], clear, half) {
   const here = Math.min(WALL_SHARE * half, clear(x, y)), wanted = Math.min(RADIUS + WALL_ROOM, here), needed = Math.min(RADIUS - WALL_SLACK, here);
   let lack = 0, free = Infinity, before = 0;

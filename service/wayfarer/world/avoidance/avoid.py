@@ -1,13 +1,13 @@
 """Where to walk among others: the best of some ways, as fast as it is free.
 
-Each person tries directions around the one that it would like, each at the pace that the free way
-there allows, and takes the one of least cost (kernel.py). Its pace depends on the next half metre,
-as in the collision-free speed model; its direction on the next seconds, as in RVO: another person
-that avoids it, too, is expected to do half of it. Bodies react slowly and do not walk well below
-some speed: a person walks faster than that or waits. A person that is more in front has the right
-of way, and squeezes past; so does one that has waited. Before oncoming people a person keeps to the
-right. Two that come from opposite sides and block each other are parted by their
-numbers: the one of the higher number makes way.
+Each person tries directions around its preferred one (aim.py), each at the pace that the free way
+there allows, and takes the direction of least cost (kernel.py). Its pace depends on the next half
+metre, as in the collision-free speed model. Its direction depends on the next seconds, as in RVO:
+another person that avoids it, too, does half of the work. Bodies react slowly and do not walk well
+below some speed, so a person walks faster than that or waits. A person in front has the right of
+way and squeezes past, and so does a person that has waited. People keep to the right before
+oncoming ones. Two that come from opposite sides and block each other are parted by their numbers:
+the one of the higher number makes way.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.process.compiled import warm
+from wayfarer.world.avoidance.aim import aim
 from wayfarer.world.avoidance.kernel import (
     NEIGHBOURS,
     REACTION,
@@ -30,7 +31,6 @@ from wayfarer.world.avoidance.kernel import (
     Choices,
     Everybody,
     Next,
-    aim,
     decide,
 )
 from wayfarer.world.avoidance.people import Float, Memory, People

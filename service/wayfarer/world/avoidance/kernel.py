@@ -1,6 +1,7 @@
-"""The rule of avoidance for one person at a time, compiled. Metres, seconds, m/s.
+"""The way that a person takes among others, and how fast. Metres, seconds, m/s.
 
-The web client's local mode has the same functions by the same names.
+`aim.py` says which ways it may take. The web client's local mode has the same functions by the same
+names.
 """
 
 from math import cos, radians, sin, sqrt
@@ -21,8 +22,6 @@ WIDE: Final = -(-TRIED // 8) * 8
 """That many numbers fill whole registers; the last ones mean nothing."""
 
 NEIGHBOURS: Final = 10  # of whom a person takes notice at most
-SIGHT: Final = 8.0  # metres beyond which others are ignored
-STOREY: Final = 2.0  # metres up or down from which others are on another storey
 HORIZON: Final = 3.5  # seconds that are looked ahead
 SHORTEST: Final = 0.7  # least of these, however long a person has waited
 SOON: Final = 0.3  # what happens before cannot be helped
@@ -42,7 +41,6 @@ WALL_SLACK: Final = 0.04  # by which an elbow may be nearer to it
 WALL_SHARE: Final = 0.42  # but in a narrow way at most that share of half its width
 LANES: Final = 0.9  # half of a way's width within which it has lanes (scenes/lanes.py)
 PASSING: Final = 0.3  # metres of room to oncoming people there: they keep to their own lane
-PASS_SHARE: Final = 0.8  # share of half the width that is then between two who pass
 
 DEVIATION: Final = 2.0  # costs, of 1 m/s: not to go where one would
 CHANGE: Final = 0.7  # to go elsewhere than last time
@@ -59,22 +57,10 @@ PUSH: Final = 2.0
 and squeezes past people that walk."""
 PATIENCE: Final = 2.5  # seconds of waiting until a person makes way for those before it
 YIELDING: Final = 1.6  # seconds for which it does
-YIELD_SPEED: Final = 0.6
 BLOCKING: Final = 1.6  # metres within which somebody stands in one's way
 FACING: Final = 0.3  # cosine from which it would walk towards one
 
 OPPOSITE: Final = 0.5  # cosine from which two walk against each other, or the same way
-LANE: Final = 0.6  # metres by which oncoming people are passed on the right
-LANE_SIGHT: Final = 12.0  # metres ahead in which they are seen
-LANE_WIDE: Final = 1.8  # metres to either side of the way in which they are
-BESIDE: Final = 1.2  # metres to the right from which one person is passed on the left
-LANE_SOON: Final = 0.5  # seconds: a lane is taken no faster, however near somebody is,
-LANE_MOST: Final = 0.8  # nor at a greater share of the speed
-
-NEAR: Final = 6.0  # metres: farther away a companion is not waited for
-LEAD: Final = 1.0  # metres ahead of the middle of its group from which a person slows down
-GROUP_SLOWEST: Final = 0.6  # share of its speed to which it slows down
-
 TINY: Final = 1e-6
 FREE: Final = 1e3  # metres: nothing is in the way
 
@@ -121,8 +107,8 @@ class Fan(NamedTuple):
     y: Double
     pace: Double  # m/s at which it would walk there
     last: Double  # seconds that are looked ahead at most
-    most: Double  # cost of the worst meeting …
-    total: Double  # … and of all
+    most: Double  # cost of the worst meeting
+    total: Double  # cost of all
 
 
 class Next(NamedTuple):
@@ -135,60 +121,13 @@ class Next(NamedTuple):
 
 
 @inner
-def _length(x: float, y: float) -> float:
+def length(x: float, y: float) -> float:
+    """Of a vector."""
     return sqrt(x * x + y * y)
 
 
 @inner
-def _keep_together(everybody: Everybody, me: int, x: float, y: float) -> float:
-    """Share of its speed that who is before its group keeps."""
-    if everybody.group[me] <= 0:
-        return 1.0
-    speed = max(_length(x, y), TINY)
-    ahead, count = 0.0, 0
-    for other in range(everybody.first[me], everybody.last[me]):
-        if everybody.group[other] != everybody.group[me]:
-            continue
-        dx = float(everybody.position[me, 0] - everybody.position[other, 0])
-        dy = float(everybody.position[me, 1] - everybody.position[other, 1])
-        if dx * dx + dy * dy < NEAR * NEAR:
-            ahead += (dx * x + dy * y) / speed
-            count += 1
-    return min(max(1 - 0.5 * (ahead / count - LEAD), GROUP_SLOWEST), 1.0)
-
-
-@inner
-def _neighbours(everybody: Everybody, me: int, near: Index, urgencies: Double) -> int:
-    """Those in sight who are near now, or will be in a second; the nearest first. How many."""
-    count = 0
-    for other in range(everybody.first[me], everybody.last[me]):
-        dx = float(everybody.position[other, 0] - everybody.position[me, 0])
-        dy = float(everybody.position[other, 1] - everybody.position[me, 1])
-        square = dx * dx + dy * dy
-        seen = (square <= SIGHT * SIGHT) & (other != me)
-        if not (seen & (abs(everybody.height[other] - everybody.height[me]) < STOREY)):
-            continue
-        distance = sqrt(square)
-        if count == NEIGHBOURS and distance >= urgencies[count - 1]:
-            continue
-        soon = _length(
-            dx + everybody.velocity[other, 0] - everybody.velocity[me, 0],
-            dy + everybody.velocity[other, 1] - everybody.velocity[me, 1],
-        )
-        urgency = distance + soon
-        if count == NEIGHBOURS and urgency >= urgencies[count - 1]:
-            continue
-        at = min(count, NEIGHBOURS - 1)
-        while at > 0 and urgencies[at - 1] > urgency:  # of two alike the lower row is the first
-            urgencies[at], near[at] = urgencies[at - 1], near[at - 1]
-            at -= 1
-        urgencies[at], near[at] = urgency, other
-        count = min(count + 1, NEIGHBOURS)
-    return count
-
-
-@inner
-def _against(everybody: Everybody, me: int, other: int) -> bool:
+def are_against(everybody: Everybody, me: int, other: int) -> bool:
     """Whether the places where two will stand lie in opposite directions."""
     product = 0.0
     for k in range(2):
@@ -198,51 +137,11 @@ def _against(everybody: Everybody, me: int, other: int) -> bool:
 
 
 @inner
-def _keep_right(
-    everybody: Everybody, me: int, px: float, py: float, lane: float
-) -> tuple[float, float]:
-    """The preferred velocity, turned to the right for who is oncoming.
-
-    Everybody in sight counts, not the nearest few: in a stream those are one's own. What counts is
-    where others want to go, so who waits is oncoming, too. Of one person that comes the other way
-    only the one nearly ahead matters; of a stream its middle shall be passed on the right.
-    """
-    speed = max(_length(px, py), TINY)
-    ux, uy = px / speed, py / speed
-    pair, total, count = 0.0, 0.0, 0
-    for other in range(everybody.first[me], everybody.last[me]):
-        dx = float(everybody.position[other, 0] - everybody.position[me, 0])
-        dy = float(everybody.position[other, 1] - everybody.position[me, 1])
-        ahead, left = dx * ux + dy * uy, dy * ux - dx * uy
-        seen = (ahead > 0) & (ahead < LANE_SIGHT) & (abs(left) < LANE_WIDE) & everybody.walks[other]
-        if not (seen & (abs(everybody.height[other] - everybody.height[me]) < STOREY)):
-            continue
-        x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
-        fast = max(_length(x, y), TINY)
-        if -(x * ux + y * uy) / fast <= OPPOSITE or not _against(everybody, me, other):
-            continue
-        aside = max(lane - left, 0.0) / max(ahead / (speed + fast), LANE_SOON)
-        pair = max(pair, aside * min(max(left + BESIDE, 0.0), 1.0))
-        total += aside
-        count += 1
-    if count == 0:
-        return px, py
-    stream = total / count * (1 - 1 / count)
-    sideways = min(max(pair, stream), LANE_MOST * speed)
-    sideways /= 1 + float(everybody.waited[me]) / PUSH
-    if sideways <= 0:
-        return px, py
-    x, y = px + sideways * uy, py - sideways * ux
-    turned = speed / max(_length(x, y), TINY)
-    return float(np.float32(turned * x)), float(np.float32(turned * y))
-
-
-@inner
 def _along(everybody: Everybody, me: int, other: int) -> float:
     """Cosine between the directions in which two would walk; 0 if one would not."""
     x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
     px, py = float(everybody.preferred[me, 0]), float(everybody.preferred[me, 1])
-    return (x * px + y * py) / max(_length(x, y) * _length(px, py), TINY)
+    return (x * px + y * py) / max(length(x, y) * length(px, py), TINY)
 
 
 @inner
@@ -252,15 +151,15 @@ def _precedes(everybody: Everybody, me: int, other: int) -> bool:
     dy = float(everybody.position[other, 1] - everybody.position[me, 1])
     px, py = float(everybody.preferred[me, 0]), float(everybody.preferred[me, 1])
     x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
-    behind = (x * dx + y * dy) / max(_length(x, y), TINY)
-    behind += (px * dx + py * dy) / max(_length(px, py), TINY)
+    behind = (x * dx + y * dy) / max(length(x, y), TINY)
+    behind += (px * dx + py * dy) / max(length(px, py), TINY)
     first = behind < 0 or (behind == 0 and everybody.number[me] < everybody.number[other])
     return first and x * px + y * py > 0
 
 
 @inner
 def _free(everybody: Everybody, me: int, other: int, speed: float, fan: Fan) -> None:
-    """Slows the ways of the fan on which another one is too near, if it stops or if it goes on."""
+    """Slows the ways of the fan on which another person is too near, if it stops or if it walks."""
     own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
     vx, vy = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
     to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
@@ -293,7 +192,7 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
     to_x = float(everybody.position[other, 0] - everybody.position[me, 0])
     to_y = float(everybody.position[other, 1] - everybody.position[me, 1])
     walks = everybody.walks[other]
-    touch, distance = float(everybody.radius[me] + everybody.radius[other]), _length(to_x, to_y)
+    touch, distance = float(everybody.radius[me] + everybody.radius[other]), length(to_x, to_y)
     # people who all stand .8 m apart could not move if each asked for more room than that, nor
     # does one ask for more room on the way than where it stops
     room = max(min(COMFORT, SHARE * (distance - touch), 0.25 * left), APART)
@@ -328,37 +227,6 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
         fan.total[k] += each
 
 
-@compiled
-def aim(everybody: Everybody, rows: Index, preferred: Float, half: Float, made: Choices) -> None:
-    """Where people `rows` [A] may go that would walk at `preferred` [A, 2], into `made`.
-
-    half [A]: half the width of their ways.
-    """
-    urgencies = np.empty(NEIGHBOURS)
-    for row in range(len(rows)):
-        me = rows[row]
-        slowed = _keep_together(everybody, me, float(preferred[row, 0]), float(preferred[row, 1]))
-        made.preferred[row, 0] = slowed * preferred[row, 0]
-        made.preferred[row, 1] = slowed * preferred[row, 1]
-        px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
-        made.known[row] = _neighbours(everybody, me, made.near[row], urgencies)
-        if everybody.yields[me] > 0:
-            px, py = YIELD_SPEED * everybody.retreat[me, 0], YIELD_SPEED * everybody.retreat[me, 1]
-        else:
-            px, py = _keep_right(everybody, me, px, py, min(LANE, PASS_SHARE * float(half[row])))
-        made.aim[row, 0], made.aim[row, 1] = px, py
-        speed = max(_length(px, py), TINY)
-        ux, uy = px / speed, py / speed
-        for k in range(len(FAN)):
-            made.ways[row, k, 0] = FAN[k, 0] * ux - FAN[k, 1] * uy
-            made.ways[row, k, 1] = FAN[k, 0] * uy + FAN[k, 1] * ux
-        last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
-        before = max(_length(last_x, last_y), TINY)
-        made.ways[row, TRIED - 2, 0] = last_x / before
-        made.ways[row, TRIED - 2, 1] = last_y / before
-        made.ways[row, TRIED - 1, 0] = made.ways[row, TRIED - 1, 1] = 0.0
-
-
 @inner
 def _best(
     everybody: Everybody, row: int, me: int, left: float, half: float, made: Choices, fan: Fan
@@ -366,7 +234,7 @@ def _best(
     """The way of least cost of the ones that a person tries. Their paces are in the fan then."""
     px, py = float(made.aim[row, 0]), float(made.aim[row, 1])
     last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
-    speed = _length(px, py)
+    speed = length(px, py)
     for k in range(TRIED):
         fan.x[k], fan.y[k] = made.ways[row, k, 0], made.ways[row, k, 1]
         fan.pace[k] = min(speed, made.free[row, k] / HEADWAY)
@@ -384,9 +252,9 @@ def _best(
     least, best = np.inf, 0
     for k in range(TRIED):
         x, y = fan.pace[k] * fan.x[k], fan.pace[k] * fan.y[k]
-        cost = DEVIATION * _length(x - px, y - py)
+        cost = DEVIATION * length(x - px, y - py)
         if last_x != 0 or last_y != 0:
-            cost += CHANGE * _length(x - last_x, y - last_y)
+            cost += CHANGE * length(x - last_x, y - last_y)
         cost += made.walls[row, k] * fan.pace[k] + speed * (fan.most[k] + 0.25 * fan.total[k])
         if cost < least - EVEN:
             least, best = cost, k
@@ -398,26 +266,26 @@ def _in_the_way(
     everybody: Everybody, me: int, near: Index, count: int, px: float, py: float
 ) -> int:
     """Of a lower number, the nearest that stands before one and would come towards one; or -1."""
-    pace = max(_length(px, py), TINY)
+    pace = max(length(px, py), TINY)
     for k in range(count):
         other = near[k]
         if not everybody.walks[other] or everybody.number[other] >= everybody.number[me]:
             continue
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
-        distance = _length(dx, dy)
+        distance = length(dx, dy)
         x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
-        speed = max(_length(x, y), TINY)
+        speed = max(length(x, y), TINY)
         towards = -(x * dx + y * dy) / (max(distance, TINY) * speed)
         along = (x * px + y * py) / (speed * pace)
-        moves = _length(float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1]))
+        moves = length(float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1]))
         slow = moves < 0.5 * speed
         if (
             distance < BLOCKING
             and towards > FACING
             and along < 0
             and slow
-            and _against(everybody, me, int(other))
+            and are_against(everybody, me, int(other))
         ):
             return int(other)
     return -1
@@ -444,10 +312,10 @@ def decide(
         best = _best(everybody, row, me, float(left[row]), float(half[row]), made, fan)
         found.velocity[row, 0] = fan.pace[best] * fan.x[best]
         found.velocity[row, 1] = fan.pace[best] * fan.y[best]
-        if best == 0 and fan.pace[0] == _length(float(made.aim[row, 0]), float(made.aim[row, 1])):
+        if best == 0 and fan.pace[0] == length(float(made.aim[row, 0]), float(made.aim[row, 1])):
             found.velocity[row] = made.aim[row]  # not even rounding turns it
         px, py = float(made.preferred[row, 0]), float(made.preferred[row, 1])
-        speed = _length(px, py)
+        speed = length(px, py)
         on = everybody.velocity[me, 0] * px + everybody.velocity[me, 1] * py
         # a person that moves in its own direction does not wait
         waited = everybody.waited[me] + seconds if on / max(speed, TINY) < 0.25 * speed else 0.0
@@ -461,14 +329,14 @@ def decide(
         if other < 0:
             continue
         x, y = float(everybody.preferred[other, 0]), float(everybody.preferred[other, 1])
-        speed = max(_length(x, y), TINY)
+        speed = max(length(x, y), TINY)
         x, y = x / speed, y / speed
         dx = float(everybody.position[other, 0] - everybody.position[me, 0])
         dy = float(everybody.position[other, 1] - everybody.position[me, 1])
         along = -dx * x - dy * y
         across_x, across_y = -dx - along * x, -dy - along * y
-        wide = max(_length(across_x, across_y), TINY)
+        wide = max(length(across_x, across_y), TINY)
         x, y = x + across_x / wide, y + across_y / wide
-        long = max(_length(x, y), TINY)
+        long = max(length(x, y), TINY)
         found.waited[row], found.yields[row] = 0.0, YIELDING
         found.retreat[row, 0], found.retreat[row, 1] = x / long, y / long
