@@ -192,7 +192,8 @@ def batches(engine: str, cores: int) -> tuple[tuple[int, ...], int]:
     """Sizes of an engine's batches, and the size for which a row costs least."""
     if engine == "openvino":
         return openvino_engine.batch_sizes(cores), OpenVinoEngine.full
-    return RowPartitioner(cores).sizes(SIZES), SIZES[-1]
+    sizes = RowPartitioner(cores).sizes(SIZES)
+    return sizes, sizes[-1]
 
 
 def simulated(agents: int, asked: argparse.Namespace) -> Row:

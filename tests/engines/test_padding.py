@@ -27,8 +27,10 @@ SIZES = (1, 4, 8, 16, 32)
         (3, 3, 3),  # with one row of padding
         (3, 6, 4),  # or another in its place
         (3, 9, 8),  # a multiple of 8 costs least
-        (3, 31, 24),
-        (16, 40, 32),
+        (3, 31, 8),  # no more of them: a later one who is due needs company
+        (9, 31, 16),
+        (16, 40, 16),
+        (30, 40, 32),
         (33, 40, 32),  # no batch is larger
         (17, 17, 16),  # one row is left, since otherwise half of the batch would be padding
         (14, 14, 14),  # but two rows of padding are little
@@ -37,6 +39,11 @@ SIZES = (1, 4, 8, 16, 32)
 )
 def test_a_batch_is_filled_with_those_who_are_due_soon(due, there, taken):
     assert whole(due, there, SIZES, full=8) == taken
+
+
+def test_rows_that_would_pay_for_small_parts_wait_if_others_fill_the_next_batch():
+    assert whole(11, 20, (4, 8, 12), full=8) == 8
+    assert whole(11, 15, (4, 8, 12), full=8) == 12
 
 
 def test_without_a_best_size_all_are_taken_that_fit():

@@ -15,15 +15,15 @@ Columns = TypeVar("Columns", StepInputs, StepOutputs)
 def whole(least: int, most: int, sizes: tuple[int, ...], full: int) -> int:
     """Number of rows to take of `most`, of which `least` are due; `sizes` of batches ascend.
 
-    Takes a multiple of `full`, at which a row costs least. If more rows are due, it takes these,
-    and others instead of padding; but the few rows beyond the multiple wait for the next batch if
-    they would need much padding.
+    Takes a multiple of `full`, at which a row costs least: others fill it instead of padding. No
+    more of them than that, since they will fill later batches. The few rows beyond a multiple wait
+    for the next batch if others fill that one, or if they would need much padding.
     """
     filled = min(most, sizes[-1]) // full * full
-    if least > sizes[-1]:
+    if least > filled and (least > sizes[-1] or most - filled >= full):
         return filled or sizes[-1]
     if filled >= least:
-        return filled
+        return -(-least // full) * full
     room = next(size for size in sizes if size >= least)
     is_waste = room - least > max(full // 2, least - filled)
     return filled if filled and is_waste else min(room, most)

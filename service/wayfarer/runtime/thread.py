@@ -178,7 +178,7 @@ class MotionThread:
         for step, seconds in self._pipeline.completed():
             self._apply(step, seconds)
             applied += 1
-        self._schedule(now, refill=applied > 0)
+        self._schedule(now)
         self._publish()
         for session_id in self._world.faults.take_condemned():
             self._set_aside(session_id)
@@ -198,11 +198,10 @@ class MotionThread:
         self._world.load.spent(now, step, seconds)
         self._figures.stepped(now, seconds, agents)
 
-    def _schedule(self, now: float, refill: bool) -> None:
-        """Keeps the engine busy with agents that are due, or otherwise with those due soon."""
-        pipeline = self._pipeline
-        while (refill and pipeline.is_idle) or (pipeline.has_room and self._is_due(now)):
-            if not pipeline.submit(partial(self._world.schedule, now)):
+    def _schedule(self, now: float) -> None:
+        """Keeps the engine busy while agents are due."""
+        while self._pipeline.has_room and self._is_due(now):
+            if not self._pipeline.submit(partial(self._world.schedule, now)):
                 break
 
     def _publish(self) -> None:

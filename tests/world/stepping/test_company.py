@@ -53,19 +53,7 @@ def test_whoever_is_stepped_early_moves_alike():
         assert (chunk.flags & ChunkFlag.REPLANNED) >= (expected.flags & ChunkFlag.REPLANNED)
 
 
-def test_an_idle_engine_does_not_wait_for_a_full_batch():
+def test_the_engine_does_not_run_ahead():
     world, _ = eight(HALF + 0.03)
     list(world.advance(1.0))
-    before = world.next_event() - 0.02
-    early = world.schedule(before)
-    assert early is not None and early.call.rows == 8
-    assert world.schedule(before) is None, "nobody else is due soon"
-    world.apply(early)
-
-
-def test_nor_does_it_run_ahead_with_a_few():
-    world = make_world(phases=2, batch_lookahead_s=HALF, batch_multiple=16)
-    world.create_session(SessionSpec("s"), 0.0)
-    world.create_agents("s", people(8, gender="male"), 0.0)
-    list(world.advance(1.0))
-    assert world.schedule(world.next_event() - 0.02) is None
+    assert world.schedule(world.next_event() - 0.02) is None, "somebody due later needs company"

@@ -166,14 +166,14 @@ class Scheduler:
         """A batch with the agent that is due first, and the agents that fit into it whose next
         chunks are shown first. So a replanned agent, which has less time, goes before others.
 
-        If no call is in progress, agents that are due soon are stepped once they fill a batch.
+        Nobody is stepped before somebody is due: an agent with a new goal would find no company.
         """
         slots = self._table.rows
         rows = self._due(frame + self._company)
         if level is not None and level.by_sight:
             rows = rows[slots.sight[rows] < Sight.ROOT]  # the others coast
         is_due = self._playback.is_due(rows, frame)
-        if not is_due.any() and (self.under_way or len(rows) < self._full):
+        if not is_due.any():
             return None
         if level is not None and level.by_sight and slots.sight[rows].any():
             rows, due = self._near_first(rows, frame)
