@@ -8,11 +8,14 @@ from tests.engines.graphs import (
     step_model,
     write_folder,
 )
+from tests.engines.standing import standing_inputs
 from tests.world.fakes import BODIES, people, start_poses
 from wayfarer.engines.dummy import dummy_inputs
-from wayfarer.engines.onnx_engine import OnnxEngine
+from wayfarer.engines.onnx_engine import UNSCORED, OnnxEngine
 from wayfarer.errors import ArtifactError
 from wayfarer.models import artifacts
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
+from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
@@ -73,3 +76,24 @@ def test_a_graph_with_other_outputs_is_refused(folder):
         ArtifactError, match=r"step_male.onnx: outputs: found .*, expected .*contacts"
     ):
         engine(folder)
+
+
+def test_one_candidate_moves_alike_with_scores_and_without():
+    models = load_models(DEFAULT_MODEL)
+    silent, scoring = OnnxEngine(models, 2), OnnxEngine(models, 2).scoring
+    for rows in (1, 7, 64, 513):
+        inputs = standing_inputs("male", rows)
+        found, told = silent.step("male", inputs), scoring.step("male", inputs)
+        assert found.terms.shape == (rows, 0)
+        assert told.terms.shape == (rows, len(TERMS)) and told.terms.any()
+        for name in UNSCORED:
+            np.testing.assert_array_equal(getattr(found, name), getattr(told, name), name)
+
+
+def test_a_session_with_scores_takes_the_place_of_the_other():
+    engine = OnnxEngine(load_models(DEFAULT_MODEL), 1)
+    one = standing_inputs("male", 2)
+    assert not engine.step("male", one).terms.size
+    assert engine.step("male", standing_inputs("male", 2, 4)).terms.any()
+    assert engine.step("male", one).terms.any() and not engine.step("female", one).terms.size
+    assert engine.single_threaded.scoring.step("female", one).terms.any()

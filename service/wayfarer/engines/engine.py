@@ -8,7 +8,7 @@ A = agents, K = candidates, S = seed frames (2), F = new frames (8), T = quality
 
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,15 @@ class StepOutputs:
     next_seed_markers: Float  # [A, S, 67, 3]; "next": a graph's names must all differ
     terms: Float  # [A, T] quality terms of the chosen candidate; see `Engine.scoring`
     choice: NDArray[np.int64]  # [A]
+
+
+LEFT_OUT = ("terms", "choice")
+"""Outputs of a step that nothing has to choose from."""
+
+
+def unscored(rows: int) -> dict[str, NDArray[Any]]:
+    """Values for the outputs in `LEFT_OUT`."""
+    return {"terms": np.zeros((rows, 0), np.float32), "choice": np.zeros(rows, np.int64)}
 
 
 def no_obstacles(agents: int) -> Float:

@@ -1,14 +1,15 @@
 """The engine on onnxruntime: one session per gender, on the CPU."""
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
-from functools import cached_property, partial
 from typing import Final
 
 import onnxruntime
 
-from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs
+from wayfarer.engines.engine import LEFT_OUT, EngineKind, StepInputs, StepOutputs, unscored
+from wayfarer.engines.onnx_graph import without_scores
 from wayfarer.engines.row_partitioner import LEAST, RowPartitioner
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import ArtifactError
@@ -18,6 +19,7 @@ from wayfarer.terms import TERMS
 
 INPUTS = tuple(f.name for f in fields(StepInputs))
 OUTPUTS = tuple(f.name for f in fields(StepOutputs))
+UNSCORED: Final = tuple(name for name in OUTPUTS if name not in LEFT_OUT)
 
 SIZES: Final = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
 """Rows for one thread. A row costs half as much in a batch of 64 as in one of 8. With 96 it is 4 %
@@ -38,16 +40,19 @@ class OnnxEngine(WarmEngine):
 
     def __init__(self, models: ModelFolder, threads: int = 0) -> None:
         """`threads` per call; 0: one per core. Raises ArtifactError."""
+        self._models = models
         self.name = models.path.resolve().name
         self.graphs = tuple(sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS)
         with ThreadPoolExecutor(len(GENDERS)) as pool:
-            opened = pool.map(partial(self._open, models), GENDERS)
+            opened = pool.map(self._open, GENDERS)
             self._sessions = dict(zip(GENDERS, opened, strict=True))
+        self._scores = False  # whether the caller relies on them
+        self._opening = threading.Lock()
         self._partitioner = RowPartitioner(threads)
         self.batch_sizes = self._partitioner.sizes(SIZES)
         self.full = self.batch_sizes[-1]  # 96 on two threads cost a seventh more: 48 for each
 
-    @cached_property
+    @property
     def single_threaded(self) -> "OnnxEngine":
         """See `Engine`."""
         other = copy(self)
@@ -55,29 +60,48 @@ class OnnxEngine(WarmEngine):
         other.batch_sizes, other.full = SIZES, SIZES[-1]
         return other
 
+    @property
+    def scoring(self) -> "OnnxEngine":
+        """See `Engine`."""
+        other = copy(self)
+        other._scores = True
+        return other
+
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """Steps all rows; see `Engine`."""
-        session = self._sessions[gender]
+        candidates = inputs.noise.shape[1]
+        if self._scores or candidates > 1:
+            self._open_scored(gender)
+        session, outputs = self._sessions[gender]
 
         def run(rows: StepInputs) -> StepOutputs:
-            return StepOutputs(*session.run(OUTPUTS, {n: getattr(rows, n) for n in INPUTS}))
+            found = session.run(outputs, {n: getattr(rows, n) for n in INPUTS})
+            return StepOutputs(**unscored(len(rows.goal)) | dict(zip(outputs, found, strict=True)))
 
-        candidates = inputs.noise.shape[1]
         most = min(MAX_ROWS, max(MAX_CANDIDATES // candidates, LEAST))
         return self._partitioner.step(run, inputs, most)
 
-    @staticmethod
-    def _open(models: ModelFolder, gender: str) -> onnxruntime.InferenceSession:
-        path = models.graph("step", gender, SEED_FRAMES)
+    def _open_scored(self, gender: str) -> None:
+        """Its session takes the place of the one without scores, so that memory holds one."""
+        with self._opening:
+            if self._sessions[gender][1] != OUTPUTS:
+                self._sessions[gender] = self._open(gender, OUTPUTS)
+
+    def _open(
+        self, gender: str, outputs: tuple[str, ...] = UNSCORED
+    ) -> tuple[onnxruntime.InferenceSession, tuple[str, ...]]:
+        """A session and its outputs."""
+        path = self._models.graph("step", gender, SEED_FRAMES)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1  # see row_partitioner.py
         # each session's own would keep the most that any call has taken: 40 MB, and no faster
         options.enable_cpu_mem_arena = False
-        session = open_session(path, options)
+        graph = None if outputs == OUTPUTS else without_scores(path.read_bytes())
+        session = open_session(path, options, graph)
         for kind, found, expected in (
             ("inputs", [i.name for i in session.get_inputs()], INPUTS),
-            ("outputs", [o.name for o in session.get_outputs()], OUTPUTS),
+            ("outputs", [o.name for o in session.get_outputs()], outputs),
         ):
             if set(found) != set(expected):
                 raise ArtifactError(f"{path}: {kind}: found {found}, expected {list(expected)}")
-        return session
+        return session, outputs

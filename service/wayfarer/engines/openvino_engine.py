@@ -15,13 +15,19 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 import structlog
-from numpy.typing import NDArray
 
 from wayfarer import __version__
 from wayfarer.engines import openvino_network
 from wayfarer.engines.compiled_networks import CompiledNetworks, KeptNetwork
-from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
-from wayfarer.engines.openvino_network import LEFT_OUT, with_hidden_bfloat16, without_scores
+from wayfarer.engines.engine import (
+    LEFT_OUT,
+    EngineKind,
+    StepInputs,
+    StepOutputs,
+    unscored,
+    variant,
+)
+from wayfarer.engines.openvino_network import with_hidden_bfloat16, without_scores
 from wayfarer.engines.padding import pad
 from wayfarer.engines.row_partitioner import RowPartitioner, give_way
 from wayfarer.engines.warm import WarmEngine
@@ -209,11 +215,6 @@ class OpenVinoEngine(WarmEngine):
             shapes[tensor] = shape
         network.reshape(shapes)
         return network if is_scored else without_scores(network, rows)
-
-
-def unscored(rows: int) -> dict[str, NDArray[Any]]:
-    """Values for the outputs in `LEFT_OUT`."""
-    return {"terms": np.zeros((rows, 0), np.float32), "choice": np.zeros(rows, np.int64)}
 
 
 def batch_sizes(threads: int) -> tuple[int, ...]:

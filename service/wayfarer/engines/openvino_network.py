@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from wayfarer.engines.engine import LEFT_OUT
+
 if TYPE_CHECKING:
     from openvino import Model, Node, Output
 
@@ -102,10 +104,6 @@ def _is_row(value: "Output") -> bool:
         and width.is_static
         and (width.get_length() % HIDDEN == 0)
     )
-
-
-LEFT_OUT: Final = ("terms", "choice")
-"""Outputs that a step without scores does not have."""
 
 
 def without_scores(network: "Model", rows: int) -> "Model":

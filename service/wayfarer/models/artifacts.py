@@ -231,11 +231,21 @@ def read_contract(path: Path) -> Contract:
     return contract_from_json(metadata[METADATA_KEY], str(path))
 
 
-def open_session(path: Path, options: onnxruntime.SessionOptions) -> onnxruntime.InferenceSession:
-    """Opens a graph on the CPU. Raises ArtifactError when onnxruntime refuses it."""
+WEIGHTS_FOLDER: Final = "session.model_external_initializers_file_folder_path"
+"""Option of onnxruntime for a graph in memory whose weights are in a file."""
+
+
+def open_session(
+    path: Path, options: onnxruntime.SessionOptions, graph: bytes | None = None
+) -> onnxruntime.InferenceSession:
+    """Opens a graph on the CPU: the file, or `graph` in its place. Raises ArtifactError when
+    onnxruntime refuses it.
+    """
+    if graph is not None:
+        options.add_session_config_entry(WEIGHTS_FOLDER, str(path.parent))
     try:
         return onnxruntime.InferenceSession(
-            str(path), sess_options=options, providers=["CPUExecutionProvider"]
+            graph or str(path), sess_options=options, providers=["CPUExecutionProvider"]
         )
     except Exception as error:  # onnxruntime's own classes share no public base but Exception
         raise ArtifactError(f"{path}: onnxruntime cannot open it: {error}") from error
