@@ -70,9 +70,11 @@ class OnnxEngine(WarmEngine):
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """Steps all rows; see `Engine`."""
         candidates = inputs.noise.shape[1]
+        outputs = UNSCORED
         if self._scores or candidates > 1:
+            outputs = OUTPUTS
             self._open_scored(gender)
-        session, outputs = self._sessions[gender]
+        session, _ = self._sessions[gender]
 
         def run(rows: StepInputs) -> StepOutputs:
             found = session.run(outputs, {n: getattr(rows, n) for n in INPUTS})
