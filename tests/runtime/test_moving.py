@@ -32,6 +32,7 @@ from wayfarer.world.behaviours.routine import Part
 from wayfarer.world.goals.commands import Path
 from wayfarer.world.scenes.messages import Crowd, SceneSource
 from wayfarer.world.scenes.populate import CrowdPeople
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.admission import Admission
 from wayfarer.world.stepping.settings import AdmissionRules
 
@@ -76,7 +77,7 @@ def walking(now):
 def at_a_door(now):
     """A world with eight people who have met at a door, and its makers."""
     worlds = fake_worlds(lead=1, phases=2)
-    scene = worlds.scenes.add(field(*DOOR)).scene_id
+    scene = worlds.scenes.create(SceneSource(field(*DOOR).spec)).scene_id
     world = worlds.live()
     world.create_session(SessionSpec("s", scene=scene), 0.0)
     places = [(4.5 + k, y) for y in (4.2, 7.8) for k in range(4)]
@@ -315,50 +316,54 @@ async def test_a_session_in_lock_step_that_is_not_moved_after_all_goes_on_bit_fo
 
 async def test_a_scene_of_another_release_is_baked_again(servers, monkeypatch):
     here, there = await servers.start(), await servers.start()
-    made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
+    made = await here.scenes.create(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
     with monkeypatch.context() as patch:
         patch.setattr(scene_entries, "__version__", "0")
-        content = await here.scenes.content(made.scene_id)
-    came = await there.scenes.adopt(made.scene_id, content, here.scenes.obstacles(made.scene_id))
+        content = await here.scene_moves.content(made.scene_id)
+    came = await there.scene_moves.import_(
+        made.scene_id, content, await here.scene_moves.export(made.scene_id)
+    )
     assert (came.area, came.content_hash) == (made.area, made.content_hash)
-    record = scene_entries.decode_scene("scene-1", content, here.scenes.obstacles(made.scene_id))
+    record = scene_entries.decode_scene(
+        "scene-1", content, await here.scene_moves.export(made.scene_id)
+    )
     assert record.baked is None
 
 
 async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
     here, there = await servers.start(), await servers.start()
-    made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
+    made = await here.scenes.create(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
     scene = made.scene_id
     sessions = [(await here.create_session(SessionSpec(scene=scene))).session_id for _ in "ab"]
     assert {group_of(name) for name in sessions} == {group_of(scene)}
     person = (await here.create_agents(sessions[0], [AgentSpec(position=(6.0, 2.0))]))[0].agent_id
     await here.give(person, goals((6, 10))[0])
-    await here.scenes.put_obstacle(scene, "crate", Cylinder((1.0, 1.0), 0.5, 1.0))
-    content = await here.scenes.content(scene)
-    there.scenes._registry._bake = None  # it is not baked again
+    await here.scenes.change(SceneRegistry.put, scene, "crate", Cylinder((1.0, 1.0), 0.5, 1.0))
+    content = await here.scene_moves.content(scene)
+    there.scenes.registry._bake = None  # it is not baked again
 
-    await here.scenes.freeze(scene)
+    await here.scene_moves.freeze(scene)
     packed = []
     for session in sessions:
         await here.moves.freeze(session)
         packed.append(await here.moves.export(session))
     coming = asyncio.create_task(here.create_session(SessionSpec(scene=scene)))
-    changing = asyncio.create_task(here.scenes.remove_obstacle(scene, "crate"))
-    await there.scenes.adopt(scene, content, here.scenes.obstacles(scene))
+    changing = asyncio.create_task(here.scenes.change(SceneRegistry.remove, scene, "crate"))
+    await there.scene_moves.import_(scene, content, await here.scene_moves.export(scene))
     for session, data in zip(sessions, packed, strict=True):
         await there.moves.import_(await there.moves.read(data))
         await there.moves.unfreeze(session)
         await here.moves.release(session, ELSEWHERE)
-    await here.scenes.release(scene, ELSEWHERE)
+    await here.scene_moves.release(scene, ELSEWHERE)
     for waiting in (coming, changing):
         with pytest.raises(Misdirected):
             await waiting
-    assert await here.scenes.list_scenes() == [] and await here.list_sessions() == []
-    moved = await there.scenes.get_scene(scene)
+    assert here.scenes.registry.infos() == [] and await here.list_sessions() == []
+    moved = there.scenes.registry.entry(scene).info()
     assert moved.sessions == 2 and list(moved.obstacles) == ["crate"]
     assert (moved.content_hash, moved.version) == (made.content_hash, made.version + 1)
     assert (await there.get_agent(person)).goal_revision == 1
-    await there.scenes.remove_obstacle(scene, "crate")
+    await there.scenes.change(SceneRegistry.remove, scene, "crate")
 
 
 async def test_a_recorded_session_takes_its_log_along(servers):
@@ -459,8 +464,8 @@ async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scene
     here = await servers.start()
     there = await servers.start(limits=Limits(sessions=1, scenes=1))
     field = SceneSource(SceneSpec((FIELD,)), "field")
-    scene = (await here.scenes.create_scene(field)).scene_id
-    await there.scenes.create_scene(field)
+    scene = (await here.scenes.create(field)).scene_id
+    await there.scenes.create(field)
     copies = []
     for spec in (SessionSpec(), SessionSpec(scene=scene), SessionSpec(lock_step=True)):
         session = (await here.create_session(spec)).session_id
@@ -468,10 +473,10 @@ async def test_from_replicas_all_live_on_beyond_the_limits_of_sessions_and_scene
         copies.append(await here.moves.replica(session))
     await there.create_session(SessionSpec())
     await there.create_session(SessionSpec(lock_step=True))
-    content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
+    content, obstacles = await here.scene_moves.content(scene), await here.scene_moves.export(scene)
     await servers.stop(here)
 
-    await there.scenes.adopt(scene, content, obstacles)
+    await there.scene_moves.import_(scene, content, obstacles)
     for copy in copies:
         made = await lives_on(there, copy)
         assert await there.list_agents(made.session_id)
@@ -506,15 +511,15 @@ async def test_from_its_replica_a_recorded_session_lives_on_and_its_log_begins_t
 
 async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
     here, there = await servers.start(), await servers.start()
-    scene = (await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
+    scene = (await here.scenes.create(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
     session = (await here.create_session(SessionSpec(scene=scene))).session_id
     await here.scenes.populate(session, Crowd(6, seed=3, stay=1.0))
     copy = await here.moves.replica(session)
     people = {agent.spec.name for agent in (await here.moves.read(copy)).record.agents}
-    content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
+    content, obstacles = await here.scene_moves.content(scene), await here.scene_moves.export(scene)
     await servers.stop(here)  # nothing more is heard of it
 
-    await there.scenes.adopt(scene, content, obstacles)
+    await there.scene_moves.import_(scene, content, obstacles)
     await lives_on(there, copy)
 
     async def names() -> set[str]:

@@ -95,7 +95,19 @@ def test_an_obstacle_in_the_way_is_walked_around_within_half_a_second():
     assert np.abs(after[agent.agent_id][-1, 0] - 6.0) > 0.1  # aside
     rest, arrived = walked(world, 15.0)
     assert arrived
-    assert registry.scene(scene_id).distance(rest[agent.agent_id]).min() > CLEAR
+    assert registry.entry(scene_id).scene.distance(rest[agent.agent_id]).min() > CLEAR
+
+
+def test_an_obstacle_is_seen_though_a_session_enters_before_the_next_step():
+    world, registry, scene_id = world_in(field())
+    [agent] = enter(world, SOUTH)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
+    walked(world, 1.5)
+    registry.put(scene_id, "crate", BOX)
+    world.create_session(SessionSpec("other", scene=scene_id), 1.5)
+    rest, arrived = walked(world, 15.0)
+    assert arrived
+    assert registry.entry(scene_id).scene.distance(rest[agent.agent_id]).min() > CLEAR
 
 
 def test_an_obstacle_elsewhere_changes_nothing():
@@ -222,16 +234,16 @@ def test_a_session_names_a_scene_that_is_here_and_holds_it():
         world.create_session(SessionSpec("x", scene="scene-x"), 0.0)
     with pytest.raises(FailedPrecondition, match="cannot be recorded"):
         world.create_session(SessionSpec("x", scene=scene_id, record=True), 0.0)
-    assert registry.info(scene_id).sessions == 1
+    assert registry.entry(scene_id).sessions == ["s"]
     world.delete_session("s")
-    assert registry.info(scene_id).sessions == 0
+    assert registry.entry(scene_id).sessions == []
 
 
 def test_a_refused_session_holds_no_scene():
     world, registry, scene_id = world_in(field())
     with pytest.raises(AlreadyExists):
         world.create_session(SessionSpec("s", scene=scene_id), 0.0)
-    assert registry.info(scene_id).sessions == 1
+    assert registry.entry(scene_id).sessions == ["s"]
 
 
 def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing():
