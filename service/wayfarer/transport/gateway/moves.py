@@ -144,8 +144,8 @@ class SessionMoves:
         if to is not None:
             self._context.locator.left(name, to)
             error = misdirected(name, to)
-        self._context.sessions.forget(name)
-        self._context.scenes.forget(name)
+        self._context.sessions.close(name)
+        self._context.scenes.close(name)
         with contextlib.suppress(NotFound):
             await _served(lambda: self._home(name).release(name, error))
 

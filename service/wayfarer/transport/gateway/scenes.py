@@ -150,7 +150,7 @@ class SceneApi:
         """Removes a scene. Raises NotFound, FailedPrecondition."""
         scene = self._context.scenes.scene(scene_id)
         await self._runtime.change(SceneRegistry.delete, scene_id)
-        self._context.scenes.close(scene)
+        self._context.scenes.close(scene.scene_id, scene)
         await self._context.locator.copied(scene_id)
 
     @implements("PutObstacle")
@@ -259,4 +259,4 @@ class SceneApi:
             except (NotFound, Misdirected):  # its client, or a move, was quicker
                 pass
             log.info("lease ended", scene_id=scene.scene_id, lease_s=scene.lease_s)
-            self._context.scenes.close(scene)
+            self._context.scenes.close(scene.scene_id, scene)
