@@ -10,7 +10,7 @@ from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewa
 from wayfarer.cluster.directory import AWAY_S, DRIFT, SHARES, Directory, LeaseRules, rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, Changes, NodeLoad
-from wayfarer.cluster.tenancy import CLAIM_S, Tenancy
+from wayfarer.cluster.node_lease import CLAIM_S, NodeLease
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 
@@ -712,7 +712,7 @@ def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
 def test_a_directory_is_settled_once_all_nodes_take_sessions():
     """Else the first sessions would all be placed on the node that was the first."""
     bench = Bench(["n0"], settled=False, nodes=2)
-    starting = bench.nodes["n1"] = Tenancy(info("n1"), lambda: bench.now)
+    starting = bench.nodes["n1"] = NodeLease(info("n1"), lambda: bench.now)
     bench.present["n1"], bench.loads["n1"] = set(), NodeLoad(ready=False)
     bench.beat()
     assert starting.leased and not bench.status.settled

@@ -4,7 +4,7 @@ What nodes and entries call: `renew`, `claim`, `decline`, `ended`, `place`, `dra
 rules, on which "never two owners" rests:
 
 - A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
-  here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
+  here `DRIFT` longer: the node always knows of its end first, and stops (node_lease.py).
 - A group changes its owner only by its owner's wish (`claim`), or after its owner has ended or
   its lease has. Each change gives it an epoch greater than any before. Until it is adopted, it is
   given back to its owner that returns, or to the node that had taken it from that.
