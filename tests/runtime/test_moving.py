@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from tests.runtime.kept_worlds import STICK, assert_same_poses, fake_worlds
-from tests.runtime.servers import Servers
 from tests.world.scenes.grounds import BOX, DOOR, FIELD, field
 from wayfarer.config.limits import Limits
 from wayfarer.endpoint import Endpoint
@@ -38,14 +37,6 @@ from wayfarer.world.stepping.settings import AdmissionRules
 
 ELSEWHERE = Misdirected("elsewhere", Endpoint(1, 2, 3, "b"))
 NOTHING = SessionLog("e", 0, 0.0, None, {}, ())
-
-
-@pytest.fixture
-async def servers():
-    made = Servers()
-    yield made
-    for runtime in list(made.running):
-        await made.stop(runtime)
 
 
 def goals(*places):

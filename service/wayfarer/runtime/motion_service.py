@@ -217,7 +217,7 @@ class MotionService:
             async with self._move_locks.through(agent_id):
                 revision = await self._homes.of_agent(agent_id).ask(given)
         except Unreachable as error:
-            raise await self.scenes.explained(error) from None
+            raise await self.scenes.work(error.explained) from None  # looks for obstacles
         return await self._persistence.durable(revision)
 
     # Motion

@@ -88,11 +88,7 @@ class SceneService:
         try:
             return await self.work(method, scene, *args, **kwargs)
         except Unreachable as error:
-            raise await self.explained(error) from None
-
-    async def explained(self, error: Unreachable) -> Unreachable:
-        """The refusal with the blocking obstacles, which a worker thread looks for."""
-        return await self.work(error.explained)
+            raise await self.work(error.explained) from None  # with the blocking obstacles
 
     async def work(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Calls a function on a worker thread."""
