@@ -1,5 +1,6 @@
 """The scenes of a world's sessions, as its present step sees them."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -20,11 +21,12 @@ Clear = Callable[[Array], Array]
 
 
 class WorldScenes:
-    """Scenes by number; a number stands for one scene for the world's whole life."""
+    """Scenes by number; no number comes to stand for another scene."""
 
     def __init__(self, registry: SceneRegistry, slots: Slots) -> None:
         self.registry = registry
         self._slots = slots
+        self._next = itertools.count(NOWHERE + 1)
         self._numbers: dict[str, int] = {}
         self._entries: dict[int, SceneEntry] = {}
         self._scenes: dict[int, Scene] = {}
@@ -47,7 +49,7 @@ class WorldScenes:
                 f"scene {spec.scene!r} is not here: scenes belong to one server, so create it "
                 "first, and let the session name the id that it gets"
             ) from None
-        number = self._numbers.setdefault(spec.scene, len(self._numbers) + 1)
+        number = self._numbers.setdefault(spec.scene, next(self._next))
         if self._entries.get(number) is not entry:  # otherwise `refresh` tells all its agents
             self._entries[number], self._scenes[number] = entry, entry.scene
         return number
@@ -73,10 +75,12 @@ class WorldScenes:
         )
 
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
-        """Applies new versions; returns the slots in scenes that have one.
+        """Applies new versions, and forgets scenes without sessions; returns the slots in scenes
+        that have a new version.
 
         `failed(number, error)`: agents continue in that scene's former version.
         """
+        self._forget_unused()
         changed = []
         for number, entry in self._entries.items():
             if (scene := entry.scene) is not self._scenes[number]:
@@ -89,6 +93,11 @@ class WorldScenes:
         if not changed:
             return np.empty(0, np.int64)
         return np.flatnonzero(self._slots.active & np.isin(self._slots.scene, changed))
+
+    def _forget_unused(self) -> None:
+        unused = {number for number, entry in self._entries.items() if not entry.sessions}
+        for number in unused.difference(self._slots.scene[self._slots.active].tolist()):
+            del self._scenes[number], self._numbers[self._entries.pop(number).scene_id]
 
     def _take_up(self, number: int, scene: Scene) -> None:
         self._scenes[number] = scene
