@@ -42,7 +42,7 @@ from wayfarer.cluster.messages import (
     NodeState,
     Status,
 )
-from wayfarer.cluster.placement import Member, able_of, burden_of, place
+from wayfarer.cluster.placement import ClusterNode, able_of, burden_of, place
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 V = TypeVar("V")
@@ -114,7 +114,7 @@ class Directory:
         self._lease_s = rules.lease_s * DRIFT
         self._settled_at = clock() + self._lease_s
         self._was_settled = False  # when it was looked at last
-        self._nodes: dict[str, Member] = {}
+        self._nodes: dict[str, ClusterNode] = {}
         self._groups: dict[str, _Entry] = {}
         self._version = 0
         self._nodes_version = 0
@@ -176,8 +176,10 @@ class Directory:
         epochs = {g: self._groups[g].epoch for g in compared if not self._is_adopted(g)}
         return self._answer(node, told.seen, tuple(lost), epochs)
 
-    def _enter(self, info: NodeInfo) -> Member:
-        node = self._nodes[info.name] = Member(info, NodeLoad(), self._clock(), self._watch(info))
+    def _enter(self, info: NodeInfo) -> ClusterNode:
+        node = self._nodes[info.name] = ClusterNode(
+            info, NodeLoad(), self._clock(), self._watch(info)
+        )
         self._nodes_changed()
         for group in self._waiting.pop(info.number, ()):
             self._own(group, info.name)
@@ -195,7 +197,7 @@ class Directory:
                 if one in self._nodes:
                     self._end(self._nodes.pop(one))
 
-    def _end(self, node: Member) -> None:
+    def _end(self, node: ClusterNode) -> None:
         self._nodes_changed()
         if self.rules.keep:
             self._waiting.setdefault(node.info.number, set()).update(node.used)
@@ -359,7 +361,11 @@ class Directory:
     # ---- answers
 
     def _answer(
-        self, node: Member, seen: tuple[int, int], lost: tuple[str, ...], epochs: dict[str, int]
+        self,
+        node: ClusterNode,
+        seen: tuple[int, int],
+        lost: tuple[str, ...],
+        epochs: dict[str, int],
     ) -> Answer:
         now = self._clock()
         node.heard_at = now
@@ -375,7 +381,7 @@ class Directory:
             changes=self._changes(seen),
         )
 
-    def _orders(self, node: Member, now: float) -> Iterable[NodeOrder]:
+    def _orders(self, node: ClusterNode, now: float) -> Iterable[NodeOrder]:
         adoptions = [group for group in node.used if self._is_adopted(group)]
         for group in sorted(adoptions):
             yield NodeOrder(kind="adopt", group=group, epoch=self._groups[group].epoch)
@@ -498,12 +504,12 @@ class Directory:
         """Its owner has still to find replicas of what lived there."""
         return group in self._groups and self._groups[group].keepers is not None
 
-    def _equals(self, node: Member) -> set[str]:
+    def _equals(self, node: ClusterNode) -> set[str]:
         """Names of the nodes that could take its groups."""
         stay = (other for other in self._nodes.values() if not other.draining and other is not node)
         return {other.info.name for other in stay if other.is_like(node)}
 
-    def _choose_keeper(self, node: Member) -> None:
+    def _choose_keeper(self, node: ClusterNode) -> None:
         """Keep the neighbour while it is good; the one before still has older replicas."""
         if self.rules.keep:
             return

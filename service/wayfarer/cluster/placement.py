@@ -14,7 +14,7 @@ UNSEEN_S: Final = 2.0
 
 
 @dataclass(slots=True)
-class Member:
+class ClusterNode:
     """A node, as the directory knows it."""
 
     info: NodeInfo
@@ -40,12 +40,12 @@ class Member:
         found = (reported - index for index, (_, reported) in enumerate(self.placed))
         return max(self.load.sessions, len(self.placed) + max(found, default=0))
 
-    def is_like(self, other: "Member") -> bool:
+    def is_like(self, other: "ClusterNode") -> bool:
         """Whether it can take what lives there: both have the same model and bodies."""
         return self.info.fingerprint == other.info.fingerprint
 
 
-def place(members: Collection[Member], now: float, drawn: random.Random) -> Member:
+def place(members: Collection[ClusterNode], now: float, drawn: random.Random) -> ClusterNode:
     """Counts a new session there. Raises Unavailable."""
     able = able_of(members, now)
     if not able:
@@ -57,7 +57,7 @@ def place(members: Collection[Member], now: float, drawn: random.Random) -> Memb
     return chosen
 
 
-def able_of(members: Collection[Member], now: float) -> list[Member]:
+def able_of(members: Collection[ClusterNode], now: float) -> list[ClusterNode]:
     """Those that take new sessions, all of one kind."""
     ready = [one for one in members if one.load.ready and not one.draining]
     found = [one for one in ready if not one.is_silent(now)] or ready
@@ -68,7 +68,7 @@ def able_of(members: Collection[Member], now: float) -> list[Member]:
     return [one for one in found if one.info.fingerprint == kind]
 
 
-def burden_of(members: Collection[Member], now: float) -> Callable[[Member], float]:
+def burden_of(members: Collection[ClusterNode], now: float) -> Callable[[ClusterNode], float]:
     """A function for the share of a node's room that is taken.
 
     Agents come after their session: a session counts as the mean one of these nodes beside the
