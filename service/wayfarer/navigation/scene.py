@@ -115,7 +115,7 @@ class Scene:
         points = shortest(self.mesh, self.ground, first, last)
         points = widened(points, self, self.spec.walkable.radius)
         points[:, 2] = self.floor(points)
-        return GroundPath(points, first.moved, last.moved, self.content_hash, self.version)
+        return GroundPath(points, first.moved, last.moved, self.version)
 
     def triangles(self) -> NDArray[np.float64]:
         """All its triangles, with the present obstacles [T, 3, 3], metres. Takes time."""

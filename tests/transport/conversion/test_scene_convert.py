@@ -155,7 +155,7 @@ def test_glb_is_in_gltfs_basis_and_units_can_be_said():
 @BASES
 def test_ways_and_outlines_are_told_in_the_basis(basis):
     axes = basis.axes
-    way = GroundPath(np.array(((0.0, 0.0, 0.0), (3.0, 4.0, 1.0))), 0.0, 0.5, "hash", 3)
+    way = GroundPath(np.array(((0.0, 0.0, 0.0), (3.0, 4.0, 1.0))), 0.0, 0.5, 3)
     told = scene_convert.scene_path(way, axes)
     assert told.points[1].model_dump() == pytest.approx(vector(basis, 3, 4, 1))
     assert (told.length, told.goal_moved) == pytest.approx((length(basis, 5), length(basis, 0.5)))
