@@ -1,4 +1,4 @@
-"""Scenes of the fake service: the real ones, best small; nobody walks in them."""
+"""The fake service's scenes are real; tests make small ones, in which nobody walks."""
 
 from itertools import count
 

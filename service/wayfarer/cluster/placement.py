@@ -58,7 +58,7 @@ def place(members: Collection[ClusterNode], now: float, drawn: random.Random) ->
 
 
 def able_of(members: Collection[ClusterNode], now: float) -> list[ClusterNode]:
-    """Those that take new sessions, all of one kind."""
+    """The nodes that take new sessions, all of one kind."""
     ready = [one for one in members if one.load.ready and not one.draining]
     found = [one for one in ready if not one.is_silent(now)] or ready
     # of several kinds the one with the most nodes: in a rolling change new nodes become

@@ -1,4 +1,4 @@
-"""The scenes of a server as event loops use them: slow work runs on worker threads.
+"""The scenes of a server, for event loops: slow work runs on worker threads.
 
 Each rule for a call on a scene stands in one place: owner, basis and lease in
 `transport/gateway/scene_access.py`; waiting for moves and for the disk here; limits, names, one

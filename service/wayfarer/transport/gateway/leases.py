@@ -65,11 +65,11 @@ class Leases(Generic[T]):
         return list(self._open)
 
     def owned(self, caller: Caller) -> list[T]:
-        """The caller's, oldest first; an admin sees all."""
+        """The caller's sessions, or scenes, oldest first; an admin sees all."""
         return [one for one in self._open.values() if one.owner == caller.name or caller.is_admin]
 
     def expired(self) -> list[T]:
-        """Those whose lease has expired."""
+        """The sessions, or scenes, whose lease has expired."""
         now = self._clock()
         return [one for one in self._open.values() if one.expires_at < now]
 
@@ -78,8 +78,8 @@ class Leases(Generic[T]):
         one.expires_at = self._clock() + one.lease_s
 
     def close(self, name: str, one: T | None = None) -> T | None:
-        """Forgets the one of an id, and only if it is `one`, unless that is None: by then a new one
-        may have the same id. Safe to call twice. Returns what it forgot.
+        """Forgets the session or scene of this id and returns it. With `one`, only if it still is
+        that one: a new one may have the same id. Safe to call twice.
         """
         found = self._open.get(name)
         if found is None or (one is not None and one is not found):
