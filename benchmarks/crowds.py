@@ -39,11 +39,11 @@ from benchmarks.crowd_figures import RATE, Tracks, figures
 from benchmarks.crowd_film import Filming
 from benchmarks.crowd_skin import Skin
 from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, open_bundle
-from wayfarer.navigation.scene import bake
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 EVERY = round(FPS / RATE)
@@ -79,7 +79,7 @@ def run(
     """Simulates a case; `watchers` see each chunk and the number of its person."""
     begun = time.process_time()
     scenes = SceneRegistry()
-    scene = "" if case.spec is None else scenes.add(bake(case.spec)).scene_id
+    scene = "" if case.spec is None else scenes.create(SceneSource(case.spec)).scene_id
     world = bundle.world(len(case.starts), Steering().with_search(candidates=1), scenes)
     session = world.create_session(SessionSpec(scene=scene), 0.0).session_id
     people = [agent.agent_id for agent in world.create_agents(session, specs, 0.0)]

@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import time
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Final
 
 import numpy as np
@@ -23,7 +24,7 @@ from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, Sessi
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.scenes.messages import SceneInfo
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.due import sights_of
 from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
@@ -91,6 +92,7 @@ class Driven:
         self._publisher = Publisher(
             settings.limits, self._meter, self._world.get_agent, self._world.faults
         )
+        self.scenes = SimpleNamespace(registry=SceneRegistry())  # there are none
         self.subscriptions: list[Subscription] = []
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
@@ -117,15 +119,6 @@ class Driven:
     async def list_sessions(self) -> list[SessionInfo]:
         """Implements `MotionService`."""
         return self._world.list_sessions()
-
-    @property
-    def scenes(self) -> "Driven":
-        """Implements `MotionService`."""
-        return self
-
-    async def list_scenes(self) -> list[SceneInfo]:
-        """Implements `SceneService`; there are none."""
-        return []
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
         """Implements `MotionService`."""

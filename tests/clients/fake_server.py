@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import grpc
@@ -10,27 +11,8 @@ from google.protobuf.any_pb2 import Any as AnyMessage
 from google.protobuf.message_factory import GetMessageClass
 from google.rpc.status_pb2 import Status
 
-from wayfarer_client.v1 import (
-    admin_pb2,
-    agent_pb2,
-    catalog_pb2,
-    control_pb2,
-    goal_pb2,
-    motion_pb2,
-    session_pb2,
-    snapshot_pb2,
-)
-
-MODULES = (
-    admin_pb2,
-    agent_pb2,
-    catalog_pb2,
-    control_pb2,
-    goal_pb2,
-    motion_pb2,
-    session_pb2,
-    snapshot_pb2,
-)
+CONTRACT = ("admin", "agent", "catalog", "control", "goal", "motion", "session", "snapshot")
+MODULES = [import_module(f"wayfarer_client.v1.{name}_pb2") for name in CONTRACT]
 ASKED = "asked"  # in a script: read one request of the client
 FOREVER = "forever"  # in a script: send nothing more
 

@@ -14,6 +14,7 @@ from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.commands import Path as GoalPath
 from wayfarer.world.goals.commands import Stop
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
@@ -50,7 +51,7 @@ def traced(
     engine, scenes = OnnxEngine(load_models(DEFAULT_MODEL), 1), SceneRegistry()
     poses = load_start_poses(START_POSES)
     world = World(engine, load_bodies("anny52"), poses, settings, scenes=scenes)
-    number = scenes.add(scene).scene_id if scene else ""
+    number = scenes.create(SceneSource(scene.spec), baked=scene).scene_id if scene else ""
     spec = SessionSpec(lock_step=True, scene=number, avoid=avoid)
     session = world.create_session(spec, now=0.0).session_id
     agents = world.create_agents(session, specs, now=0.0)

@@ -4,7 +4,7 @@ import asyncio
 
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad
-from wayfarer.cluster.tenancy import Tenancy
+from wayfarer.cluster.node_lease import NodeLease
 from wayfarer.errors import Unavailable
 
 LEASE = 2.0
@@ -54,7 +54,7 @@ class Bench:
 
     def add(self, name, **fields):
         """`fields`: of its NodeInfo; `number` where the name does not say it."""
-        node = Tenancy(info(name, **fields), lambda: self.now)
+        node = NodeLease(info(name, **fields), lambda: self.now)
         self.nodes[name] = node
         self.present.setdefault(name, set())
         self.loads[name] = NodeLoad()

@@ -75,7 +75,7 @@ def test_a_node_that_hangs_ends_and_says_where():
 
 def test_the_end_of_a_process_of_this_machine_is_seen():
     from wayfarer.cluster.actors import watch
-    from wayfarer.cluster.tenancy import machine
+    from wayfarer.cluster.node_lease import machine
 
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         node = info("n1").model_copy(update={"machine": machine(), "pid": process.pid})
@@ -89,7 +89,7 @@ def test_the_end_of_a_process_of_this_machine_is_seen():
 
 def test_a_stopped_process_of_this_machine_ends_once_it_is_forsaken():
     from wayfarer.cluster.actors import watch
-    from wayfarer.cluster.tenancy import machine
+    from wayfarer.cluster.node_lease import machine
 
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         has_ended = watch(info("n1").model_copy(update={"machine": machine(), "pid": process.pid}))

@@ -1,16 +1,15 @@
-"""The directory: owners of groups, places of new sessions, adoptions and drains."""
+"""The directory: owners of groups, adoptions and drains."""
 
 import asyncio
-from collections import Counter
 
 import pytest
 
 from tests.cluster import virtual_time
 from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
-from wayfarer.cluster.directory import AWAY_S, DRIFT, SHARES, Directory, LeaseRules, rendezvous
-from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
-from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, Changes, NodeLoad
-from wayfarer.cluster.tenancy import CLAIM_S, Tenancy
+from wayfarer.cluster.directory import AWAY_S, DRIFT, SHARES, Directory, LeaseRules
+from wayfarer.cluster.group_map import GroupMap
+from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, NodeLoad
+from wayfarer.cluster.node_lease import CLAIM_S, NodeLease
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 
@@ -79,86 +78,6 @@ def test_a_report_that_comes_after_its_successor_is_not_heard():
     answer = bench.directory.renew(old)
     assert answer.lease_s == 0
     assert bench.status.agents == 2
-
-
-@pytest.mark.parametrize("gap", [0.005, 0.05, 0.5])
-def test_placement_spreads_sessions_that_hold_nobody_yet(gap):
-    """However fast they come, and though each node reports at a time of its own."""
-    bench = Bench(["n0", "n1", "n2"])
-    placed = Counter()
-    reports_at = {name: bench.now + 0.08 * i for i, name in enumerate(bench.nodes)}
-    for _ in range(60):
-        bench.now += gap
-        for name, at in reports_at.items():
-            if at <= bench.now:
-                bench.loads[name] = NodeLoad(sessions=placed[name])
-                bench.beat(name)
-                reports_at[name] = bench.now + 0.25
-        placed[bench.directory.place().name] += 1
-    assert max(placed.values()) - min(placed.values()) <= 4, placed
-
-
-def test_sessions_that_were_placed_and_never_made_are_forgotten():
-    bench = Bench(["n0", "n1"])
-    bench.directory.drain("n1")
-    for _ in range(5):
-        assert bench.directory.place().name == "n0"
-    bench.add("n2")
-    bench.loads["n2"] = NodeLoad(sessions=3)
-    bench.beat()
-    assert bench.directory.place().name == "n2"
-    bench.later(2.5, "n0", "n1", "n2")
-    assert bench.directory.place().name == "n0"
-
-
-def test_placement_prefers_free_capacity_not_few_people():
-    bench = Bench(["n0"])
-    bench.add("n1", capacity=1000)
-    bench.loads |= {"n0": NodeLoad(agents=50, sessions=5), "n1": NodeLoad(agents=60, sessions=6)}
-    bench.beat()
-    assert bench.directory.place().name == "n1"
-
-
-def test_a_create_sent_twice_goes_to_the_same_node():
-    bench = Bench(["n0", "n1", "n2"])
-    assert len({bench.directory.place("digest").name for _ in range(9)}) == 1
-
-
-def test_a_create_sent_again_goes_to_the_owner_of_what_it_has_made():
-    bench = Bench(["n0", "n1", "n2"])
-    group = bench.new_session("n1")
-    bench.beat()
-    assert {bench.directory.place(group).name for _ in range(9)} == {"n1"}
-    bench.directory.ended("n1")
-    with pytest.raises(Unavailable, match="ended; ask again"):
-        bench.directory.place(group)
-    heir = bench.owner(group)
-    bench.adopt(heir, bench.beat(heir)[heir].orders[0])
-    assert {bench.directory.place(group).name for _ in range(9)} == {heir}
-    again = Bench(["n0"], settled=False)
-    assert again.directory.place().name == "n0"
-    with pytest.raises(Unavailable, match="come back"):
-        again.directory.place(group)  # its owner may still tell
-
-
-def test_nothing_is_placed_where_nothing_is_taken():
-    bench = Bench()
-    with pytest.raises(Unavailable, match="none is registered"):
-        bench.directory.place()
-    bench.add("n0")
-    bench.loads["n0"] = NodeLoad(ready=False)
-    bench.beat()
-    with pytest.raises(Unavailable, match="1 starting or full"):
-        bench.directory.place()
-
-
-def test_only_nodes_of_one_model_get_new_sessions():
-    bench = Bench(["n0", "n1"])
-    bench.add("n2", fingerprint="b")
-    assert {bench.directory.place().name for _ in range(30)} == {"n0", "n1"}
-    bench.directory.drain("n0")
-    bench.add("n3", fingerprint="b")
-    assert {bench.directory.place().name for _ in range(30)} == {"n2", "n3"}
 
 
 def test_replicas_go_to_a_neighbour_with_the_same_model_that_stays():
@@ -598,62 +517,6 @@ def test_of_two_claimants_the_greater_epoch_is_right():
     assert owner(directory, "7") == "n1"
 
 
-def test_a_view_follows_by_changes_or_as_a_whole():
-    bench = Bench(["n0", "n1"])
-    view, fresh = GroupMap(), GroupMap()
-    view.take(bench.directory.look(view.seen)[1])
-    for i in range(40):
-        bench.new_session(f"n{i % 2}")
-        bench.beat()
-        changes = bench.directory.look(view.seen)[1]
-        assert not changes.whole and len(changes.groups) == 1
-        view.take(changes)
-    bench.directory.ended("n1")
-    view.take(bench.directory.look(view.seen)[1])
-    fresh.take(bench.directory.look((0, 0))[1])
-    assert view._owners == fresh._owners and list(view.nodes) == ["n0"]
-    assert bench.directory.look(view.seen)[1] is None
-
-
-def test_a_view_that_is_older_than_the_log_gets_the_whole(monkeypatch):
-    bench = Bench(["n0"])
-    view = GroupMap()
-    view.take(bench.directory.look(view.seen)[1])
-    for _ in range(9000):
-        bench.directory._touch("ffff")
-    assert bench.directory.look(view.seen)[1].whole
-
-
-def test_a_node_knows_where_the_sessions_of_others_are():
-    bench = Bench(["n0", "n1"])
-    group = bench.new_session("n0")
-    bench.beat()
-    bench.beat()
-    there = bench.nodes["n1"].endpoint_of(named(group))
-    assert (there.worker, there.grpc_port, there.host) == (0, 1000, "127.0.0.1")
-    assert bench.nodes["n0"].endpoint_of(named(group)) is None
-
-
-def test_a_node_knows_all_nodes_and_those_that_were():
-    bench = Bench(["n0", "n1"])
-    bench.beat()
-    assert {place.http_port for place in bench.nodes["n0"].nodes} == {2000, 2001}
-    bench.later(LEASE * 2, "n0")  # n1 has ended
-    bench.add("n2")
-    bench.beat("n0", "n2")
-    assert {node.http_port for node in bench.nodes["n0"].view.nodes.values()} == {2000, 2002}
-    assert bench.nodes["n0"].nodes[0].http_port == 2001, "oldest first"
-    assert len(bench.nodes["n0"].nodes) == 3
-
-
-def test_places_of_nodes_are_bounded():
-    view = GroupMap()
-    for number in range(MOST_PLACES + 9):
-        view.take(Changes(generation=1, version=number, nodes=(info(f"n{number}"),)))
-    assert [place.worker for place in view.places] == list(range(9, MOST_PLACES + 9))
-    assert len(view._places) == MOST_PLACES
-
-
 def test_an_imported_snapshot_claims_the_group_of_its_id():
     bench = Bench(["n0", "n1"])
     bench.present["n0"].add("abcd")
@@ -712,22 +575,13 @@ def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
 def test_a_directory_is_settled_once_all_nodes_take_sessions():
     """Else the first sessions would all be placed on the node that was the first."""
     bench = Bench(["n0"], settled=False, nodes=2)
-    starting = bench.nodes["n1"] = Tenancy(info("n1"), lambda: bench.now)
+    starting = bench.nodes["n1"] = NodeLease(info("n1"), lambda: bench.now)
     bench.present["n1"], bench.loads["n1"] = set(), NodeLoad(ready=False)
     bench.beat()
     assert starting.leased and not bench.status.settled
     bench.loads["n1"] = NodeLoad()
     bench.beat()
     assert bench.status.settled
-
-
-def test_rendezvous_moves_only_what_it_must():
-    names = [f"n{i}" for i in range(5)]
-    before = {group: rendezvous(f"{group:012x}", names) for group in range(2000)}
-    after = {group: rendezvous(f"{group:012x}", names[:-1]) for group in range(2000)}
-    assert all(after[s] == before[s] for s in before if before[s] != "n4")
-    assert min(Counter(before.values()).values()) > 300
-    assert rendezvous("1", []) == ""
 
 
 def test_status_counts_room():

@@ -13,7 +13,7 @@ from tests.runtime.kept_worlds import fake_worlds
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.node_agent import joined
-from wayfarer.cluster.tenancy import Tenancy
+from wayfarer.cluster.node_lease import NodeLease
 from wayfarer.config.limits import Limits
 from wayfarer.config.settings import Settings
 from wayfarer.runtime.live import steady_clock
@@ -50,10 +50,10 @@ class Cluster:
         return await getattr(self.agents[node.name], verb)(*told)
 
     async def add(self, name):
-        clock, tenancy = steady_clock(), Tenancy(info(name))
-        runtime = MotionService(fake_worlds(), clock=clock, may_step=tenancy.may_step)
+        clock, lease = steady_clock(), NodeLease(info(name))
+        runtime = MotionService(fake_worlds(), clock=clock, may_step=lease.may_step)
         ended = self.ended[name] = asyncio.Event()
-        gateway = Gateway(runtime, BodyLibrary("anny52"), Limits(), clock, ended.set, tenancy)
+        gateway = Gateway(runtime, BodyLibrary("anny52"), Limits(), clock, ended.set, lease)
         server, describe = Server(gateway, "127.0.0.1", 0, 0), runtime.get_agent
 
         async def late(agent_id):
@@ -67,10 +67,10 @@ class Cluster:
         life.push_async_callback(runtime.stop)
         life.push_async_callback(server.stop)
         await server.until_ready()
-        node = joined(self.link, self, tenancy, gateway, server.ports, ended.set)
+        node = joined(self.link, self, lease, gateway, server.ports, ended.set)
         self.agents[name] = await life.enter_async_context(node)
         async with asyncio.timeout(20):
-            while not (tenancy.leased and self.link.directory._nodes[name].load.ready):
+            while not (lease.leased and self.link.directory._nodes[name].load.ready):
                 await asyncio.sleep(0.02)
 
     async def drain(self, name):

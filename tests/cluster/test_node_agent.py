@@ -10,8 +10,8 @@ from tests.cluster.nodes import Bench, info
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
+from wayfarer.cluster.node_lease import NodeLease
 from wayfarer.cluster.replicas import Replicas
-from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import Aborted, InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.ids import group_of
 
@@ -322,7 +322,7 @@ def test_a_busy_node_that_loses_an_answer_of_the_directory_keeps_its_lease():
 
     async def renew():
         now = asyncio.get_running_loop().time
-        directory, tenancy = Directory(LeaseRules(3.0, nodes=1), 1, now), Tenancy(info("n1"), now)
+        directory, lease = Directory(LeaseRules(3.0, nodes=1), 1, now), NodeLease(info("n1"), now)
         lost = [4]  # renewals, counted from the first
 
         async def call(verb, told):
@@ -340,15 +340,15 @@ def test_a_busy_node_that_loses_an_answer_of_the_directory_keeps_its_lease():
         )
         link = SimpleNamespace(call=call)
         replication = SimpleNamespace(neighbour="")
-        agent = NodeAgent(tenancy, gateway, link, link, Replicas(), replication, lambda: None)
+        agent = NodeAgent(lease, gateway, link, link, Replicas(), replication, lambda: None)
         renewing = asyncio.create_task(agent.renewing())
-        while tenancy._count < 2 or not tenancy.leased:
+        while lease._count < 2 or not lease.leased:
             await asyncio.sleep(0.01)
-        moves.frozen[f"session-{tenancy.new_group()}{0:012x}"] = False
+        moves.frozen[f"session-{lease.new_group()}{0:012x}"] = False
         ends_at = now() + 20
         while now() < ends_at:
             await asyncio.sleep(0.01)
-            assert tenancy.leased
+            assert lease.leased
         assert directory.counters["expired"] == 0
         assert directory.look((0, 0))[0].nodes[0].load.sessions == 1, "placement knows of it"
         renewing.cancel()

@@ -2,8 +2,8 @@
 at most one node steps what lives in a group, and nothing is lost while no node dies, or if one dies
 with the directory. Deleted sessions do not come back then.
 
-Nodes are the real `NodeAgent`, `Tenancy` and `Replication`; time, network, sessions and their death
-are made here.
+Nodes are the real `NodeAgent`, `NodeLease` and `Replication`; time, network, sessions and their
+death are made here.
 """
 
 import asyncio
@@ -19,9 +19,9 @@ from wayfarer.cluster import node_agent, replication
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import CALL_S
 from wayfarer.cluster.node_agent import NodeAgent
+from wayfarer.cluster.node_lease import NodeLease
 from wayfarer.cluster.replicas import Replicas
 from wayfarer.cluster.replication import COPY_S, Replication
-from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import AlreadyExists, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
 
@@ -121,14 +121,14 @@ class Node:
         self.stopped_until = 0.0
         self.lost = ()  # groups, by the latest answer of the directory, which may be on its way
         self.moves, self.replicas = Moves(self), Replicas(lambda: sim.now)
-        self.tenancy = Tenancy(info(name), lambda: sim.now)
+        self.lease = NodeLease(info(name), lambda: sim.now)
         peers = Peers(self)
-        self.replication = Replication(self.tenancy, self.moves, peers)
+        self.replication = Replication(self.lease, self.moves, peers)
         gateway = SimpleNamespace(
             moves=self.moves, started=True, alive=True, streams=0, loop_stats=self._stats
         )
         self.agent = NodeAgent(
-            self.tenancy, gateway, self, peers, self.replicas, self.replication, self._end
+            self.lease, gateway, self, peers, self.replicas, self.replication, self._end
         )
         self.tasks = [
             asyncio.create_task(self.agent.renewing()),
@@ -165,7 +165,7 @@ class Node:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(COPY_S - TICK):
                 await self.replication.copied(name)
-                told = self.replication.neighbour in self.tenancy.view.nodes and self.tenancy.leased
+                told = self.replication.neighbour in self.lease.view.nodes and self.lease.leased
                 if told and not any(name in one.moves.frozen for one in self.sim.nodes.values()):
                     self.sim.deleted.add(name)
 
@@ -331,10 +331,10 @@ class Sim:
             if self.chance(0.05):
                 self.create(node)
             alive = [one for one, frozen in node.moves.frozen.items() if not frozen]
-            if self.chance(0.01) and alive and node.tenancy.may_step():
+            if self.chance(0.01) and alive and node.lease.may_step():
                 deleting = node.delete(self.random.choice(sorted(alive)))
                 node.tasks.append(asyncio.create_task(deleting))
-            if self.chance(0.01) and node.tenancy.registered:
+            if self.chance(0.01) and node.lease.registered:
                 with contextlib.suppress(WayfarerError):
                     self.directory.drain(name)
             if self.faults and self.chance(0.004):
@@ -349,7 +349,7 @@ class Sim:
 
     def create(self, node):
         with contextlib.suppress(Unavailable):
-            node.tenancy.new_group()  # which raises; its own would not be the same in each run
+            node.lease.new_group()  # which raises; its own would not be the same in each run
             name = f"session-{self.made:012x}{self.made:012x}"
             self.made += 1
             node.moves.frozen[name] = False
@@ -359,14 +359,14 @@ class Sim:
     def check(self):
         owners = {}
         for node in self.nodes.values():
-            if node.stopped or not node.tenancy.may_step():
+            if node.stopped or not node.lease.may_step():
                 continue
             for name, frozen in node.moves.frozen.items():
                 if frozen:
                     continue
                 other = owners.setdefault(name, node.name)
                 assert other == node.name, f"{name} is {other}'s and {node.name}'s"
-                epoch = node.tenancy.epoch(name)
+                epoch = node.lease.epoch(name)
                 assert epoch == 0 or epoch >= self.greatest.get(name, 0)
                 self.greatest[name] = max(self.greatest.get(name, 0), epoch)
                 self.seen["stepped"] += 1
@@ -376,8 +376,8 @@ class Sim:
         """What this directory has known, and some node still has, is nowhere said not to exist."""
         for node in self.nodes.values():
             for name in self.living.intersection(node.moves.open):
-                known = node.tenancy.epoch(name) > self.directory._generation
-                lost = {*node.tenancy.lost, *node.lost}
+                known = node.lease.epoch(name) > self.directory._generation
+                lost = {*node.lease.lost, *node.lost}
                 waits = node.moves.frozen.get(name) or group_of(name) in lost
                 if known and not waits:
                     assert self.directory._told_owner(group_of(name)), f"{name} is {node.name}'s"

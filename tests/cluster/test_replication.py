@@ -80,9 +80,9 @@ async def copies(monkeypatch):
     monkeypatch.setattr(replication, "REPLICATE_S", 0.01)
     nodes = {name: info(name) for name in ("n1", "n2", "n3")}
     view = SimpleNamespace(nodes=nodes)
-    tenancy = SimpleNamespace(node=nodes["n1"], view=view, may_step=lambda: True, names_coming=[])
+    lease = SimpleNamespace(node=nodes["n1"], view=view, may_step=lambda: True, names_coming=[])
     made = SimpleNamespace(moves=Sessions(), peers=Neighbours())
-    made.work = Replication(tenancy, made.moves, made.peers)
+    made.work = Replication(lease, made.moves, made.peers)
     made.work.neighbour = "n2"
 
     async def rounds(count=3):

@@ -40,18 +40,40 @@ def header(**fields: object) -> motion_pb2.StreamHeader:
     )
 
 
+FULL = {
+    "pose_encoding": motion_pb2.POSE_ENCODING_F32_LE,
+    "sent_fps": 40,
+    "bones": [0, 1],
+    "frame_bytes": 44,
+}
+SMALL = {
+    "pose_encoding": motion_pb2.POSE_ENCODING_SMALLEST_THREE,
+    "bones": [1],
+    "frame_bytes": 18,
+}
+ROOT = {"pose_encoding": motion_pb2.POSE_ENCODING_ROOT, "frame_bytes": 16}
+
+
+def chunk(seq: int, poses: bytes, **fields: object) -> motion_pb2.MotionChunks:
+    """One of agent 300, which walks."""
+    usual: dict[str, object] = {
+        "goal_revisions": [3],
+        "states": [agent_pb2.AGENT_STATE_WALKING],
+        "waypoints": [2],
+    }
+    return motion_pb2.MotionChunks(
+        aliases=[300],
+        seqs=[seq],
+        first_frames=[8 * seq],
+        scheduled_at_us=[1_779_999_997_723_456 + 200_000 * seq],
+        poses=poses,
+        **usual | fields,
+    )
+
+
 def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
     """One of each kind, by name."""
-    plain = header(
-        pose_encoding=motion_pb2.POSE_ENCODING_F32_LE, sent_fps=40, bones=[0, 1], frame_bytes=44
-    )
-    small = header(
-        pose_encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
-        sent_fps=10,
-        bones=[1],
-        frame_bytes=18,
-        resumed=True,
-    )
+    plain, small = header(**FULL), header(**SMALL, sent_fps=10, resumed=True)
     agent = agent_pb2.Agent(
         agent_id="a-7",
         alias=300,
@@ -78,73 +100,33 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         waypoints=[2, 0],
         candidates=[8, 1],
     )
-    held = motion_pb2.MotionChunks(
-        aliases=[300],
-        seqs=[13],
-        first_frames=[104],
-        scheduled_at_us=[1_780_000_000_323_456],
+    held = chunk(
+        13,
+        small_poses(2),
         goal_revisions=[0],
         states=[agent_pb2.AGENT_STATE_STANDING],
         flags=[motion_pb2.CHUNK_FLAG_HELD | motion_pb2.CHUNK_FLAG_GAP],
-        poses=small_poses(2),
         contacts=bytes([3, 3]),
         waypoints=[0],
         candidates=[0],
     )
     tiered = header(
-        pose_encoding=motion_pb2.POSE_ENCODING_F32_LE,
-        sent_fps=40,
-        bones=[0, 1],
-        frame_bytes=44,
+        **FULL,
         tiers=[
-            motion_pb2.Tier(
-                radius=10,
-                pose_encoding=motion_pb2.POSE_ENCODING_F32_LE,
-                sent_fps=40,
-                bones=[0, 1],
-                frame_bytes=44,
-            ),
-            motion_pb2.Tier(
-                radius=30.5,
-                pose_encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
-                sent_fps=20,
-                bones=[1],
-                frame_bytes=18,
-            ),
-            motion_pb2.Tier(
-                radius=300,
-                pose_encoding=motion_pb2.POSE_ENCODING_ROOT,
-                sent_fps=10,
-                frame_bytes=16,
-            ),
+            motion_pb2.Tier(radius=10, **FULL),
+            motion_pb2.Tier(radius=30.5, **SMALL, sent_fps=20),
+            motion_pb2.Tier(radius=300, **ROOT, sent_fps=10),
         ],
     )
-    root = motion_pb2.MotionChunks(
-        aliases=[300],
-        seqs=[14],
-        first_frames=[112],
-        scheduled_at_us=[1_780_000_000_523_456],
-        goal_revisions=[3],
-        states=[agent_pb2.AGENT_STATE_WALKING],
+    root = chunk(
+        14,
+        b"".join(struct.pack("<3fhBB", k, k + 0.5, k + 0.25, 16384, 64, 128) for k in (0, 1)),
         flags=[motion_pb2.CHUNK_FLAG_FIRST],
-        poses=b"".join(struct.pack("<3fhBB", k, k + 0.5, k + 0.25, 16384, 64, 128) for k in (0, 1)),
         contacts=bytes([1, 2]),
-        waypoints=[2],
         candidates=[1],
     )
-    closer = motion_pb2.MotionChunks(  # a former root: changes of tier have no flag
-        aliases=[300],
-        seqs=[15],
-        first_frames=[120],
-        scheduled_at_us=[1_780_000_000_723_456],
-        goal_revisions=[3],
-        states=[agent_pb2.AGENT_STATE_WALKING],
-        flags=[0],
-        poses=small_poses(4),
-        contacts=bytes([1, 2, 1, 2]),
-        waypoints=[2],
-        candidates=[8],
-    )
+    # a former root: changes of tier have no flag
+    closer = chunk(15, small_poses(4), flags=[0], contacts=bytes([1, 2, 1, 2]), candidates=[8])
     event = motion_pb2.Event(
         kind=motion_pb2.EVENT_KIND_GOAL_REACHED,
         agent_id="a-7",

@@ -12,6 +12,7 @@ from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.output.legs import pose_legs
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
@@ -20,7 +21,7 @@ from wayfarer.world.world import World
 def walker(scene, place):
     """A world, and an agent at a place."""
     bundle, registry = shipped_bundle(), SceneRegistry()
-    scene_id = registry.add(scene).scene_id
+    scene_id = registry.create(SceneSource(scene.spec), baked=scene).scene_id
     poses = load_start_poses(START_POSES)
     world = World(bundle.engine, bundle.bodies, poses, WorldSettings(), scenes=registry)
     world.create_session(SessionSpec("s", scene=scene_id), 0.0)

@@ -51,7 +51,7 @@ class Rig:
     async def __aenter__(self):
         self.service.start()
         await until(lambda: self.service.ready, 20)
-        self.scene = (await self.service.scenes.create_scene(SOURCE)).scene_id
+        self.scene = (await self.service.scenes.create(SOURCE)).scene_id
         self.watch = asyncio.create_task(self._watch())
         return self
 

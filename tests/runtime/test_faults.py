@@ -25,6 +25,7 @@ from wayfarer.world.agents.faults import MAX_FAULTS, PAUSE, Stage
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping import load
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.unstepped import Unstepped
@@ -44,7 +45,7 @@ async def test_a_stage_that_fails_for_one_concerns_only_that_one(name, monkeypat
         if case.stage is Stage.CROWD:
             await rig.service.scenes.populate(GUILTY, Crowd(2, seed=666))
         if case.stage is Stage.SCENE:
-            await rig.service.scenes.put_obstacle(rig.scene, "post", POST)
+            await rig.service.scenes.change(SceneRegistry.put, rig.scene, "post", POST)
         await until(lambda: rig.faults(case.stage), 20)
         await rig.bad.more(8)
         await rig.good.more(2)

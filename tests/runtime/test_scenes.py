@@ -10,6 +10,8 @@ from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
 from wayfarer.config.limits import Limits
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unavailable, Unreachable
 from wayfarer.navigation.examples import corridor
+from wayfarer.navigation.picture import top_view
+from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Box, Cylinder, MeshFile, Prism, Ramp, SceneSpec
 from wayfarer.runtime.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
@@ -17,6 +19,8 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.world.scenes.messages import Crowd, SceneSource
+from wayfarer.world.scenes.outlines import outlines
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 SOURCE = SceneSource(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
 EMPTY = SceneSource(SceneSpec((FIELD,)))
@@ -26,47 +30,42 @@ NORTH = Goal((6.0, 10.0, 0.0))
 
 async def test_scenes_are_created_listed_drawn_and_deleted(servers):
     runtime = await servers.start()
-    scene = await runtime.scenes.create_scene(SOURCE)
-    assert [s.scene_id for s in await runtime.scenes.list_scenes()] == [scene.scene_id]
-    assert await runtime.scenes.get_scene(scene.scene_id) == scene
-    drawn = await runtime.scenes.scene_outlines(scene.scene_id)
+    scene = await runtime.scenes.create(SOURCE)
+    assert [s.scene_id for s in runtime.scenes.registry.infos()] == [scene.scene_id]
+    assert runtime.scenes.registry.entry(scene.scene_id).info() == scene
+    drawn = await runtime.scenes.look(outlines, scene.scene_id)
     [block] = drawn.solids
     assert {z for _, _, z in block.top} == {2.0} and block.bottom == 0.0
     [(outline, hole)] = drawn.walkable
     assert len(outline) >= 4 and len(hole) >= 4
     assert {z for _, _, z in drawn.vertices} == {0.0}
     assert max(max(t) for t in drawn.triangles) == len(drawn.vertices) - 1
-    assert (await runtime.scenes.scene_picture(scene.scene_id)).startswith(b"\x89PNG")
-    await runtime.scenes.delete_scene(scene.scene_id)
-    for ask in (
-        runtime.scenes.get_scene,
-        runtime.scenes.scene_outlines,
-        runtime.scenes.scene_picture,
-    ):
-        with pytest.raises(NotFound):
-            await ask(scene.scene_id)
+    assert (await runtime.scenes.look(top_view, scene.scene_id)).startswith(b"\x89PNG")
+    await runtime.scenes.change(SceneRegistry.delete, scene.scene_id)
+    with pytest.raises(NotFound):
+        await runtime.scenes.look(outlines, scene.scene_id)
 
 
 async def test_errors_reach_the_caller(servers):
     runtime = await servers.start()
     with pytest.raises(InvalidArgument):
-        await runtime.scenes.create_scene(SceneSource(SceneSpec()))
+        await runtime.scenes.create(SceneSource(SceneSpec()))
     with pytest.raises(InvalidArgument, match="mesh"):
-        await runtime.scenes.create_scene(SceneSource(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
-    scene = await runtime.scenes.create_scene(SceneSource(SceneSpec(ISLANDS)))
+        await runtime.scenes.create(SceneSource(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
+    scene = await runtime.scenes.create(SceneSource(SceneSpec(ISLANDS)))
     with pytest.raises(Unreachable):
-        await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
-    way = await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
-    assert way.points[0] == (6.0, 2.0, 0.0) and way.goal_moved > 80
+        await runtime.scenes.look(Scene.path, scene.scene_id, (6.0, 2.0), (25.0, 6.0))
+    way = await runtime.scenes.look(Scene.path, scene.scene_id, (6.0, 2.0), (6.0, 99.0))
+    assert way.points[0].tolist() == [6.0, 2.0, 0.0] and way.goal_moved > 80
 
 
 async def test_what_is_in_the_way_is_told_for_a_path_and_for_a_goal(servers):
     runtime = await servers.start()
     beam = Box((6.0, 6.0), (12.0, 0.4), 0.5, bottom=1.6)
-    scene = await runtime.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (beam,))))
+    scene = await runtime.scenes.create(SceneSource(SceneSpec((FIELD,), (beam,))))
     assert "below a headroom of 1.6 m" in str(scene.notes[0])
     with pytest.raises(Unreachable, match=r"headroom of 1\.6 m at .* is in the way"):
-        await runtime.scenes.query_path(scene.scene_id, SOUTH.position, NORTH.position)
+        await runtime.scenes.look(Scene.path, scene.scene_id, SOUTH.position, NORTH.position)
     for lock_step in (False, True):
         name = f"s{lock_step}"
         await runtime.create_session(SessionSpec(name, scene=scene.scene_id, lock_step=lock_step))
@@ -77,10 +76,10 @@ async def test_what_is_in_the_way_is_told_for_a_path_and_for_a_goal(servers):
 
 async def test_subscribers_are_told_of_what_agents_meet(servers):
     runtime = await servers.start()
-    scene = await runtime.scenes.create_scene(EMPTY)
+    scene = await runtime.scenes.create(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
     with pytest.raises(FailedPrecondition, match="delete its sessions first: 's'"):
-        await runtime.scenes.delete_scene(scene.scene_id)
+        await runtime.scenes.change(SceneRegistry.delete, scene.scene_id)
     [agent] = await runtime.create_agents("s", [SOUTH])
     subscription = await runtime.subscribe("s", StreamOptions())
     await runtime.give(agent.agent_id, NORTH)
@@ -95,21 +94,21 @@ async def test_subscribers_are_told_of_what_agents_meet(servers):
         return [event for event in published.events if event.kind is EventKind.BLOCKED]
 
     await asyncio.wait_for(until(lambda p: (p.chunks.goal_revision == 1).any()), 20)
-    await runtime.scenes.put_obstacle(scene.scene_id, "wall", WALL)
+    await runtime.scenes.change(SceneRegistry.put, scene.scene_id, "wall", WALL)
     [event] = await asyncio.wait_for(until(blocked), 20)
     assert (event.agent_id, event.goal_revision) == (agent.agent_id, 1)
     await runtime.delete_session("s")
-    await runtime.scenes.delete_scene(scene.scene_id)
+    await runtime.scenes.change(SceneRegistry.delete, scene.scene_id)
 
 
 async def test_lock_step_sessions_are_in_scenes_too(servers):
     runtime = await servers.start()
-    scene = await runtime.scenes.create_scene(EMPTY)
+    scene = await runtime.scenes.create(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id, lock_step=True))
     [agent] = await runtime.create_agents("s", [SOUTH])
     await runtime.give(agent.agent_id, NORTH)
     before = await runtime.step_session("s", 5)
-    await runtime.scenes.put_obstacle(scene.scene_id, "wall", WALL)
+    await runtime.scenes.change(SceneRegistry.put, scene.scene_id, "wall", WALL)
     after = await runtime.step_session("s", 5)
     assert not [event for published in before for event in published.events]
     told = [(p.scheduled_at, e) for p in after for e in p.events]
@@ -133,19 +132,21 @@ async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
         {"owner": "ada"},
     )
     first = await servers.start(open_journal(tmp_path))
-    scene = await first.scenes.create_scene(every)
-    gone = await first.scenes.create_scene(EMPTY)
-    scene = await first.scenes.put_obstacle(scene.scene_id, "crate", Cylinder((3.0, 6.0), 0.3, 1.0))
-    scene = await first.scenes.put_obstacle(scene.scene_id, "door", BOX)
-    scene = await first.scenes.remove_obstacle(scene.scene_id, "door")
+    scene = await first.scenes.create(every)
+    gone = await first.scenes.create(EMPTY)
+    scene = await first.scenes.change(
+        SceneRegistry.put, scene.scene_id, "crate", Cylinder((3.0, 6.0), 0.3, 1.0)
+    )
+    scene = await first.scenes.change(SceneRegistry.put, scene.scene_id, "door", BOX)
+    scene = await first.scenes.change(SceneRegistry.remove, scene.scene_id, "door")
     await first.create_session(SessionSpec("s", scene=scene.scene_id, avoid=False))
     [agent] = await first.create_agents("s", [SOUTH])
     await first.give(agent.agent_id, NORTH)
-    await first.scenes.delete_scene(gone.scene_id)
+    await first.scenes.change(SceneRegistry.delete, gone.scene_id)
     await servers.stop(first)
 
     second = await servers.start(open_journal(tmp_path))
-    [found] = await second.scenes.list_scenes()
+    [found] = second.scenes.registry.infos()
     assert (found.scene_id, found.name, found.attributes) == (
         scene.scene_id,
         "all kinds",
@@ -162,16 +163,16 @@ async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
 async def test_a_mesh_survives_a_restart(servers, tmp_path):
     obj = b"v 0 0 0\nv 9 0 0\nv 9 0 9\nv 0 0 9\nf 1 2 3\nf 1 3 4\n"
     first = await servers.start(open_journal(tmp_path))
-    made = await first.scenes.create_scene(SceneSource(SceneSpec(mesh=MeshFile(obj, "obj"))))
+    made = await first.scenes.create(SceneSource(SceneSpec(mesh=MeshFile(obj, "obj"))))
     await servers.stop(first)
     second = await servers.start(open_journal(tmp_path))
-    found = await second.scenes.get_scene(made.scene_id)
+    found = second.scenes.registry.entry(made.scene_id).info()
     assert found.content_hash == made.content_hash and found.area == pytest.approx(made.area)
 
 
 async def test_a_snapshot_needs_its_scene(servers):
     runtime, other = await servers.start(), await servers.start()
-    scene = await runtime.scenes.create_scene(EMPTY)
+    scene = await runtime.scenes.create(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
     await runtime.create_agents("s", [SOUTH])
     snapshot = await runtime.export_session("s")
@@ -193,7 +194,7 @@ def test_an_example_scene_waits_for_no_process():
 
 async def test_who_leaves_a_crowd_is_told_of_with_the_alias(servers):
     runtime = await servers.start()
-    scene = await runtime.scenes.create_scene(EMPTY)
+    scene = await runtime.scenes.create(EMPTY)
     session = await runtime.create_session(SessionSpec(scene=scene.scene_id))
     assert await runtime.scenes.crowd(session.session_id) is None
     await runtime.create_agents(session.session_id, [SOUTH])

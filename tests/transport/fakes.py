@@ -125,7 +125,7 @@ class FakeService(FakeScenes):
         session_id = spec.session_id or f"session-{next(self._number)}"
         self._infos[session_id] = SessionInfo(session_id, (), NOW, spec)
         if spec.scene:
-            self.guests[session_id] = spec.scene
+            self.registry.enter(spec.scene, session_id)
         self._sessions[session_id] = []
         self._published[session_id] = []
         return await self.get_session(session_id)
@@ -140,7 +140,8 @@ class FakeService(FakeScenes):
     async def delete_session(self, session_id: str) -> None:
         self._session(session_id)
         del self._sessions[session_id]
-        self.guests.pop(session_id, None)
+        if scene := self._infos[session_id].spec.scene:
+            self.registry.leave(scene, session_id)
         for subscription in self.subscriptions:
             if subscription.session_id == session_id:
                 subscription.queue.put_nowait(None)

@@ -30,13 +30,12 @@ from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.navigation.ground.ground import triangles
-from wayfarer.navigation.scene import bake
 from wayfarer.runtime.walk import walk
 from wayfarer.spec import BETAS, FPS, TURN
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.scenes.messages import Crowd, SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.world import World
@@ -284,7 +283,7 @@ def _generate_crowd(
 ) -> None:
     """Writes the file of several people. Raises InvalidArgument."""
     spec, scenes = scene_of(scene), SceneRegistry()
-    scene_id = scenes.add(bake(spec)).scene_id
+    scene_id = scenes.create(SceneSource(spec)).scene_id
     world = open_bundle(model, threads).world(crowd.count, Steering(), scenes)
     with Progress(transient=True) as progress:
         task = progress.add_task("generating", total=seconds)

@@ -25,8 +25,8 @@ import structlog
 
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import CALL_S, NodeInfo, NodePlan
+from wayfarer.cluster.node_lease import machine
 from wayfarer.cluster.ray_settings import ray
-from wayfarer.cluster.tenancy import machine
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.process.logs import configure_logging
 

@@ -4,7 +4,7 @@ What nodes and entries call: `renew`, `claim`, `decline`, `ended`, `place`, `dra
 rules, on which "never two owners" rests:
 
 - A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
-  here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
+  here `DRIFT` longer: the node always knows of its end first, and stops (node_lease.py).
 - A group changes its owner only by its owner's wish (`claim`), or after its owner has ended or
   its lease has. Each change gives it an epoch greater than any before. Until it is adopted, it is
   given back to its owner that returns, or to the node that had taken it from that.
@@ -28,12 +28,11 @@ import random
 import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from wayfarer.cluster.messages import (
     ADOPTED,
-    SILENT_S,
     Answer,
     Changes,
     LeaseRenewal,
@@ -43,15 +42,13 @@ from wayfarer.cluster.messages import (
     NodeState,
     Status,
 )
+from wayfarer.cluster.placement import ClusterNode, able_of, burden_of, place
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 V = TypeVar("V")
 
 DRIFT: Final = 1.1
 """A lease is this much longer here than at the node: clocks differ in rate by far less."""
-
-UNSEEN_S: Final = 2.0
-"""Seconds after which a placed session is in its node's reports."""
 
 REMEMBERED: Final = 4096
 """Placements known by their request, so that a create sent twice meets its first reply; and nodes
@@ -82,32 +79,6 @@ class LeaseRules:
     nothing away until all nodes have named the groups that they have kept, and take sessions."""
     keep: bool = False
     """Nodes keep on disk what they own. Nobody adopts it: it waits for its node's next life."""
-
-
-@dataclass(slots=True)
-class _Node:
-    info: NodeInfo
-    load: NodeLoad
-    heard_at: float  # its last renewal
-    has_ended: Callable[[bool], bool]  # its process, as far as that can be seen
-    count: int = 0  # of the last message
-    used: set[str] = field(default_factory=set)  # groups
-    keepers: tuple[str, ...] = ()  # of its replicas: the present one, and the one before
-    draining: bool = False
-    placed: deque[tuple[float, int]] = field(default_factory=deque)
-    """When a session was placed here, and how many the node had reported then."""
-
-    def is_silent(self, now: float) -> bool:
-        """It may be stopped."""
-        return now - self.heard_at > SILENT_S
-
-    def sessions(self, now: float) -> int:
-        """That it has, or will have once the clients have called to whom it was given."""
-        while self.placed and self.placed[0][0] < now - UNSEEN_S:
-            self.placed.popleft()
-        # a report may hold some of those placed in this time: what each found, and those after it
-        found = (reported - index for index, (_, reported) in enumerate(self.placed))
-        return max(self.load.sessions, len(self.placed) + max(found, default=0))
 
 
 @dataclass(slots=True)
@@ -143,7 +114,7 @@ class Directory:
         self._lease_s = rules.lease_s * DRIFT
         self._settled_at = clock() + self._lease_s
         self._was_settled = False  # when it was looked at last
-        self._nodes: dict[str, _Node] = {}
+        self._nodes: dict[str, ClusterNode] = {}
         self._groups: dict[str, _Entry] = {}
         self._version = 0
         self._nodes_version = 0
@@ -205,8 +176,10 @@ class Directory:
         epochs = {g: self._groups[g].epoch for g in compared if not self._is_adopted(g)}
         return self._answer(node, told.seen, tuple(lost), epochs)
 
-    def _enter(self, info: NodeInfo) -> _Node:
-        node = self._nodes[info.name] = _Node(info, NodeLoad(), self._clock(), self._watch(info))
+    def _enter(self, info: NodeInfo) -> ClusterNode:
+        node = self._nodes[info.name] = ClusterNode(
+            info, NodeLoad(), self._clock(), self._watch(info)
+        )
         self._nodes_changed()
         for group in self._waiting.pop(info.number, ()):
             self._own(group, info.name)
@@ -224,7 +197,7 @@ class Directory:
                 if one in self._nodes:
                     self._end(self._nodes.pop(one))
 
-    def _end(self, node: _Node) -> None:
+    def _end(self, node: ClusterNode) -> None:
         self._nodes_changed()
         if self.rules.keep:
             self._waiting.setdefault(node.info.number, set()).update(node.used)
@@ -333,7 +306,7 @@ class Directory:
             raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
         if not is_its:
             raise self._not_its(group, owner, epoch)
-        if source is not None and not self._alike(target, source):
+        if source is not None and not target.is_like(source):
             raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
         if self._is_adopted(group):
             self.counters["adopted"] += 1
@@ -379,44 +352,20 @@ class Directory:
             raise Unavailable(f"the node of group {group} is silent; ask again")
         if placed is not None and not placed.draining:
             return placed.info
-        able = self._able(now)
-        if not able:
-            why = Counter(
-                "draining" if n.draining else "starting or full" for n in self._nodes.values()
-            )
-            told = ", ".join(f"{count} {what}" for what, count in why.items())
-            raise Unavailable(f"no node takes new sessions: {told or 'none is registered'}")
-        drawn = self._random.sample(able, min(2, len(able)))
-        chosen = min(drawn, key=self._burden(able, now))
-        chosen.placed.append((now, chosen.load.sessions))
+        chosen = place(self._nodes.values(), now, self._random)
         self.counters["placed"] += 1
         if group:
             _remember(self._placed, group, chosen.info.name)
         return chosen.info
 
-    def _able(self, now: float) -> list[_Node]:
-        ready = [n for n in self._nodes.values() if n.load.ready and not n.draining]
-        found = [node for node in ready if not node.is_silent(now)] or ready
-        # of several kinds the one with the most nodes: in a rolling change new nodes become
-        # the majority once old ones drain
-        kinds = Counter(node.info.fingerprint for node in found)
-        kind = kinds.most_common(1)[0][0] if kinds else ""
-        return [node for node in found if node.info.fingerprint == kind]
-
-    def _burden(self, nodes: list[_Node], now: float) -> Callable[[_Node], float]:
-        """A function for the share of a node's room that is taken.
-
-        Agents come after their session: a session counts as the mean one of these nodes beside the
-        agents that are there.
-        """
-        sessions = sum(node.load.sessions for node in nodes)
-        mean = max(1.0, sum(node.load.agents for node in nodes) / max(1, sessions))
-        return lambda one: (one.load.agents + mean * one.sessions(now)) / max(1, one.info.capacity)
-
     # ---- answers
 
     def _answer(
-        self, node: _Node, seen: tuple[int, int], lost: tuple[str, ...], epochs: dict[str, int]
+        self,
+        node: ClusterNode,
+        seen: tuple[int, int],
+        lost: tuple[str, ...],
+        epochs: dict[str, int],
     ) -> Answer:
         now = self._clock()
         node.heard_at = now
@@ -432,16 +381,20 @@ class Directory:
             changes=self._changes(seen),
         )
 
-    def _orders(self, node: _Node, now: float) -> Iterable[NodeOrder]:
+    def _orders(self, node: ClusterNode, now: float) -> Iterable[NodeOrder]:
         adoptions = [group for group in node.used if self._is_adopted(group)]
         for group in sorted(adoptions):
             yield NodeOrder(kind="adopt", group=group, epoch=self._groups[group].epoch)
         if not (node.draining and self._settled()):
             return
-        able = [n for n in self._able(now) if n is not node and self._alike(n, node)]
+        able = [
+            one
+            for one in able_of(self._nodes.values(), now)
+            if one is not node and one.is_like(node)
+        ]
         if not able:
             return
-        able.sort(key=self._burden(able, now))
+        able.sort(key=burden_of(able, now))
         for i, group in enumerate(sorted(node.used - set(adoptions))[:AT_ONCE]):
             to = able[i % len(able)].info.name
             yield NodeOrder(kind="move", group=group, epoch=self._groups[group].epoch, to=to)
@@ -551,15 +504,12 @@ class Directory:
         """Its owner has still to find replicas of what lived there."""
         return group in self._groups and self._groups[group].keepers is not None
 
-    def _alike(self, one: _Node, other: _Node) -> bool:
-        return one.info.fingerprint == other.info.fingerprint
-
-    def _equals(self, node: _Node) -> set[str]:
+    def _equals(self, node: ClusterNode) -> set[str]:
         """Names of the nodes that could take its groups."""
         stay = (other for other in self._nodes.values() if not other.draining and other is not node)
-        return {other.info.name for other in stay if self._alike(other, node)}
+        return {other.info.name for other in stay if other.is_like(node)}
 
-    def _choose_keeper(self, node: _Node) -> None:
+    def _choose_keeper(self, node: ClusterNode) -> None:
         """Keep the neighbour while it is good; the one before still has older replicas."""
         if self.rules.keep:
             return

@@ -68,7 +68,7 @@ class NodeInfo(ClusterMessage):
     http_port: int
     fingerprint: str  # hash over model, bodies, format: sessions move only between equals
     capacity: int  # agents at most, by its limits
-    machine: str = ""  # see `tenancy.machine`; with `pid` it names the process
+    machine: str = ""  # see `node_lease.machine`; with `pid` it names the process
     pid: int = 0
 
 

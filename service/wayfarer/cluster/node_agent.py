@@ -21,9 +21,9 @@ from wayfarer.cluster.messages import (
     NodeOrder,
     NodePlan,
 )
+from wayfarer.cluster.node_lease import NodeLease, boot_clock, machine
 from wayfarer.cluster.replicas import CONTENT, KEEP_S, KeptReplica, Replicas
 from wayfarer.cluster.replication import Replication
-from wayfarer.cluster.tenancy import Tenancy, boot_clock, machine
 from wayfarer.errors import (
     Aborted,
     FailedPrecondition,
@@ -62,7 +62,7 @@ class NodeAgent:
 
     def __init__(
         self,
-        tenancy: Tenancy,
+        lease: NodeLease,
         gateway: Gateway,
         directory: DirectoryLink,
         nodes: NodeLink,
@@ -71,7 +71,7 @@ class NodeAgent:
         stop: Callable[[], None],
     ) -> None:
         """`stop` ends the server: everything has been given away."""
-        self._tenancy = tenancy
+        self._lease = lease
         self._moves = gateway.moves
         self._gateway = gateway
         self._directory = directory
@@ -96,8 +96,8 @@ class NodeAgent:
                 log.exception("a renewal failed")
             self._tell_lease()
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._tenancy.unclaimed.wait(), RENEW_S)
-            self._tenancy.unclaimed.clear()
+                await asyncio.wait_for(self._lease.unclaimed.wait(), RENEW_S)
+            self._lease.unclaimed.clear()
 
     # What other nodes and entries call
 
@@ -127,7 +127,7 @@ class NodeAgent:
 
         Raises WayfarerError.
         """
-        if group in self._tenancy.lost or self._is_busy(group):
+        if group in self._lease.lost or self._is_busy(group):
             raise Unavailable(f"group {group} is busy on this node; try again")
         coming = self._come(group, owner, epoch, live)
         taking = self._busy[group] = asyncio.create_task(coming, name="take")
@@ -142,7 +142,7 @@ class NodeAgent:
         gives the group to this node. `orphan`: these are copies, and nobody else has it. Returns
         the reason if it does not come: the caller may have gone.
         """
-        self._tenancy.coming(group, epoch if orphan else 0, states)
+        self._lease.coming(group, epoch if orphan else 0, states)
         found, kept = dict[str, Arrival | None](), self._replicas.of(group).items()
         contents = {name.removesuffix(CONTENT): one.state for name, one in kept if CONTENT in name}
         try:
@@ -157,20 +157,20 @@ class NodeAgent:
                 return error
             raise
         came = {name: one for name, one in found.items() if one is not None}
-        own = self._tenancy.node.name
+        own = self._lease.node.name
         given = await self._decision("claim", group, owner, epoch, own) if came else 0
         if not given:
             await self._leave(group, came)
             gone = NotFound(f"nothing of group {group} has come", "group", group)
             return Aborted(f"{owner} does not give group {group} away any more") if came else gone
-        self._tenancy.decided(group, given)
+        self._lease.decided(group, given)
         self._replicas.drop(group)
         try:
             for arrival in came.values():
                 with contextlib.suppress(NotFound):
                     await self._moves.enter(arrival)
         finally:
-            self._tenancy.came(group)
+            self._lease.came(group)
         log.info("sessions came", sessions=list(came), of=owner, epoch=given, at=boot_clock())
         return None
 
@@ -198,7 +198,7 @@ class NodeAgent:
     async def _leave(self, group: str, came: Iterable[str]) -> None:
         for name in reversed(list(came)):  # another node continues with all of them
             await self._moves.release(name, None)
-        self._tenancy.decided(group, 0)
+        self._lease.decided(group, 0)
 
     async def _decision(self, verb: str, group: str, owner: str, epoch: int, to: str) -> int:
         """Returns the directory's answer to `claim` or `decline`; 0 if another node has the group.
@@ -207,7 +207,7 @@ class NodeAgent:
         """
         while True:
             try:
-                if self._tenancy.registered:  # else the directory does not count with this node
+                if self._lease.registered:  # else the directory does not count with this node
                     return int(await self._directory.call(verb, group, owner, epoch, to) or 0)
             except (Aborted, FailedPrecondition) as error:
                 log.warning("a group has another owner", group=group, reason=str(error))
@@ -219,17 +219,17 @@ class NodeAgent:
     # The lease
 
     async def _renew(self) -> None:
-        if not (self._tenancy.registered or self._gateway.started):  # it still restores
+        if not (self._lease.registered or self._gateway.started):  # it still restores
             return
         load = await self._load()
-        sent_at, told = boot_clock(), self._tenancy.renewal(load, self._moves.groups)
+        sent_at, told = boot_clock(), self._lease.renewal(load, self._moves.groups)
         if told.node is not None:
             told = told.model_copy(update={"kept": self._replicas.ages()})
         answer = await self._directory.call("renew", told)
         if answer.fenced:
             log.error("the directory has given this node up; it comes back without what it lost")
-        if self._tenancy.take(answer, told, sent_at):
-            self._replicas.age(self._tenancy.view)
+        if self._lease.take(answer, told, sent_at):
+            self._replicas.age(self._lease.view)
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
@@ -238,13 +238,13 @@ class NodeAgent:
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()
             self._counted = NodeLoad(agents=stats.agents, fits=stats.capacity)
-        ready = self._gateway.started and self._gateway.alive and self._tenancy.registered
+        ready = self._gateway.started and self._gateway.alive and self._lease.registered
         return self._counted.model_copy(update={"ready": ready, "sessions": self._moves.live})
 
     def _tell_lease(self) -> None:
-        leased = self._tenancy.leased
+        leased = self._lease.leased
         if leased:
-            self._held_until = self._tenancy.held_until
+            self._held_until = self._lease.held_until
         if leased != self._leased:
             self._leased = leased
             log.info("lease held" if leased else "lease ended", until=self._held_until)
@@ -252,13 +252,13 @@ class NodeAgent:
     # Orders
 
     async def _obey(self, answer: Answer) -> None:
-        for group in sorted(self._tenancy.lost):
+        for group in sorted(self._lease.lost):
             if not (self._is_busy(group) and self._busy[group].get_name() != "move"):
                 await self._give_up(group)  # otherwise more may come into it; nobody is stepped
         self._replication.neighbour = answer.neighbour
         self._busy = {group: task for group, task in self._busy.items() if not task.done()}
         for order in answer.orders:
-            if order.group not in self._busy and self._tenancy.owes(order):
+            if order.group not in self._busy and self._lease.owes(order):
                 work = self._adopt(order) if order.kind == "adopt" else self._move(order)
                 self._busy[order.group] = asyncio.create_task(work, name=order.kind)
         empty = not (self._gateway.streams or self._busy or self._moves.groups)
@@ -274,16 +274,16 @@ class NodeAgent:
         for name in self._moves.of(group):
             owner = None
             with contextlib.suppress(Unavailable):
-                owner = self._tenancy.view.owner(name)
+                owner = self._lease.view.owner(name)
             await self._moves.release(name, endpoint(owner) if owner else None)
             log.warning("session lost to another node", session_id=name, at=boot_clock())
-        self._tenancy.released(group)
+        self._lease.released(group)
 
     async def _adopt(self, order: NodeOrder) -> None:
         """Resumes what lives in a group, from the copies on this node. Without room it waits, or
         another node resumes it.
         """
-        group, own, to = order.group, self._tenancy.node.name, ""
+        group, own, to = order.group, self._lease.node.name, ""
         kept, now = self._replicas.of(group), asyncio.get_running_loop().time
         states = {name: one.state for name, one in kept.items() if not name.endswith(CONTENT)}
         ends = now() + ADOPT_S
@@ -302,7 +302,7 @@ class NodeAgent:
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
         """Leave these replicas with the node that has the most room; its name, or "" for none."""
-        own = self._tenancy.node
+        own = self._lease.node
         try:
             node = await self._directory.call("place")
             if node.name == own.name or node.fingerprint != own.fingerprint:
@@ -317,8 +317,8 @@ class NodeAgent:
 
     async def _move(self, order: NodeOrder) -> None:
         """Give all that is in a group to another node, or keep it all: the directory decides."""
-        tenancy, group, node = self._tenancy, order.group, self._tenancy.view.nodes.get(order.to)
-        own, names = tenancy.node.name, self._moves.of(group)
+        lease, group, node = self._lease, order.group, self._lease.view.nodes.get(order.to)
+        own, names = lease.node.name, self._moves.of(group)
         if node is None or not all(map(self._moves.is_movable, names)):
             return
         content = dict[str, bytes]()
@@ -333,20 +333,20 @@ class NodeAgent:
         began, frozen = boot_clock(), dict[str, bytes]()
         try:
             await _together(self._moves.freeze, names, frozen)
-            if set(self._moves.of(group)) != set(names) or group in tenancy.lost:
+            if set(self._moves.of(group)) != set(names) or group in lease.lost:
                 raise Unavailable("somebody has come or gone meanwhile")
         except WayfarerError as error:
             log.error("session not moved", group=group, to=order.to, reason=str(error))
             await self._thaw(frozen)
             return
-        tenancy.going(group)
+        lease.going(group)
         try:
             told, seconds = (own, group, order.epoch, frozen), CALL_S + SESSION_S * len(frozen)
             await self._nodes.call(node, "take", *told, seconds=seconds)
         except WayfarerError as error:  # it may have come there all the same
             log.error("session not moved", group=group, to=order.to, reason=str(error))
             if epoch := await self._decision("claim", group, own, order.epoch, own):
-                tenancy.decided(group, epoch)
+                lease.decided(group, epoch)
                 await self._thaw(frozen)
                 return
         # should the other node end before its own neighbour has a copy
@@ -356,7 +356,7 @@ class NodeAgent:
             await self._moves.release(name, endpoint(node))
             ms = round(1e3 * (boot_clock() - began))
             log.info("session moved", session_id=name, to=node.name, ms=ms)
-        tenancy.decided(group, 0)
+        lease.decided(group, 0)
         await self._replication.copied(group)  # the neighbour drops what it has of it
 
     async def _thaw(self, names: Iterable[str]) -> None:
@@ -369,16 +369,16 @@ class NodeAgent:
 async def joined(
     directory: DirectoryLink,
     nodes: NodeLink,
-    tenancy: Tenancy,
+    lease: NodeLease,
     gateway: Gateway,
     ports: tuple[int, int],
     stop: Callable[[], None],
 ) -> AsyncIterator[NodeAgent]:
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
-    tenancy.node = tenancy.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
-    replicas, replication = Replicas(), Replication(tenancy, gateway.moves, nodes)
-    tenancy.copied = replication.copied
-    agent = NodeAgent(tenancy, gateway, directory, nodes, replicas, replication, stop)
+    lease.node = lease.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
+    replicas, replication = Replicas(), Replication(lease, gateway.moves, nodes)
+    lease.copied = replication.copied
+    agent = NodeAgent(lease, gateway, directory, nodes, replicas, replication, stop)
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(replication.running(), name="replicas"),
@@ -409,8 +409,8 @@ async def _together(
         raise failed[0]
 
 
-def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
-    """The tenancy of this process; its ports come later."""
+def lease_of(plan: NodePlan, fingerprint: str) -> NodeLease:
+    """The lease of this process; its ports come later."""
     node = NodeInfo(
         name=plan.name,
         number=plan.number,
@@ -422,4 +422,4 @@ def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
         machine=machine(),
         pid=os.getpid(),
     )
-    return Tenancy(node)
+    return NodeLease(node)

@@ -14,8 +14,8 @@ from typing import Final
 import structlog
 
 from wayfarer.cluster.messages import NodeInfo, NodeLink
+from wayfarer.cluster.node_lease import NodeLease
 from wayfarer.cluster.replicas import CONTENT
-from wayfarer.cluster.tenancy import Tenancy
 from wayfarer.errors import WayfarerError
 from wayfarer.ids import group_of
 from wayfarer.transport.gateway.moves import SessionMoves
@@ -48,10 +48,10 @@ TOLD: Final = 4
 class Replication:
     """The copies of one node at its neighbour."""
 
-    def __init__(self, tenancy: Tenancy, moves: SessionMoves, link: NodeLink) -> None:
+    def __init__(self, lease: NodeLease, moves: SessionMoves, link: NodeLink) -> None:
         self.neighbour = ""
         """Name of the node that gets the copies; empty: there is none."""
-        self._tenancy = tenancy
+        self._lease = lease
         self._moves = moves
         self._link = link
         self._sending = asyncio.Lock()  # else an older state could arrive after a newer one
@@ -109,11 +109,11 @@ class Replication:
 
     async def _send(self, names: Collection[str]) -> None:
         """Tells the neighbour what there is, and the state of these."""
-        node = self._tenancy.view.nodes.get(self.neighbour)
-        if node is None or not self._tenancy.may_step():
+        node = self._lease.view.nodes.get(self.neighbour)
+        if node is None or not self._lease.may_step():
             return
         # First: ended sessions make room there; a neighbour that is away fails it at once.
-        own, present = self._tenancy.node.name, [*self._names(), *self._tenancy.names_coming]
+        own, present = self._lease.node.name, [*self._names(), *self._lease.names_coming]
         lacks = await self._link.call(node, "present", own, present, seconds=SEND_S)
         groups = set(map(group_of, names))
         for scene_id in [one for one in lacks if group_of(one) in groups]:
@@ -138,7 +138,7 @@ class Replication:
         return b""
 
     async def _send_content(self, node: NodeInfo, scene_id: str) -> None:
-        own, name = self._tenancy.node.name, scene_id + CONTENT
+        own, name = self._lease.node.name, scene_id + CONTENT
         copy = {name: await self._moves.content(scene_id)}
         refused = await self._link.call(node, "keep", own, copy, seconds=SEND_S)
         if refused:

@@ -23,7 +23,7 @@ from rich.console import Console
 
 from wayfarer import __version__
 from wayfarer.assembly import fingerprint, model_folder, runtime, with_engine
-from wayfarer.cluster.node_agent import tenancy_of
+from wayfarer.cluster.node_agent import lease_of
 from wayfarer.cluster.plans import check_state, node_plans
 from wayfarer.cluster.ray_environment import encrypt_ray, guard_own_ray
 from wayfarer.config import sources
@@ -94,8 +94,8 @@ async def serve(
             loop.add_signal_handler(signal.SIGHUP, reload)
         warn_if_open(settings)
     folder = model_folder(settings)
-    tenancy = tenancy_of(node.plan, fingerprint(folder)) if node else None
-    ownership: Ownership = tenancy or SingleNode()
+    lease = lease_of(node.plan, fingerprint(folder)) if node else None
+    ownership: Ownership = lease or SingleNode()
 
     def ended() -> None:
         for event in (failed, stop):
@@ -108,8 +108,8 @@ async def serve(
     try:
         await server.start()
         background: AbstractAsyncContextManager[None] = nullcontext()
-        if node and tenancy:
-            background = node.joined(tenancy, gateway, server.ports, stop.set)
+        if node and lease:
+            background = node.joined(lease, gateway, server.ports, stop.set)
         async with background:
             if shows_page:  # the page says that the server is starting, and continues by itself
                 open_page(server.http_url)

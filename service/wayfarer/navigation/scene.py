@@ -22,7 +22,7 @@ from wayfarer.navigation import baking
 from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
 from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
 from wayfarer.navigation.grid import Grid
-from wayfarer.navigation.ground.ground import Ground, find_ground
+from wayfarer.navigation.ground.ground import Ground, find_ground, triangles
 from wayfarer.navigation.locate import MeshPoint, nearest_place
 from wayfarer.navigation.mesh import NavMesh
 from wayfarer.navigation.obstruction import notes_on, why_apart
@@ -115,7 +115,11 @@ class Scene:
         points = shortest(self.mesh, self.ground, first, last)
         points = widened(points, self, self.spec.walkable.radius)
         points[:, 2] = self.floor(points)
-        return GroundPath(points, first.moved, last.moved, self.content_hash, self.version)
+        return GroundPath(points, first.moved, last.moved, self.version)
+
+    def triangles(self) -> NDArray[np.float64]:
+        """All its triangles, with the present obstacles [T, 3, 3], metres. Takes time."""
+        return triangles(replace(self.spec, solids=(*self.spec.solids, *self.obstacles.values())))
 
     def reach(self, start: Point2 | Point3, goal: Point2 | Point3) -> Point3:
         """Where `path` would end, without looking for the way. Raises as it does."""

@@ -20,7 +20,7 @@ from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.live import LiveMotion, steady_clock
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.move_locks import MoveLocks
-from wayfarer.runtime.moving import LiveMoves
+from wayfarer.runtime.moving import LiveMoves, SceneMoves
 from wayfarer.runtime.offline import Offline
 from wayfarer.runtime.persistence.persistence import SAVE_PARTS, Persistence
 from wayfarer.runtime.pipeline import EnginePipeline
@@ -99,10 +99,10 @@ class MotionService:
             clock=self._clock,
             move_locks=self._move_locks,
         )
-
         self.moves = LiveMoves(
             worlds, self._exports, self._homes, self._persistence, self._move_locks
         )
+        self.scene_moves = SceneMoves(self.scenes, self._persistence, self._move_locks)
 
     # Life
 
@@ -217,7 +217,7 @@ class MotionService:
             async with self._move_locks.through(agent_id):
                 revision = await self._homes.of_agent(agent_id).ask(given)
         except Unreachable as error:
-            raise await self.scenes.explained(error) from None
+            raise await self.scenes.work(error.explained) from None  # looks for obstacles
         return await self._persistence.durable(revision)
 
     # Motion

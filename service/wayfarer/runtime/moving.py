@@ -1,8 +1,9 @@
-"""Sessions move between servers without a visible interruption.
+"""Sessions, and the scenes that they are in, move between servers without a visible interruption.
 
 On the old server, `freeze` stops planning and sends planned motion at once, and `export` packs the
 rest. Then `release` ends the session and its streams, or `unfreeze` resumes it there after all. On
-the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes it.
+the new server, `import_` puts it into the world, frozen, and `unfreeze` resumes it. Scenes have the
+same calls; their content never changes and is sent ahead.
 """
 
 import asyncio
@@ -16,14 +17,21 @@ from wayfarer.runtime.move_locks import MoveLocks
 from wayfarer.runtime.persistence.log_format import decode_log
 from wayfarer.runtime.persistence.persistence import Persistence
 from wayfarer.runtime.persistence.record import CommandLog
+from wayfarer.runtime.persistence.scene_entries import (
+    content_bytes,
+    decode_scene,
+    obstacles_bytes,
+)
 from wayfarer.runtime.persistence.session_record import (
     SessionCopy,
     decode_record,
     encode_record,
 )
+from wayfarer.runtime.scenes import SceneService
 from wayfarer.runtime.session_exports import SessionExports
 from wayfarer.runtime.world_factory import WorldFactory
 from wayfarer.world.agents.agent import SessionInfo
+from wayfarer.world.scenes.messages import SceneInfo
 from wayfarer.world.world import World
 
 CALL_S: Final = 0.1
@@ -145,6 +153,59 @@ class LiveMoves:
             await self.unfreeze(session_id)
         except WayfarerError:
             self._move_locks.open(session_id)
+
+
+class SceneMoves:
+    """The moves of all scenes."""
+
+    def __init__(
+        self, scenes: SceneService, persistence: Persistence, move_locks: MoveLocks
+    ) -> None:
+        self._scenes = scenes
+        self._persistence = persistence
+        self._move_locks = move_locks
+
+    async def content(self, scene_id: str) -> bytes:
+        """The parts of it that never change, baked, for `import_`. Raises NotFound."""
+        return await self._scenes.work(content_bytes, self._scenes.registry.entry(scene_id))
+
+    async def freeze(self, scene_id: str) -> None:
+        """Makes calls wait that change it or make sessions in it, until `unfreeze` or `release`.
+
+        Raises Unavailable if calls in progress do not end.
+        """
+        await self._move_locks.close(scene_id)
+
+    async def export(self, scene_id: str) -> bytes:
+        """The parts of it that change, for `import_`. Raises NotFound."""
+        return obstacles_bytes(self._scenes.registry.entry(scene_id))
+
+    replica = export
+
+    async def unfreeze(self, scene_id: str) -> None:
+        """Resumes it on this server."""
+        self._move_locks.open(scene_id)
+
+    async def import_(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
+        """Puts a scene from another server into the registry. Nothing is baked again.
+
+        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
+        """
+        record = await self._scenes.work(decode_scene, scene_id, content, obstacles)
+        made = await self._scenes.work(self._scenes.registry.restore, record, reported=False)
+        return await self._persistence.durable(made)
+
+    async def release(self, scene_id: str, error: WayfarerError) -> None:
+        """Ends it on this server, since it and its sessions live on another; waiting calls end with
+        `error`.
+
+        Raises NotFound, FailedPrecondition if sessions are in it.
+        """
+        try:
+            self._scenes.registry.delete(scene_id)
+        finally:
+            self._move_locks.open(scene_id, error)
+        await self._persistence.durable(None)
 
 
 def _freeze(world: World, session_id: str) -> bool:

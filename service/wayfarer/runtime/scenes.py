@@ -1,37 +1,26 @@
-"""The scenes of a server as event loops use them: slow calls run on worker threads."""
+"""The scenes of a server, for event loops: slow work runs on worker threads.
+
+Each rule for a call on a scene stands in one place: owner, basis and lease in
+`transport/gateway/scene_access.py`; waiting for moves and for the disk here; limits, names, one
+bake at a time, one change at a time and the sessions in a scene in
+`world/scenes/scene_registry.py`.
+"""
 
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from typing import Final, TypeVar
+from typing import Concatenate, Final, ParamSpec, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wayfarer.errors import FailedPrecondition, Unreachable, WayfarerError
-from wayfarer.navigation.ground.ground import triangles
-from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
+from wayfarer.errors import FailedPrecondition, Unreachable
+from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.homes import Homes
 from wayfarer.runtime.move_locks import MoveLocks
 from wayfarer.runtime.persistence.persistence import Persistence
-from wayfarer.runtime.persistence.scene_entries import (
-    content_bytes,
-    decode_scene,
-    obstacles_bytes,
-)
-from wayfarer.world.scenes.messages import (
-    Crowd,
-    CrowdState,
-    Outlines,
-    SceneInfo,
-    SceneSource,
-    Way,
-)
-from wayfarer.world.scenes.outlines import outlines
+from wayfarer.world.scenes.messages import Crowd, CrowdState, SceneInfo, SceneSource
 from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.scenes.scene_registry import MAX_BAKES, SceneRegistry
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 POLLS: Final = 100
@@ -40,10 +29,10 @@ POLL_S: Final = 0.05
 
 
 class SceneService:
-    """Scenes, their obstacles, ways through them, and the people who live there.
+    """Scenes, and the people who live there.
 
     A session is in at most one scene, named when it is created (`SessionSpec.scene`). A change
-    returns once the journal has it on disk.
+    returns once the journal has it on disk. `registry` answers at once what needs no waiting.
     """
 
     def __init__(
@@ -55,8 +44,8 @@ class SceneService:
         clock: Callable[[], float],
         move_locks: MoveLocks,
     ) -> None:
+        self.registry = registry
         self._move_locks = move_locks
-        self._registry = registry
         self._persistence = persistence
         self._homes = homes
         self._clock = clock
@@ -68,83 +57,43 @@ class SceneService:
         """Drops calls that have not started."""
         self._workers.shutdown(wait=False, cancel_futures=True)
 
-    async def create_scene(self, source: SceneSource, scene_id: str = "") -> SceneInfo:
-        """Bakes it, off the motion thread; equal content is baked once. `scene_id`: empty for a
-        new one.
-
-        Raises InvalidArgument that names the field, AlreadyExists, ResourceExhausted if too
-        many scenes are kept or being baked, or this one is too costly.
-        """
-        made = await self._work(lambda: self._registry.create(source, self._clock(), scene_id))
+    async def create(self, source: SceneSource, scene_id: str = "") -> SceneInfo:
+        """As the registry's method, durably."""
+        made = await self.work(self.registry.create, source, self._clock(), scene_id)
         return await self._persistence.durable(made)
 
-    async def get_scene(self, scene_id: str) -> SceneInfo:
-        """Raises NotFound."""
-        return self._registry.info(scene_id)
-
-    async def list_scenes(self) -> list[SceneInfo]:
-        """All scenes, oldest first."""
-        return self._registry.infos()
-
-    async def delete_scene(self, scene_id: str) -> None:
-        """Raises NotFound; FailedPrecondition while sessions are in it."""
-        async with self._move_locks.through(scene_id):
-            self._registry.delete(scene_id)
-        await self._persistence.durable(None)
-
-    async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Adds an obstacle, or moves an existing one; agents whose way it blocks plan again.
-
-        Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition if no free
-        ground would be left.
+    async def change(
+        self,
+        method: Callable[Concatenate[SceneRegistry, str, P], T],
+        scene_id: str,
+        *args: P.args,
+        **kwargs: P.kwargs,
+    ) -> T:
+        """Calls a method of the registry that changes or deletes a scene: durably, and not while it
+        moves. Agents whose way becomes blocked plan again. Raises as the method does.
         """
         async with self._move_locks.through(scene_id):
-            made = await self._work(lambda: self._registry.put(scene_id, name, obstacle))
+            made = await self.work(method, self.registry, scene_id, *args, **kwargs)
         return await self._persistence.durable(made)
 
-    async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
-        """Raises NotFound."""
-        async with self._move_locks.through(scene_id):
-            made = await self._work(lambda: self._registry.remove(scene_id, name))
-        return await self._persistence.durable(made)
-
-    async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
-        """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
-        scene = self._registry.scene(scene_id)
+    async def look(
+        self,
+        method: Callable[Concatenate[Scene, P], T],
+        scene_id: str,
+        *args: P.args,
+        **kwargs: P.kwargs,
+    ) -> T:
+        """Calls a function on the present version of a scene. Raises NotFound, and as it does."""
+        scene = self.registry.entry(scene_id).scene
         try:
-            path = await self._work(lambda: scene.path(start, goal))
+            return await self.work(method, scene, *args, **kwargs)
         except Unreachable as error:
-            raise await self.explained(error) from None
-        return Way(
-            points=tuple((x, y, z) for x, y, z in path.points.tolist()),
-            length=path.length,
-            start_moved=path.start_moved,
-            goal_moved=path.goal_moved,
-            version=path.scene_version,
-        )
+            raise await self.work(error.explained) from None  # with the blocking obstacles
 
-    async def explained(self, error: Unreachable) -> Unreachable:
-        """The refusal with the blocking obstacles, which a worker thread looks for."""
-        return await self._work(error.explained)
-
-    async def scene_outlines(self, scene_id: str) -> Outlines:
-        """Outlines for drawing it. Raises NotFound."""
-        scene = self._registry.scene(scene_id)
-        return await self._work(lambda: outlines(scene))
-
-    async def scene_triangles(self, scene_id: str) -> NDArray[np.float64]:
-        """All its triangles, with the present obstacles [T, 3, 3], metres. Raises NotFound."""
-        scene = self._registry.scene(scene_id)
-        spec = replace(scene.spec, solids=(*scene.spec.solids, *scene.obstacles.values()))
-        return await self._work(lambda: triangles(spec))
-
-    async def scene_picture(self, scene_id: str) -> bytes:
-        """A top view, PNG. Raises NotFound."""
-        # the image library is loaded with the first picture
-        from wayfarer.navigation.picture import top_view
-
-        scene = self._registry.scene(scene_id)
-        return await self._work(lambda: top_view(scene))
+    async def work(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Calls a function on a worker thread."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._workers, lambda: call(*args, **kwargs))
 
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
         """Replaces an earlier crowd with people that come and go; returns how many have come.
@@ -169,54 +118,3 @@ class SceneService:
     async def crowd(self, session_id: str) -> CrowdPeople | None:
         """The session's present crowd; None: it has none."""
         return await self._homes.live.ask(lambda world, _: world.crowds.copy(session_id))
-
-    # Moves to another server: its content at any time, the rest with its sessions
-
-    async def content(self, scene_id: str) -> bytes:
-        """The parts of it that never change, baked, for `adopt`. Raises NotFound."""
-        entry = self._registry.entry(scene_id)
-        return await self._work(lambda: content_bytes(entry))
-
-    def obstacles(self, scene_id: str) -> bytes:
-        """The parts of it that change, for `adopt`. Raises NotFound."""
-        return obstacles_bytes(self._registry.entry(scene_id))
-
-    async def adopt(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
-        """Adopts a scene from another server. Nothing is baked again.
-
-        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
-        """
-        record = await self._work(lambda: decode_scene(scene_id, content, obstacles))
-        source, at, version, baked = record.source, record.created_at, record.version, record.baked
-        await self._work(
-            lambda: self._registry.restore(
-                scene_id, source, at, version, record.obstacles, reported=False, baked=baked
-            )
-        )
-        return await self._persistence.durable(self._registry.info(scene_id))
-
-    async def freeze(self, scene_id: str) -> None:
-        """Makes calls wait that change it or make sessions in it, until `unfreeze` or `release`.
-
-        Raises Unavailable if calls in progress do not end.
-        """
-        await self._move_locks.close(scene_id)
-
-    def unfreeze(self, scene_id: str) -> None:
-        """Resumes it on this server."""
-        self._move_locks.open(scene_id)
-
-    async def release(self, scene_id: str, error: WayfarerError) -> None:
-        """Ends it on this server, since it and its sessions live on another; waiting calls end with
-        `error`.
-
-        Raises NotFound, FailedPrecondition if sessions are in it.
-        """
-        try:
-            self._registry.delete(scene_id)
-        finally:
-            self._move_locks.open(scene_id, error)
-        await self._persistence.durable(None)
-
-    async def _work(self, call: Callable[[], T]) -> T:
-        return await asyncio.get_running_loop().run_in_executor(self._workers, call)

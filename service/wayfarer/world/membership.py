@@ -194,11 +194,10 @@ class Membership:
     def _add(self, spec: SessionSpec, created_at: float, admit: bool = True) -> Session:
         session = self.registry.add_session(spec, created_at, admit)
         try:
-            self.scenery.enter(spec, session.session_id)
+            session.scene = self.scenery.enter(spec, session.session_id)
         except WayfarerError:
             del self.registry.sessions[session.session_id]
             raise
-        session.scene = self.scenery.number(spec.scene)
         return session
 
     def _remove(self, session: Session) -> None:

@@ -67,7 +67,7 @@ async def server(tmp_path):
     """With the sessions `a`, `b` and `c` of two agents each on its disk; `b` is in a scene."""
     made = Server(tmp_path)
     async with made as service:
-        scene = await service.scenes.create_scene(SceneSource(SceneSpec((FIELD,))))
+        scene = await service.scenes.create(SceneSource(SceneSpec((FIELD,))))
         for name in "abc":
             spec = SessionSpec(name, scene=scene.scene_id if name == "b" else "")
             await service.create_session(spec)
@@ -99,8 +99,8 @@ async def test_a_session_whose_restoring_fails_is_moved_to_a_folder_of_its_own(s
         assert len(service._world.registry.by_slot) == 4, "nothing of it is left in the world"
         assert int(service._world.slots.active.sum()) == 4
         assert server.set_aside("restore") == 1
-        for scene in await service.scenes.list_scenes():
-            await service.scenes.delete_scene(scene.scene_id)  # it is in none
+        for scene in service.scenes.registry.infos():
+            await service.scenes.change(SceneRegistry.delete, scene.scene_id)  # it is in none
     [folder] = server.folders()
     assert folder.name.startswith("b-")
     monkeypatch.undo()
@@ -248,7 +248,7 @@ def test_without_a_folder_nothing_is_counted():
 async def test_a_scene_that_ends_the_process_as_it_is_restored_is_left_out(server):
     """With its session. The next start tries both again."""
     async with server as service:
-        [scene] = await service.scenes.list_scenes()
+        [scene] = service.scenes.registry.infos()
     kept = {"starts": EARLY, "ended": {scene.scene_id: 2}}
     (server.folder / STARTS).write_text(json.dumps(kept))
     async with server as service:

@@ -9,6 +9,7 @@ import shapely
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import scene_spec as world
 from wayfarer.navigation.meshes.read import read_mesh
+from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.navigation.solids import footprint
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import scene_convert
@@ -154,7 +155,7 @@ def test_glb_is_in_gltfs_basis_and_units_can_be_said():
 @BASES
 def test_ways_and_outlines_are_told_in_the_basis(basis):
     axes = basis.axes
-    way = runtime.Way(((0.0, 0.0, 0.0), (3.0, 4.0, 1.0)), 5.0, 0.0, 0.5, 3)
+    way = GroundPath(np.array(((0.0, 0.0, 0.0), (3.0, 4.0, 1.0))), 0.0, 0.5, 3)
     told = scene_convert.scene_path(way, axes)
     assert told.points[1].model_dump() == pytest.approx(vector(basis, 3, 4, 1))
     assert (told.length, told.goal_moved) == pytest.approx((length(basis, 5), length(basis, 0.5)))

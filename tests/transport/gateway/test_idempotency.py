@@ -52,7 +52,7 @@ async def test_what_a_server_made_before_its_end_is_found_and_not_made_again(ser
     await after.sessions.delete(alone.session_id)
     again = await opened(service)
     assert (await again.sessions.create(REQUEST)).created_at_us, "what has ended is made again"
-    assert len(service.scenes.sources) == 1 and service.created == 3
+    assert len(service.registry.infos()) == 1 and service.created == 3
     with called_by(caller("bob")):
         assert (await again.sessions.create(REQUEST)).session_id != alone.session_id
 

@@ -18,7 +18,7 @@ class Full:
         self.moves = self.service = self.sessions = self.scenes = self
         self.full = True
 
-    def forget(self, name):
+    def close(self, name):
         pass
 
     def _room(self):

@@ -68,7 +68,7 @@ async def test_sessions_are_in_scenes_of_their_caller(api):
     found = await api.sessions.get(session_id)
     assert (found.scene, found.avoid) == (made.scene_id, False)
     assert (await api.scenes.get(made.scene_id)).sessions == 1
-    with pytest.raises(FailedPrecondition, match="sessions are in"):
+    with pytest.raises(FailedPrecondition, match="is in use; delete its sessions first"):
         await api.scenes.delete(made.scene_id)
     with called_by(caller("ada")):
         for scene_id in (made.scene_id, "scene-99"):
@@ -99,12 +99,12 @@ async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names(api):
 
 async def test_a_request_sent_twice_makes_one_scene(service, api):
     made = [await yard(api, request_id="r") for _ in range(2)]
-    assert made[0] == made[1] and len(service.sources) == 1
+    assert made[0] == made[1] and len(service.registry.infos()) == 1
     with pytest.raises(Aborted):
         await yard(api, request_id="r", name="other")
     mesh = OBJ_REQUEST.model_copy(update={"scene": schema.NewScene(request_id="m")})
     twice = [await api.scenes.create_from_mesh(mesh, in_pieces(OBJ)) for _ in range(2)]
-    assert twice[0] == twice[1] and len(service.sources) == 2
+    assert twice[0] == twice[1] and len(service.registry.infos()) == 2
     with pytest.raises(Aborted):
         await api.scenes.create_from_mesh(mesh, in_pieces(OBJ + b"#"))
 
@@ -123,18 +123,18 @@ async def test_scenes_of_a_caller_are_limited_also_those_in_the_making():
 
 
 async def test_a_scene_that_cannot_be_removed_now_is_kept_and_removed_later(service, clock, api):
-    made, delete = await yard(api, lease_s=50), service.delete_scene
+    made, change = await yard(api, lease_s=50), service.change
 
-    async def refuse(_: str) -> None:
+    async def refuse(*_: object) -> None:
         raise Unavailable("the session is being moved; try again")
 
     clock.now += 51
-    service.delete_scene = refuse
+    service.change = refuse
     await api.end_expired_sessions()
     assert api.moves.scenes == [made.scene_id]
-    service.delete_scene = delete
+    service.change = change
     await api.end_expired_sessions()
-    assert await service.list_scenes() == [] == api.moves.scenes
+    assert service.registry.infos() == [] == api.moves.scenes
 
 
 async def test_a_scene_outlives_its_last_session_and_call_by_its_lease(service, clock, api):
@@ -154,7 +154,7 @@ async def test_a_scene_outlives_its_last_session_and_call_by_its_lease(service, 
     await api.end_expired_sessions()
     assert [s.scene_id for s in (await api.scenes.list_own()).scenes] == [forgotten.scene_id]
     with pytest.raises(NotFound):
-        await service.get_scene(made.scene_id)
+        service.registry.entry(made.scene_id)
 
 
 async def test_scenes_are_taken_over_after_a_restart():
@@ -166,10 +166,10 @@ async def test_scenes_are_taken_over_after_a_restart():
 
 @pytest.mark.parametrize("lease_s", ["nan", "0.5", "an hour"])
 async def test_a_kept_scene_without_a_lease_is_removed(service, api, lease_s):
-    await yard(api)
-    service.sources[0].attributes["lease_s"] = lease_s
+    made = await yard(api)
+    service.registry.entry(made.scene_id).source.attributes["lease_s"] = lease_s
     await opened(service)
-    assert await service.list_scenes() == []
+    assert service.registry.infos() == []
 
 
 async def test_obstacles_come_move_and_go(api):

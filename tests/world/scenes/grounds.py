@@ -8,6 +8,7 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionSpec
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
@@ -42,7 +43,7 @@ def world_in(
 ) -> tuple[World, SceneRegistry, str]:
     """A world of the fake engine, whose session "s" is in the scene; and the scene's id."""
     registry = registry or SceneRegistry()
-    scene_id = registry.add(scene).scene_id
+    scene_id = registry.create(SceneSource(scene.spec), baked=scene).scene_id
     settings = {"steering": Steering(reactions=1)} | settings  # nobody hesitates
     world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(**settings), scenes=registry)
     world.create_session(SessionSpec("s", scene=scene_id, avoid=avoid), 0.0)

@@ -4,7 +4,7 @@ import threading
 import numpy as np
 import pytest
 
-from tests.world.scenes.grounds import BOX, FIELD, WALL, field
+from tests.world.scenes.grounds import BOX, FIELD, WALL
 from wayfarer.config.limits import Limits
 from wayfarer.errors import (
     AlreadyExists,
@@ -18,7 +18,7 @@ from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.world.scenes import scene_registry
 from wayfarer.world.scenes.messages import SceneSource
-from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.scenes.scene_registry import SceneRecord, SceneRegistry
 
 SOURCE = SceneSource(SceneSpec((FIELD,)), "field", {"owner": "me"})
 
@@ -62,27 +62,27 @@ def test_tells_what_a_scene_is():
 
 def test_ids_say_in_which_slot_a_scene_lives():
     registry = SceneRegistry(new_group=lambda: "0123456789ab")
-    assert group_of(registry.add(field()).scene_id) == "0123456789ab"
+    assert group_of(registry.create(SOURCE).scene_id) == "0123456789ab"
 
 
 def test_a_change_makes_a_version_and_readers_keep_theirs():
     registry = SceneRegistry()
-    scene_id = registry.add(field()).scene_id
-    before = registry.scene(scene_id)
+    scene_id = registry.create(SOURCE).scene_id
+    before = registry.entry(scene_id).scene
     assert registry.put(scene_id, "crate", BOX).obstacles == {"crate": BOX}
-    assert registry.scene(scene_id).version == 1 and not before.obstacles
+    assert registry.entry(scene_id).scene.version == 1 and not before.obstacles
     assert registry.remove(scene_id, "crate").version == 2
     with pytest.raises(NotFound, match="crate"):
         registry.remove(scene_id, "crate")
-    assert registry.info(scene_id).version == 2
+    assert registry.entry(scene_id).scene.version == 2
 
 
 def test_a_scene_with_sessions_stays():
     registry = SceneRegistry()
-    scene_id = registry.add(field()).scene_id
+    scene_id = registry.create(SOURCE).scene_id
     for session_id in "abcde":
         registry.enter(scene_id, session_id)
-    assert registry.info(scene_id).sessions == 5
+    assert registry.entry(scene_id).info().sessions == 5
     with pytest.raises(FailedPrecondition, match=r"sessions first: 'a', 'b', 'c' and 2 more$"):
         registry.delete(scene_id)
     for session_id in "abce":
@@ -91,12 +91,7 @@ def test_a_scene_with_sessions_stays():
         registry.delete(scene_id)
     registry.leave(scene_id, "d")
     registry.delete(scene_id)
-    for ask in (
-        registry.info,
-        registry.scene,
-        registry.delete,
-        lambda gone: registry.enter(gone, "f"),
-    ):
+    for ask in (registry.entry, registry.delete, lambda gone: registry.enter(gone, "f")):
         with pytest.raises(NotFound, match=scene_id):
             ask(scene_id)
 
@@ -147,7 +142,7 @@ def test_a_bake_that_fails_leaves_nothing_behind():
 @pytest.mark.parametrize("name", ["", "x" * 65, "two\nlines"])
 def test_obstacles_have_names(name):
     registry = SceneRegistry()
-    scene_id = registry.add(field()).scene_id
+    scene_id = registry.create(SOURCE).scene_id
     with pytest.raises(InvalidArgument, match="name must be 1 to 64") as refused:
         registry.put(scene_id, name, BOX)
     assert refused.value.field == "name"
@@ -155,19 +150,18 @@ def test_obstacles_have_names(name):
 
 def test_restores_a_scene_as_it_was():
     registry = SceneRegistry()
-    registry.restore("scene-1", SOURCE, 5.0, 7, {"crate": BOX})
-    info = registry.info("scene-1")
+    info = registry.restore(SceneRecord("scene-1", SOURCE, 5.0, 7, {"crate": BOX}))
     assert (info.version, info.created_at, info.obstacles) == (7, 5.0, {"crate": BOX})
-    assert registry.scene("scene-1").distance(np.array(BOX.center)) < 0
+    assert registry.entry("scene-1").scene.distance(np.array(BOX.center)) < 0
     with pytest.raises(AlreadyExists):
-        registry.restore("scene-1", SOURCE, 5.0, 0, {})
+        registry.restore(SceneRecord("scene-1", SOURCE, 5.0, 0, {}))
 
 
 def test_what_another_server_has_baked_is_not_baked_again():
     counted = Counted()
     registry = SceneRegistry(bake=counted)
     made = bake(SOURCE.spec)
-    registry.restore("scene-1", SOURCE, 5.0, 0, {}, reported=False, baked=made)
-    registry.restore("scene-2", SOURCE, 5.0, 0, {}, reported=False)
+    registry.restore(SceneRecord("scene-1", SOURCE, 5.0, 0, {}, made), reported=False)
+    registry.restore(SceneRecord("scene-2", SOURCE, 5.0, 0, {}), reported=False)
     assert counted.bakes == 0
-    assert registry.scene("scene-1").mesh is registry.scene("scene-2").mesh is made.mesh
+    assert registry.entry("scene-1").scene.mesh is registry.entry("scene-2").scene.mesh is made.mesh

@@ -1,12 +1,15 @@
 """Agents of the fake engine in scenes: ways, obstacles that come and go, goals that cannot be."""
 
+import gc
 import math
+import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.world.fakes import HIPS_HEIGHT, taken
-from tests.world.scenes.grounds import BOX, WALL, enter, field, islands, world_in
+from tests.world.scenes.grounds import BOX, FIELD, WALL, enter, field, islands, world_in
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
@@ -16,6 +19,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Follow, Patrol
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append, Path
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 SOUTH, NORTH = (6.0, 2.0), (6.0, 10.0)
@@ -95,7 +99,19 @@ def test_an_obstacle_in_the_way_is_walked_around_within_half_a_second():
     assert np.abs(after[agent.agent_id][-1, 0] - 6.0) > 0.1  # aside
     rest, arrived = walked(world, 15.0)
     assert arrived
-    assert registry.scene(scene_id).distance(rest[agent.agent_id]).min() > CLEAR
+    assert registry.entry(scene_id).scene.distance(rest[agent.agent_id]).min() > CLEAR
+
+
+def test_an_obstacle_is_seen_though_a_session_enters_before_the_next_step():
+    world, registry, scene_id = world_in(field())
+    [agent] = enter(world, SOUTH)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
+    walked(world, 1.5)
+    registry.put(scene_id, "crate", BOX)
+    world.create_session(SessionSpec("other", scene=scene_id), 1.5)
+    rest, arrived = walked(world, 15.0)
+    assert arrived
+    assert registry.entry(scene_id).scene.distance(rest[agent.agent_id]).min() > CLEAR
 
 
 def test_an_obstacle_elsewhere_changes_nothing():
@@ -222,16 +238,33 @@ def test_a_session_names_a_scene_that_is_here_and_holds_it():
         world.create_session(SessionSpec("x", scene="scene-x"), 0.0)
     with pytest.raises(FailedPrecondition, match="cannot be recorded"):
         world.create_session(SessionSpec("x", scene=scene_id, record=True), 0.0)
-    assert registry.info(scene_id).sessions == 1
+    assert registry.entry(scene_id).sessions == ["s"]
     world.delete_session("s")
-    assert registry.info(scene_id).sessions == 0
+    assert registry.entry(scene_id).sessions == []
+
+
+def test_a_world_forgets_a_scene_that_its_last_session_has_left():
+    world, registry, scene_id = world_in(replace(field()))  # not the one that `field` keeps
+    scene = weakref.ref(registry.entry(scene_id).scene)
+    enter(world, SOUTH)
+    world.delete_session("s")
+    registry.delete(scene_id)
+    world.step(0.1)
+    gc.collect()
+    assert scene() is None
+    again = registry.create(SceneSource(SceneSpec((FIELD,), (BOX,)))).scene_id
+    world.create_session(SessionSpec("s", scene=again), 0.2)
+    [agent] = enter(world, SOUTH)
+    world.give(agent.agent_id, goal(*NORTH), 0.2)
+    tracks, arrived = walked(world, 15.0)
+    assert arrived and field(BOX).distance(tracks[agent.agent_id]).min() > CLEAR
 
 
 def test_a_refused_session_holds_no_scene():
     world, registry, scene_id = world_in(field())
     with pytest.raises(AlreadyExists):
         world.create_session(SessionSpec("s", scene=scene_id), 0.0)
-    assert registry.info(scene_id).sessions == 1
+    assert registry.entry(scene_id).sessions == ["s"]
 
 
 def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing():

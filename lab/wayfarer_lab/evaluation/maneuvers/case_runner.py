@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.models.bundle import Bodies, ModelBundle
-from wayfarer.navigation.scene import Scene, bake
+from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.rules import RULES, ActingRules
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, MeasuredTake
@@ -64,9 +65,9 @@ class CaseRunner:
         scene, session, scenes = None, SessionSpec(avoid=False), None
         if case.scene is not None:
             scenes = SceneRegistry()
-            info = scenes.add(bake(case.scene()))
-            scene = scenes.scene(info.scene_id)
-            session = SessionSpec(scene=info.scene_id, avoid=False)
+            scene_id = scenes.create(SceneSource(case.scene())).scene_id
+            scene = scenes.entry(scene_id).scene
+            session = SessionSpec(scene=scene_id, avoid=False)
         steering = Steering().with_search(candidates=self.candidates)
         world = self.bundle.world(len(tasks), steering, scenes, rules)
         trajectories = run_tasks(world, tasks, case.seconds, session=session, watch=watch)

@@ -14,6 +14,7 @@ from wayfarer.navigation.scene_spec import Obstacle, Point2
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.scenes.cost import WORLD, Cost
@@ -68,7 +69,7 @@ class SceneRun:
         self.monitor = monitor
         monitor.change(scene)
         self._scenes = SceneRegistry()
-        self._scene_id = self._scenes.add(scene).scene_id
+        self._scene_id = self._scenes.create(SceneSource(scene.spec), baked=scene).scene_id
         bundle = replace(rig.bundle, engine=self.cost.engine(rig.bundle.engine))
         steering = Steering().with_search(candidates=rig.candidates)
         self.world = bundle.world(agents, steering, self._scenes)
@@ -119,7 +120,7 @@ class SceneRun:
         return self.monitor.figures() | self.cost.figures(self.now)
 
     def _changed(self) -> None:
-        self.scene = self._scenes.scene(self._scene_id)
+        self.scene = self._scenes.entry(self._scene_id).scene
         self.monitor.change(self.scene)
 
 

@@ -22,7 +22,6 @@ class GroundPath:
     """Metres between the requested start and the first point; 0: it was free ground."""
     goal_moved: float
     """The same for the goal: the nearest free ground that can be reached."""
-    scene_hash: str
     scene_version: int
     """The scene in which it was found. A later one may block it: `Scene.is_clear`."""
 

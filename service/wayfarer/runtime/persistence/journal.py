@@ -32,14 +32,13 @@ from wayfarer.runtime.persistence.journal_entries import (
 )
 from wayfarer.runtime.persistence.journal_file import Entries, EntryKind, JournalFile, Key
 from wayfarer.runtime.persistence.scene_entries import (
-    SceneRecord,
     decode_scenes,
     obstacles_part,
     scene_part,
 )
 from wayfarer.runtime.persistence.snapshot import BodyStamp, SessionPart
 from wayfarer.world.agents.records import SessionRecord
-from wayfarer.world.scenes.scene_registry import SceneEntry
+from wayfarer.world.scenes.scene_registry import SceneEntry, SceneRecord
 
 log = structlog.get_logger(__name__)
 

@@ -13,10 +13,9 @@ from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
 from wayfarer.runtime.metrics_sink import MetricsSink
 from wayfarer.runtime.persistence.crash_loop import CALM_SECONDS, CrashLoopGuard
 from wayfarer.runtime.persistence.journal import Journal
-from wayfarer.runtime.persistence.scene_entries import SceneRecord
 from wayfarer.world.agents.faults import Stage
 from wayfarer.world.agents.records import SessionRecord
-from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.scenes.scene_registry import SceneRecord, SceneRegistry
 
 log = structlog.get_logger(__name__)
 
@@ -159,9 +158,7 @@ class Persistence:
 
 def _restore_scene(registry: SceneRegistry, record: SceneRecord) -> None:
     try:
-        registry.restore(
-            record.scene_id, record.source, record.created_at, record.version, record.obstacles
-        )
+        registry.restore(record)
     except Exception as error:
         log.error(
             "a scene of the journal cannot be here; it is left in the journal",

@@ -12,7 +12,6 @@ from pydantic import Base64Bytes, ConfigDict, TypeAdapter
 
 from wayfarer import __version__
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import (
     Box,
     Cylinder,
@@ -30,7 +29,7 @@ from wayfarer.navigation.scene_spec import (
 )
 from wayfarer.runtime.persistence.journal_file import Entries, EntryKind
 from wayfarer.world.scenes.messages import SceneSource
-from wayfarer.world.scenes.scene_registry import SceneEntry
+from wayfarer.world.scenes.scene_registry import SceneEntry, SceneRecord
 
 log = structlog.get_logger(__name__)
 
@@ -101,18 +100,6 @@ class ObstaclesPart:
 
 SCENE: Final = TypeAdapter(ScenePart)
 OBSTACLES: Final = TypeAdapter(ObstaclesPart)
-
-
-@dataclass(frozen=True, slots=True)
-class SceneRecord:
-    """A scene at rest."""
-
-    scene_id: str
-    source: SceneSource
-    created_at: float
-    version: int
-    obstacles: Mapping[str, Obstacle]
-    baked: Scene | None = None  # without obstacles; None: it has still to be baked
 
 
 def scene_part(kept: SceneEntry) -> ScenePart:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import scene_spec as world
+from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Axes, Basis
@@ -104,14 +105,14 @@ def scene_version(info: runtime.SceneInfo) -> schema.SceneVersion:
     return schema.SceneVersion(version=info.version, area_m2=info.area, islands=info.islands)
 
 
-def scene_path(way: runtime.Way, axes: Axes) -> schema.ScenePath:
+def scene_path(way: GroundPath, axes: Axes) -> schema.ScenePath:
     """Describes a way for its client."""
     return schema.ScenePath(
-        points=tuple(vector(p) for p in axes.points_to_wire(np.array(way.points))),
+        points=tuple(vector(p) for p in axes.points_to_wire(way.points)),
         length=axes.length_to_wire(way.length),
         start_moved=axes.length_to_wire(way.start_moved),
         goal_moved=axes.length_to_wire(way.goal_moved),
-        version=way.version,
+        version=way.scene_version,
     )
 
 

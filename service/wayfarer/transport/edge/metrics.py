@@ -5,6 +5,7 @@ No label contains a client's text, so their number is bounded.
 
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -59,65 +60,51 @@ class Metrics(MetricsSink):
         GCCollector(registry=registry)
         build = Gauge("wayfarer_build", "What runs; always 1", ["version"], registry=registry)
         build.labels(__version__).set(1)
+        count, times = partial(_count, registry), partial(_times, registry)
 
         # the motion loop
         self._stand = _Stand()
         registry.register(self._stand)
-        self._steps = _times(registry, "step", "One engine call", STEP_BUCKETS)
+        self._steps = times("step", "One engine call", STEP_BUCKETS)
         self._batches = Histogram(
             "wayfarer_batch_size", "Agents of one engine call", buckets=BATCH_BUCKETS,
             registry=registry,
         )  # fmt: skip
-        self._misses = _count(
-            registry, "deadline_misses", "Chunks that left more than a frame late", "sight"
-        )
+        self._misses = count("deadline_misses", "Chunks that left more than a frame late", "sight")
         self._lateness = _Lateness()
         registry.register(self._lateness)
-        self._goals = _times(
-            registry, "goal_latency", "From a goal to its first frames", GOAL_BUCKETS
+        self._goals = times("goal_latency", "From a goal to its first frames", GOAL_BUCKETS)
+        self._rejections = count(
+            "admission_rejections", "Commands refused for want of room", "reason"
         )
-        self._rejections = _count(
-            registry, "admission_rejections", "Commands refused for want of room", "reason"
-        )
-
-        self._faults = _count(
-            registry, "faults", "Errors that were contained to an agent or session", "stage"
-        )
-        self._set_aside = _count(
-            registry, "set_aside", "Sessions and scenes taken out because they fail", "why"
+        self._faults = count("faults", "Errors that were contained to an agent or session", "stage")
+        self._set_aside = count(
+            "set_aside", "Sessions and scenes taken out because they fail", "why"
         )
 
         # streams
-        self._queues = _times(
-            registry, "stream_queue", "A publication waited for its reader", QUEUE_BUCKETS
+        self._queues = times("stream_queue", "A publication waited for its reader", QUEUE_BUCKETS)
+        self._drops = count("stream_drops", "Publications that slow readers lost", "policy")
+        self._sent = count("stream_chunks", "Chunks sent to streams, by level of detail", "tier")
+        self._bytes = count(
+            "stream_bytes", "Bytes of messages with chunks, by level of detail", "tier"
         )
-        self._drops = _count(
-            registry, "stream_drops", "Publications that slow readers lost", "policy"
-        )
-        self._sent = _count(
-            registry, "stream_chunks", "Chunks sent to streams, by level of detail", "tier"
-        )
-        self._bytes = _count(
-            registry, "stream_bytes", "Bytes of messages with chunks, by level of detail", "tier"
-        )
-        self._resumes = _count(registry, "resumes", "Streams that came back", "result")
+        self._resumes = count("resumes", "Streams that came back", "result")
 
         # the journal
-        self._journal_entries = _count(registry, "journal_entries", "Entries written")
-        self._journal_failures = _count(registry, "journal_failures", "Writes that failed")
+        self._journal_entries = count("journal_entries", "Entries written")
+        self._journal_failures = count("journal_failures", "Writes that failed")
         self._journal_failing = Gauge(
             "wayfarer_journal_failing", "1: the last write failed", registry=registry
         )
 
         # calls
-        self._rpcs = _times(
-            registry, "rpc", "gRPC calls that are no streams", CALL_BUCKETS, "method", "code"
-        )
-        self._http = _times(
-            registry, "http", "HTTP requests that are no streams",
+        self._rpcs = times("rpc", "gRPC calls that are no streams", CALL_BUCKETS, "method", "code")
+        self._http = times(
+            "http", "HTTP requests that are no streams",
             CALL_BUCKETS, "method", "route", "status",
         )  # fmt: skip
-        self._ends = _count(registry, "stream_ends", "Streams that ended", "method", "code")
+        self._ends = count("stream_ends", "Streams that ended", "method", "code")
 
         # so that rates exist from the first event
         for policy in SlowReader:

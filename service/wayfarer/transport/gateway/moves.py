@@ -12,6 +12,7 @@ from typing import Final, TypeVar
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import group_of
+from wayfarer.runtime.moving import LiveMoves, SceneMoves
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.gateway.session_locator import misdirected
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
@@ -84,15 +85,13 @@ class SessionMoves:
 
     async def content(self, scene_id: str) -> bytes:
         """The parts of a scene that never change, baked. Raises NotFound."""
-        return await self._context.service.scenes.content(scene_id)
+        return await self._context.service.scene_moves.content(scene_id)
 
     # Copies
 
     async def replica(self, name: str) -> bytes:
         """The state of a session or scene, as `take` takes an orphan's. Raises NotFound."""
-        if is_scene(name):
-            return self._context.service.scenes.obstacles(name)
-        return await self._context.service.moves.replica(name)
+        return await self._home(name).replica(name)
 
     # Moves
 
@@ -103,10 +102,7 @@ class SessionMoves:
         """
         if not self.is_movable(name):
             raise FailedPrecondition("its scene is in another group, and possibly on another node")
-        if is_scene(name):
-            await self._context.service.scenes.freeze(name)
-            return self._context.service.scenes.obstacles(name)
-        moves = self._context.service.moves
+        moves = self._home(name)
         await moves.freeze(name)
         try:
             return await moves.export(name)
@@ -116,10 +112,7 @@ class SessionMoves:
 
     async def thaw(self, name: str) -> None:
         """Resumes a frozen session or scene on this server. Raises NotFound, Unavailable."""
-        if is_scene(name):
-            self._context.service.scenes.unfreeze(name)
-        else:
-            await _served(lambda: self._context.service.moves.unfreeze(name))
+        await _served(lambda: self._home(name).unfreeze(name))
 
     async def take(self, name: str, data: bytes, content: bytes, orphan: bool = False) -> Arrival:
         """Installs a session or scene that another server froze, or, for an `orphan`, one that a
@@ -130,7 +123,8 @@ class SessionMoves:
         ResourceExhausted, Unavailable.
         """
         if is_scene(name):
-            return await self._scene(name, data, content)
+            info = await self._context.service.scene_moves.import_(name, content, data)
+            return Arrival(info)
         moves = self._context.service.moves
         return await self._session(await moves.import_(await moves.read(data), orphan))
 
@@ -150,15 +144,13 @@ class SessionMoves:
         if to is not None:
             self._context.locator.left(name, to)
             error = misdirected(name, to)
-        self._context.sessions.forget(name)
-        self._context.scenes.forget(name)
-        service = self._context.service
-        home = service.scenes if is_scene(name) else service.moves
+        self._context.sessions.close(name)
+        self._context.scenes.close(name)
         with contextlib.suppress(NotFound):
-            await _served(lambda: home.release(name, error))
+            await _served(lambda: self._home(name).release(name, error))
 
-    async def _scene(self, scene_id: str, obstacles: bytes, content: bytes) -> Arrival:
-        return Arrival(await self._context.service.scenes.adopt(scene_id, content, obstacles))
+    def _home(self, name: str) -> LiveMoves | SceneMoves:
+        return self._context.service.scene_moves if is_scene(name) else self._context.service.moves
 
     async def _session(self, info: SessionInfo) -> Arrival:
         service = self._context.service

@@ -20,6 +20,7 @@ from wayfarer.errors import (
 from wayfarer.ids import request_group
 from wayfarer.ids import scene_id as new_scene_id
 from wayfarer.navigation.examples import EXAMPLES
+from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert, scene_convert
@@ -32,6 +33,8 @@ from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.gateway.uploads import Uploads
 from wayfarer.world.scenes.messages import Crowd, CrowdState, SceneSource
+from wayfarer.world.scenes.outlines import outlines
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 log = structlog.get_logger(__name__)
 
@@ -46,6 +49,7 @@ class SceneApi:
 
     def __init__(self, context: GatewayContext) -> None:
         self._context = context
+        self._runtime = context.service.scenes
         self._uploads = Uploads(context.limits.mesh_bytes)
 
     @implements("CreateScene")
@@ -121,7 +125,7 @@ class SceneApi:
         with self._context.scenes.room(current_caller()):
             source = SceneSource(await asyncio.to_thread(spec), name, kept)
             with convert.in_basis(request.basis.axes):
-                info = await self._context.service.scenes.create_scene(source, scene_id)
+                info = await self._runtime.create(source, scene_id)
             made = self._context.scenes.open(info).describe(info)
         await self._context.locator.claimed(made.scene_id)
         return made
@@ -130,12 +134,12 @@ class SceneApi:
     async def get(self, scene_id: str) -> schema.Scene:
         """Describes a scene. Raises NotFound."""
         scene = self._context.scenes.scene(scene_id)
-        return scene.describe(await self._context.service.scenes.get_scene(scene_id))
+        return scene.describe(self._runtime.registry.entry(scene_id).info())
 
     @implements("ListScenes")
     async def list_own(self) -> schema.Scenes:
         """The caller's scenes, oldest first; an admin sees all. Renews no lease."""
-        infos = {info.scene_id: info for info in await self._context.service.scenes.list_scenes()}
+        infos = {one.scene_id: one for one in self._runtime.registry.infos()}
         owned = self._context.scenes.owned(current_caller())
         return schema.Scenes(
             scenes=tuple(s.describe(infos[s.scene_id]) for s in owned if s.scene_id in infos)
@@ -145,8 +149,8 @@ class SceneApi:
     async def delete(self, scene_id: str) -> None:
         """Removes a scene. Raises NotFound, FailedPrecondition."""
         scene = self._context.scenes.scene(scene_id)
-        await self._context.service.scenes.delete_scene(scene_id)
-        self._context.scenes.close(scene)
+        await self._runtime.change(SceneRegistry.delete, scene_id)
+        self._context.scenes.close(scene.scene_id, scene)
         await self._context.locator.copied(scene_id)
 
     @implements("PutObstacle")
@@ -160,7 +164,7 @@ class SceneApi:
         scene = self._context.scenes.scene(scene_id)
         with scene_convert.fields_named(obstacle=request), convert.in_basis(scene.axes):
             made = scene_convert.obstacle(request, scene.axes)
-            info = await self._context.service.scenes.put_obstacle(scene_id, name, made)
+            info = await self._runtime.change(SceneRegistry.put, scene_id, name, made)
         await self._context.locator.copied(scene_id)
         return scene_convert.scene_version(info)
 
@@ -168,7 +172,7 @@ class SceneApi:
     async def remove_obstacle(self, scene_id: str, name: str) -> schema.SceneVersion:
         """Removes an obstacle. Raises NotFound."""
         self._context.scenes.scene(scene_id)
-        info = await self._context.service.scenes.remove_obstacle(scene_id, name)
+        info = await self._runtime.change(SceneRegistry.remove, scene_id, name)
         await self._context.locator.copied(scene_id)
         return scene_convert.scene_version(info)
 
@@ -178,21 +182,24 @@ class SceneApi:
         scene = self._context.scenes.scene(scene_id)
         start, goal = (place(p, scene.axes) for p in (request.start, request.goal))
         with scene_convert.fields_named(), convert.in_basis(scene.axes):
-            way = await self._context.service.scenes.query_path(scene_id, start, goal)
+            way = await self._runtime.look(Scene.path, scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)
 
     @implements("GetSceneOutlines")
     async def outlines(self, scene_id: str) -> schema.SceneOutlines:
         """Outlines for drawing it. Raises NotFound."""
         scene = self._context.scenes.scene(scene_id)
-        found = await self._context.service.scenes.scene_outlines(scene_id)
+        found = await self._runtime.look(outlines, scene_id)
         return await asyncio.to_thread(scene_convert.outlines, found, scene.axes)
 
     @implements("GetScenePicture")
     async def picture(self, scene_id: str) -> bytes:
         """A picture from above, PNG. Raises NotFound."""
+        # the image library is loaded with the first picture
+        from wayfarer.navigation.picture import top_view
+
         self._context.scenes.scene(scene_id)
-        return await self._context.service.scenes.scene_picture(scene_id)
+        return await self._runtime.look(top_view, scene_id)
 
     @implements("PopulateSession")
     async def populate(self, session_id: str, request: schema.Crowd) -> schema.CrowdCame:
@@ -218,7 +225,7 @@ class SceneApi:
         with self._context.sessions.agent_room(current_caller(), more):
             try:
                 with convert.in_basis(session.basis.axes):
-                    state = await self._context.service.scenes.populate(session.session_id, crowd)
+                    state = await self._runtime.populate(session.session_id, crowd)
             except Unavailable:  # it may be moving
                 session.crowd = max(session.crowd, crowd.count)
                 raise
@@ -228,13 +235,13 @@ class SceneApi:
 
     async def take_over(self) -> None:
         """Enters the scenes that the runtime has kept over a restart."""
-        for info in await self._context.service.scenes.list_scenes():
+        for info in self._runtime.registry.infos():
             try:
                 self._context.scenes.open(info)
             except InvalidArgument as error:
                 log.error("scene not taken over", scene_id=info.scene_id, reason=str(error))
                 with contextlib.suppress(FailedPrecondition):
-                    await self._context.service.scenes.delete_scene(info.scene_id)
+                    await self._runtime.change(SceneRegistry.delete, info.scene_id)
 
     async def end_expired(self) -> None:
         """Removes the scenes whose lease has expired and that no session uses.
@@ -243,7 +250,7 @@ class SceneApi:
         """
         for scene in self._context.scenes.expired():
             try:
-                await self._context.service.scenes.delete_scene(scene.scene_id)
+                await self._runtime.change(SceneRegistry.delete, scene.scene_id)
             except FailedPrecondition:  # sessions use it
                 self._context.scenes.renew(scene)
                 continue
@@ -252,4 +259,4 @@ class SceneApi:
             except (NotFound, Misdirected):  # its client, or a move, was quicker
                 pass
             log.info("lease ended", scene_id=scene.scene_id, lease_s=scene.lease_s)
-            self._context.scenes.close(scene)
+            self._context.scenes.close(scene.scene_id, scene)

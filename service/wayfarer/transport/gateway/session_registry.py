@@ -9,17 +9,15 @@ from typing import Final
 import structlog
 
 from wayfarer.config.limits import Limits
-from wayfarer.errors import NotFound, ResourceExhausted, WayfarerError
+from wayfarer.errors import ResourceExhausted, WayfarerError
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
-from wayfarer.transport.conversion.basis import Basis
-from wayfarer.transport.edge.caller import Caller, current_caller
-from wayfarer.transport.gateway.leases import counted, read_attributes
+from wayfarer.transport.edge.caller import Caller
+from wayfarer.transport.gateway.leases import Leased, Leases, counted
 from wayfarer.transport.gateway.session_locator import SessionLocator
 from wayfarer.transport.streams.stream import MotionStream
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
-ID_LENGTH: Final = schema.ID_LENGTH
 LEASE_S: Final = 60.0
 """Lease of a session whose request names none."""
 
@@ -36,17 +34,12 @@ class StreamPlace:
 
 
 @dataclass
-class OpenSession:
+class OpenSession(Leased):
     """A session of the runtime, as its clients see it."""
 
     info: SessionInfo
-    owner: str
-    basis: Basis
-    lease_s: float
-    expires_at: float  # clock's seconds, without regard to streams
     drawn: int = 0  # number of seeds drawn for agents, including those being created
     last_alias: int = 0  # the greatest that the runtime has reported
-    endpoint: schema.Endpoint | None = None  # the only address that takes its calls; None: any
     aliases: dict[str, int] = field(default_factory=dict)  # by agent id, without a crowd's people
     crowd: int = 0  # people who were requested; they come and go without a call
     places: set[StreamPlace] = field(default_factory=set)  # its streams
@@ -90,59 +83,44 @@ class OpenSession:
         )
 
 
-class SessionRegistry:
+class SessionRegistry(Leases[OpenSession]):
     """All open sessions, and the rights of callers to them."""
 
     def __init__(
         self, limits: Limits, clock: Callable[[], float], locator: SessionLocator | None = None
     ) -> None:
-        self._limits = limits
-        self._clock = clock
-        self._locator = locator or SessionLocator()
-        self._sessions: dict[str, OpenSession] = {}
+        super().__init__("session", limits, clock, locator or SessionLocator())
         self._by_agent: dict[str, OpenSession] = {}
-        self._coming_sessions: Counter[str] = Counter()  # by caller, being created
-        self._coming_agents: Counter[str] = Counter()
+        self._coming_agents: Counter[str] = Counter()  # by caller, being created
 
     def open(self, info: SessionInfo, agents: Sequence[AgentInfo] = ()) -> OpenSession:
         """Enters a session of the runtime by its attributes, with a fresh lease.
 
         Raises InvalidArgument if the attributes were not made by the transport.
         """
-        owner, basis, lease_s = read_attributes("session", info.spec.attributes, self._limits)
-        self.forget(info.session_id)  # a session that has just ended may still be registered
-        session = OpenSession(
-            info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._locator.own
-        )
-        self._sessions[info.session_id] = session
+        lease = self._lease(info.spec.attributes)
+        self.close(info.session_id)  # a session that has just ended may still be registered
+        session = OpenSession(**vars(lease), info=info)
+        self._open[info.session_id] = session
         self.enter_agents(session, agents)
         return session
-
-    def ids(self) -> list[str]:
-        """Ids of all sessions."""
-        return list(self._sessions)
 
     @property
     def live(self) -> int:
         """Number of sessions that are not in lock-step."""
-        return sum(not session.info.spec.lock_step for session in self._sessions.values())
+        return sum(not session.info.spec.lock_step for session in self._open.values())
 
     def scene_of(self, session_id: str) -> str | None:
         """Id of a session's scene, empty for the flat floor; None for an unknown session."""
-        found = self._sessions.get(session_id)
+        found = self._open.get(session_id)
         return None if found is None else found.scene
 
-    def forget(self, session_id: str) -> None:
-        """Like `close`, for any owner."""
-        if session := self._sessions.get(session_id):
-            self.close(session)
-
-    def close(self, session: OpenSession) -> None:
-        """Forgets a session. Safe to call twice, even if a new one has the same id by then."""
-        if self._is_open(session):
-            del self._sessions[session.session_id]
-            for agent_id in session.aliases:
-                del self._by_agent[agent_id]
+    def close(self, name: str, one: OpenSession | None = None) -> OpenSession | None:
+        """As for all leases, with its agents."""
+        closed = super().close(name, one)
+        for agent_id in closed.aliases if closed else ():
+            del self._by_agent[agent_id]
+        return closed
 
     def enter_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
         """Remembers the agents of a session, unless it has ended meanwhile."""
@@ -165,42 +143,35 @@ class SessionRegistry:
 
         Raises NotFound, Misdirected, Unavailable.
         """
-        found = self._sessions.get(session_id)
-        return self._renewed(found, "session", session_id)
+        return self._renewed(self._open.get(session_id), "session", session_id)
 
     def session_of(self, agent_id: str) -> OpenSession:
         """Returns the session of an agent, if it is the present caller's, and renews its lease.
 
         Raises NotFound, Misdirected, Unavailable.
         """
-        found = self._by_agent.get(agent_id)
-        return self._renewed(found, "agent", agent_id)
-
-    def owned(self, caller: Caller) -> list[OpenSession]:
-        """The caller's sessions, oldest first; an admin sees all."""
-        return [s for s in self._sessions.values() if s.owner == caller.name or caller.is_admin]
+        return self._renewed(self._by_agent.get(agent_id), "agent", agent_id)
 
     def expired(self) -> list[OpenSession]:
         """Sessions whose lease has expired. A stream keeps its session's lease."""
-        now = self._clock()
         if not self._locator.holds:  # another node may have adopted them
             return []
-        for session in self._sessions.values():
+        for session in self._open.values():
             if session.holders:
-                session.expires_at = now + session.lease_s
-        return [s for s in self._sessions.values() if s.expires_at < now]
+                self.renew(session)
+        return super().expired()
 
     @contextmanager
     def session_room(self, caller: Caller) -> Iterator[None]:
         """Reserves room for a session until it is entered. Raises ResourceExhausted."""
-        own = sum(s.owner == caller.name for s in self._sessions.values())
-        has, most = own + self._coming_sessions[caller.name], caller.quota.sessions
+        own = sum(s.owner == caller.name for s in self._open.values())
+        has, most = own + self._coming[caller.name], caller.quota.sessions
         most = self._limits.sessions_per_caller if most is None else most
         if has >= most:
             raise ResourceExhausted(
                 f"{caller.name!r} has {has} sessions and may have {most}; delete one first"
             )
-        with counted(self._coming_sessions, caller.name):
+        with counted(self._coming, caller.name):
             yield
 
     @contextmanager
@@ -208,7 +179,7 @@ class SessionRegistry:
         """Reserves room for agents until they are entered. A crowd counts with its requested size.
         Raises ResourceExhausted.
         """
-        own = [s for s in self._sessions.values() if s.owner == caller.name]
+        own = [s for s in self._open.values() if s.owner == caller.name]
         has, most = self._coming_agents[caller.name], caller.quota.agents
         has += sum(len(s.aliases) + s.crowd for s in own)
         if most is not None and more > 0 and has + more > most:
@@ -226,7 +197,7 @@ class SessionRegistry:
             yield
         finally:
             session.holders -= 1
-            session.expires_at = self._clock() + session.lease_s
+            self.renew(session)
 
     @contextmanager
     def place(self, caller: Caller, session: OpenSession) -> Iterator[StreamPlace]:
@@ -236,7 +207,7 @@ class SessionRegistry:
             raise ResourceExhausted(
                 f"a session has {limits.streams_per_session} streams at most", 1.0
             )
-        callers = [place.caller.name for s in self._sessions.values() for place in s.places]
+        callers = [place.caller.name for s in self._open.values() for place in s.places]
         if len(callers) >= limits.streams:
             raise ResourceExhausted(f"the server has {limits.streams} streams at most", 5.0)
         if quota is not None and callers.count(caller.name) >= quota:
@@ -253,7 +224,7 @@ class SessionRegistry:
         """Ends the streams of some callers; returns how many were not ending already."""
         return sum(
             place.stream.end(error)
-            for session in self._sessions.values()
+            for session in self._open.values()
             for place in session.places
             if place.stream is not None and of(place.caller)
         )
@@ -261,22 +232,17 @@ class SessionRegistry:
     @property
     def streams(self) -> int:
         """Number of open streams."""
-        return sum(len(session.places) for session in self._sessions.values())
+        return sum(len(session.places) for session in self._open.values())
 
     def _is_open(self, session: OpenSession) -> bool:
-        return self._sessions.get(session.session_id) is session
+        return self._open.get(session.session_id) is session
+
+    def _is_over(self, one: OpenSession) -> bool:
+        return one.expires_at < self._clock() and not one.holders
 
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
-        caller, now = current_caller(), self._clock()
-        if found is None:
-            self._locator.require_own(name[:ID_LENGTH])
-        if (
-            found is None
-            or (found.owner != caller.name and not caller.is_admin)
-            or (found.expires_at < now and not found.holders)
-        ):
-            raise NotFound(f"there is no {kind} {name[:ID_LENGTH]!r}", kind, name[:ID_LENGTH])
+        session = self._checked(found, kind, name)
         self._locator.require_lease()
-        structlog.contextvars.bind_contextvars(session_id=found.session_id)
-        found.expires_at = now + found.lease_s
-        return found
+        structlog.contextvars.bind_contextvars(session_id=session.session_id)
+        self.renew(session)
+        return session

@@ -137,6 +137,6 @@ class SessionApi:
         try:
             await self._context.service.delete_session(session.session_id)
         except NotFound:
-            self._context.sessions.close(session)
+            self._context.sessions.close(session.session_id, session)
             raise
-        self._context.sessions.close(session)
+        self._context.sessions.close(session.session_id, session)

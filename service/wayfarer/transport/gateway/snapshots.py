@@ -6,6 +6,7 @@ from contextlib import aclosing
 from typing import Final
 
 from wayfarer.errors import InvalidArgument, NotFound
+from wayfarer.navigation.scene import Scene
 from wayfarer.transport import schema
 from wayfarer.transport.conversion import convert
 from wayfarer.transport.conversion.basis import Basis
@@ -79,7 +80,9 @@ class SnapshotApi:
             raise InvalidArgument(
                 f"a file has {limits.clip_s:g} s at most, not {request.seconds:g}", "seconds"
             )
-        scene = await service.scenes.scene_triangles(session.scene) if session.scene else None
+        scene = None
+        if session.scene:
+            scene = await service.scenes.look(Scene.triangles, session.scene)
         body = context.bodies.name
         if not request.seconds:
             made = service.replay(await service.export_log(session_id))

@@ -53,7 +53,7 @@ class _Portion:
     added: list[agent_pb2.Agent]
 
 
-class PortionWriter:
+class SizedBatches:
     """Writes the batches of one stream."""
 
     def __init__(self, writers: Sequence[BatchWriter], most: int = 0) -> None:

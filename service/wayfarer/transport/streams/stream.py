@@ -22,7 +22,7 @@ from wayfarer.transport.streams.framing import Part, field
 from wayfarer.transport.streams.resume import Progress
 from wayfarer.transport.streams.sized_batches import (
     NO_ROWS,
-    PortionWriter,
+    SizedBatches,
     VisibleChunks,
     WrittenBatch,
 )
@@ -121,7 +121,7 @@ class MotionStream:
         if it is Unavailable. Close it with `aclose`.
         """
         yield self._response(header=self._header(writers, resume_s))
-        portions = PortionWriter(writers, most)
+        sized = SizedBatches(writers, most)
         async with aclosing(self._publications()) as publications:
             async for published in publications:
                 chunks, events = self._fresh(published) if published else (NO_CHUNKS, [])
@@ -133,7 +133,7 @@ class MotionStream:
                 if self._interest is not None:
                     hidden = int(np.count_nonzero(shown.tiers == self._count))
                     self._subscription.meter.sent("hidden", hidden, 0)
-                if batches := portions.batches(shown, self._removed, before, self._token):
+                if batches := sized.batches(shown, self._removed, before, self._token):
                     self._removed = []
                     for batch in batches:
                         message = self._batch(batch.parts)

@@ -1,6 +1,7 @@
 """Everything about scenes that belongs to one world."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import dist
 from typing import Final, NamedTuple
 
@@ -105,7 +106,8 @@ class SceneContext:
         slots = self._slots
         number, hips = int(slots.scene[slot]), slots.planned.seed.translation[slot, -1]
         start = float(hips[0]), float(hips[1]), float(slots.footing.hips[slot])
-        found = tuple(self.scenery.reached(number, start, goal) for goal in goals)
+        scene = self.scenery.scene(number)
+        found = tuple(replace(goal, position=scene.reach(start, goal.position)) for goal in goals)
         moves = [
             Move(len(goals) - place, metres, goal.position)
             for place, (asked, goal) in enumerate(zip(goals, found, strict=True))

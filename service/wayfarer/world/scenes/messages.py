@@ -56,17 +56,6 @@ class Outlines:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """The result of a path query."""
-
-    points: tuple[Point3, ...]  # from start to goal, on the floor
-    length: float  # metres, in plan
-    start_moved: float  # metres to the nearest free ground; 0: it was free
-    goal_moved: float
-    version: int  # of the scene
-
-
-@dataclass(frozen=True, slots=True)
 class Crowd:
     """People who come to a session's scene, walk about all over it, and leave again."""
 

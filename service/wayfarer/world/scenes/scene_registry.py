@@ -6,7 +6,7 @@ take milliseconds to seconds, so they belong on a worker thread.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from threading import BoundedSemaphore, Lock
@@ -36,6 +36,18 @@ RETRY_AFTER: Final = 2.0
 
 MAX_BAKES: Final = 5
 """Bakes at a time: one is made, the others wait for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRecord:
+    """A scene at rest."""
+
+    scene_id: str
+    source: SceneSource
+    created_at: float
+    version: int
+    obstacles: Mapping[str, Obstacle]
+    baked: Scene | None = None  # without obstacles; None: it has still to be baked
 
 
 @dataclass(slots=True)
@@ -108,54 +120,46 @@ class SceneRegistry:
 
     # Life of a scene
 
-    def create(self, source: SceneSource, now: float, scene_id: str = "") -> SceneInfo:
-        """Bakes it, unless there is one of equal content. Takes time. `scene_id`: empty for a new
-        one.
+    def create(
+        self, source: SceneSource, now: float = 0.0, scene_id: str = "", baked: Scene | None = None
+    ) -> SceneInfo:
+        """Bakes it, unless it is `baked`, or there is one of equal content. Takes time. `scene_id`:
+        empty for a new one.
 
         Raises InvalidArgument that names the field, AlreadyExists, ResourceExhausted.
         """
         check_name(source.name, "name", least=0)
         self._check_room()
         started = time.perf_counter()
-        scene = self._alike(source.spec) or self._baked(source.spec)
+        scene = self._found(source.spec, baked)
+        took = time.perf_counter() - started
         scene_id = scene_id or new_scene_id(self._new_group())
-        return self._add(scene_id, source, scene, now, time.perf_counter() - started)
+        entry = SceneEntry(scene_id, source, scene, scene, now, took)
+        with self._lock:
+            self._check_room()
+            self._enter(entry)
+            if self._listener is not None:
+                self._listener.put_scene(entry)
+        return entry.info()
 
-    def restore(
-        self,
-        scene_id: str,
-        source: SceneSource,
-        created_at: float,
-        version: int,
-        obstacles: Mapping[str, Obstacle],
-        *,
-        reported: bool = True,
-        baked: Scene | None = None,
-    ) -> None:
+    def restore(self, record: SceneRecord, *, reported: bool = True) -> SceneInfo:
         """Restores a kept scene, also beyond `limits.scenes`, since people are in it. Takes time.
 
-        Not `reported`: the listener does not know it yet. `baked`: as another server made it.
-        Raises as `create` and `put`.
+        Not `reported`: the listener does not know it yet. Raises as `create` and `put`.
         """
         started = time.perf_counter()
-        baked = self._alike(source.spec) or baked or self._baked(source.spec)
-        scene = baked
-        for name, obstacle in obstacles.items():
+        scene = baked = self._found(record.source.spec, record.baked)
+        for name, obstacle in record.obstacles.items():
             scene = scene.put(name, obstacle)
         took = time.perf_counter() - started
-        entry = SceneEntry(
-            scene_id, source, baked, replace(scene, version=version), created_at, took
-        )
+        scene = replace(scene, version=record.version)
+        entry = SceneEntry(record.scene_id, record.source, baked, scene, record.created_at, took)
         with self._lock:
             self._enter(entry)
             if self._listener is not None and not reported:
                 self._listener.put_scene(entry)
                 self._listener.put_obstacles(entry)
-
-    def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
-        """Keeps a scene that has been baked already. Raises ResourceExhausted."""
-        scene_id = new_scene_id(self._new_group())
-        return self._add(scene_id, SceneSource(scene.spec, name), scene, now, 0.0)
+        return entry.info()
 
     def delete(self, scene_id: str) -> None:
         """Raises NotFound, FailedPrecondition while sessions are in it."""
@@ -186,24 +190,12 @@ class SceneRegistry:
 
     # Readers
 
-    def scene(self, scene_id: str) -> Scene:
-        """The present version. Raises NotFound."""
-        return self.entry(scene_id).scene
-
-    def current(self, scene_ids: Iterable[str]) -> Mapping[str, Scene]:
-        """The present versions of the scenes that still exist."""
-        return {name: self._entries[name].scene for name in scene_ids if name in self._entries}
-
     def entry(self, scene_id: str) -> SceneEntry:
-        """The entry of a scene. Raises NotFound."""
+        """Its present version is `entry(scene_id).scene`. Raises NotFound."""
         try:
             return self._entries[scene_id]
         except KeyError:
             raise NotFound(f"no scene {scene_id!r}", "scene", scene_id) from None
-
-    def info(self, scene_id: str) -> SceneInfo:
-        """Raises NotFound."""
-        return self.entry(scene_id).info()
 
     def infos(self) -> list[SceneInfo]:
         """All scenes, oldest first."""
@@ -213,12 +205,12 @@ class SceneRegistry:
 
     # Sessions
 
-    def enter(self, scene_id: str, session_id: str) -> Scene:
+    def enter(self, scene_id: str, session_id: str) -> SceneEntry:
         """Notes that a session is opened in it, so that it cannot be deleted. Raises NotFound."""
         with self._lock:
             entry = self.entry(scene_id)
             entry.sessions.append(session_id)
-            return entry.scene
+            return entry
 
     def leave(self, scene_id: str, session_id: str) -> None:
         """Notes that a session in it has ended."""
@@ -233,8 +225,11 @@ class SceneRegistry:
                 f"all {self._limits.scenes} scenes are taken; delete one that nobody is in"
             )
 
+    def _found(self, spec: SceneSpec, baked: Scene | None) -> Scene:
+        """The baked scene of equal content, if there is one; otherwise `baked`, or a new one."""
+        return self._alike(spec) or baked or self._baked(spec)
+
     def _alike(self, spec: SceneSpec) -> Scene | None:
-        """The baked scene of equal content, if there is one."""
         content, entries = spec.content_hash, list(self._entries.values())
         return next((one.baked for one in entries if one.baked.content_hash == content), None)
 
@@ -254,17 +249,6 @@ class SceneRegistry:
                 yield
         finally:
             self._queue.release()
-
-    def _add(
-        self, scene_id: str, source: SceneSource, scene: Scene, now: float, bake_s: float
-    ) -> SceneInfo:
-        entry = SceneEntry(scene_id, source, scene, scene, now, bake_s)
-        with self._lock:
-            self._check_room()
-            self._enter(entry)
-            if self._listener is not None:
-                self._listener.put_scene(entry)
-        return entry.info()
 
     def _enter(self, entry: SceneEntry) -> None:
         if entry.scene_id in self._entries:

@@ -1,5 +1,6 @@
 """The scenes of a world's sessions, as its present step sees them."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -8,10 +9,9 @@ import numpy as np
 from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
-from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Array, Index
-from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.scenes.scene_registry import SceneEntry, SceneRegistry
 
 NOWHERE = 0
 """Number of the endless flat floor, for sessions that name no scene."""
@@ -21,40 +21,43 @@ Clear = Callable[[Array], Array]
 
 
 class WorldScenes:
-    """Scenes by number; a number stands for one scene for the world's whole life."""
+    """Scenes by number; no number comes to stand for another scene."""
 
     def __init__(self, registry: SceneRegistry, slots: Slots) -> None:
         self.registry = registry
         self._slots = slots
+        self._next = itertools.count(NOWHERE + 1)
         self._numbers: dict[str, int] = {}
+        self._entries: dict[int, SceneEntry] = {}
         self._scenes: dict[int, Scene] = {}
 
-    def enter(self, spec: SessionSpec, session_id: str) -> None:
-        """Notes that a session is opened. Raises FailedPrecondition if its scene does not exist."""
+    def enter(self, spec: SessionSpec, session_id: str) -> int:
+        """Notes that a session is opened; returns the number of its scene.
+
+        Raises FailedPrecondition if its scene does not exist.
+        """
         if not spec.scene:
-            return
+            return NOWHERE
         if spec.record:
             raise FailedPrecondition(
                 "a session in a scene cannot be recorded: leave out `record`, or `scene`"
             )
         try:
-            scene = self.registry.enter(spec.scene, session_id)
+            entry = self.registry.enter(spec.scene, session_id)
         except NotFound:
             raise FailedPrecondition(
                 f"scene {spec.scene!r} is not here: scenes belong to one server, so create it "
                 "first, and let the session name the id that it gets"
             ) from None
-        number = self._numbers.setdefault(spec.scene, len(self._numbers) + 1)
-        self._scenes[number] = scene
+        number = self._numbers.setdefault(spec.scene, next(self._next))
+        if self._entries.get(number) is not entry:  # otherwise `refresh` tells all its agents
+            self._entries[number], self._scenes[number] = entry, entry.scene
+        return number
 
     def leave(self, spec: SessionSpec, session_id: str) -> None:
         """Notes that a session has ended."""
         if spec.scene:
             self.registry.leave(spec.scene, session_id)
-
-    def number(self, scene_id: str) -> int:
-        """The number of a session's scene; `NOWHERE` for the empty id."""
-        return self._numbers[scene_id] if scene_id else NOWHERE
 
     def scene(self, number: int) -> Scene:
         """The version that the present step sees."""
@@ -72,14 +75,15 @@ class WorldScenes:
         )
 
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
-        """Applies new versions; returns the slots in scenes that have one.
+        """Applies new versions, and forgets scenes without sessions; returns the slots in scenes
+        that have a new version.
 
         `failed(number, error)`: agents continue in that scene's former version.
         """
+        self._forget_unused()
         changed = []
-        for name, scene in self.registry.current(self._numbers).items():
-            number = self._numbers[name]
-            if scene is not self._scenes[number]:
+        for number, entry in self._entries.items():
+            if (scene := entry.scene) is not self._scenes[number]:
                 try:
                     self._take_up(number, scene)
                 except Exception as error:
@@ -90,22 +94,21 @@ class WorldScenes:
             return np.empty(0, np.int64)
         return np.flatnonzero(self._slots.active & np.isin(self._slots.scene, changed))
 
+    def _forget_unused(self) -> None:
+        unused = {number for number, entry in self._entries.items() if not entry.sessions}
+        for number in unused.difference(self._slots.scene[self._slots.active].tolist()):
+            del self._scenes[number], self._numbers[self._entries.pop(number).scene_id]
+
     def _take_up(self, number: int, scene: Scene) -> None:
         self._scenes[number] = scene
 
-    # Callers' places, moved to the scene. Thread-safe, since scenes never change.
-
     def placed(self, spec: SessionSpec, agents: Sequence[AgentSpec]) -> list[AgentSpec]:
-        """New agents on free ground: agents off it stand on the nearest."""
+        """New agents on free ground: agents off it stand on the nearest. Thread-safe."""
         if not spec.scene:
             return list(agents)
-        scene = self.registry.scene(spec.scene)
+        scene = self.registry.entry(spec.scene).scene
         found = []
         for agent in agents:
             x, y, z = scene.nearest((*agent.position, agent.floor))
             found.append(replace(agent, position=(x, y), floor=z))
         return found
-
-    def reached(self, number: int, start: tuple[float, float, float], goal: Goal) -> Goal:
-        """The goal, or the nearest free ground. Raises Unreachable if no way leads there."""
-        return replace(goal, position=self._scenes[number].reach(start, goal.position))

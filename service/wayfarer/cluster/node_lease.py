@@ -38,7 +38,7 @@ def machine() -> str:
     return f"{boot} {Path('/proc/self/ns/pid').readlink()}"
 
 
-class Tenancy:
+class NodeLease:
     """The groups that a node owns, and its lease."""
 
     def __init__(self, node: NodeInfo, clock: Callable[[], float] = boot_clock) -> None:
