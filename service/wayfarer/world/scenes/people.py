@@ -35,6 +35,12 @@ class SessionPeople(NamedTuple):
         """Rows of some of them in `people`."""
         return np.searchsorted(self.slots, slots)
 
+    def level(self, me: int) -> Flags:
+        """Which of them are others on the floor of person `me`."""
+        found: Flags = np.abs(self.people.height - self.people.height[me]) < 1.0
+        found[me] = False
+        return found
+
 
 class Gathering(NamedTuple):
     """All people of some sessions, one session after the other."""
