@@ -139,8 +139,7 @@ def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> Asks | None
     on, left = (to * way).sum(-1), way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
     goes = np.linalg.norm(people.aims.spot - people.position, axis=-1)
     comes = people.walks & (aside | ((people.aims.barred > PATIENCE) & them.stand[me]))
-    comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES)
-    comes &= them.level(me)
+    comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES) & them.level(me)
     first = int(np.where(comes, on, np.inf).argmin())
     return (way[first], left[first]) if comes[first] else None
 
@@ -150,9 +149,8 @@ def toucher(them: SessionPeople, me: int) -> Asks | None:
     people = them.people
     to = people.position[me] - people.position
     far = np.linalg.norm(to, axis=-1)
-    touches = them.stand[me] & (far < TOUCH) & ~people.velocity.any(-1)
+    touches = them.stand[me] & (far < TOUCH) & ~people.velocity.any(-1) & them.level(me)
     touches &= people.walks | (people.number < people.number[me])
-    touches &= them.level(me)
     first = int(np.where(touches, far, np.inf).argmin())
     way = np.array([to[first, 1], -to[first, 0]]) / max(float(far[first]), 1e-6)
     return (way, float(far[first])) if touches[first] else None

@@ -37,9 +37,8 @@ class SessionPeople(NamedTuple):
 
     def level(self, me: int) -> Flags:
         """Which of them are others on the floor of person `me`."""
-        found: Flags = np.abs(self.people.height - self.people.height[me]) < 1.0
-        found[me] = False
-        return found
+        near: Flags = np.abs(self.people.height - self.people.height[me]) < 1.0
+        return near & (np.arange(len(near)) != me)
 
 
 class Gathering(NamedTuple):
