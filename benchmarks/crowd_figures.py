@@ -18,6 +18,9 @@ RATE = 10.0
 WIDTH, DEPTH = 0.42, 0.22
 """Size of a body from above in metres, as a capsule across its facing."""
 
+OVERLAPS = 0.01, 0.05
+"""Metres by which bodies touch, and stand in each other."""
+
 STILL = 0.3
 """Metres of progress below which an agent stands still."""
 
@@ -52,8 +55,7 @@ def figures(case: Case, tracks: Tracks) -> Row:
         row |= door_figures(case.door, tracks.place[:, walkers])
     row["m/s"] = mean_speed(tracks.place[:, walkers], reached)
     row["still_s"] = longest_still(tracks.place[:, walkers], reached)
-    row["hips_cm"] = 100 * least_distance(tracks.place)
-    row["overlap_cm"], row["overlap_%"] = overlap(tracks)
+    row["overlap_cm"], row["overlap_%"], row["deep_%"] = overlap(tracks)
     row["walked_on_m"] = walked_after(tracks.place[:, walkers], reached)
     row["events"] = " ".join(f"{name} {count}" for name, count in sorted(tracks.events.items()))
     row["wall_s"] = tracks.wall_s
@@ -120,23 +122,16 @@ def longest_still(place: Array, reached: Array) -> float:
     return most
 
 
-def least_distance(place: Array) -> float:
-    """Minimum distance between two people's hips, at any time."""
-    if place.shape[1] < 2:
-        return float("inf")
-    one, other = np.triu_indices(place.shape[1], 1)
-    apart = [np.linalg.norm(line[one] - line[other], axis=-1) for line in place]
-    return min(float(np.nanmin(line)) for line in apart if np.isfinite(line).any())
-
-
-def overlap(tracks: Tracks) -> tuple[float | None, float | None]:
-    """Maximum depth of two overlapping bodies, cm, and the share of bodies and times, %."""
+def overlap(tracks: Tracks) -> tuple[float | None, float | None, float | None]:
+    """Maximum depth of two overlapping bodies, cm, and the shares of bodies and times, %, that
+    overlap by more than each of `OVERLAPS`.
+    """
     place, facing = tracks.place, tracks.facing
     if facing is None or place.shape[1] < 2:
-        return None, None
+        return None, None, None
     across = np.stack([facing[..., 1], -facing[..., 0]], -1) * (WIDTH - DEPTH) / 2
     one, other = np.triu_indices(place.shape[1], 1)
-    deepest, bodies = 0.0, 0
+    deepest, bodies = 0.0, [0, 0]
     for line, side in zip(place, across, strict=True):
         near = np.linalg.norm(line[one] - line[other], axis=-1) < WIDTH
         a, b = one[near], other[near]
@@ -145,8 +140,10 @@ def overlap(tracks: Tracks) -> tuple[float | None, float | None]:
         )
         depth = DEPTH - apart
         deepest = max(deepest, float(depth.max(initial=0)))
-        bodies += len(np.unique(np.concatenate([a[depth > 0.01], b[depth > 0.01]])))
-    return 100 * deepest, 100 * bodies / (place.shape[0] * place.shape[1])
+        for k, least in enumerate(OVERLAPS):
+            bodies[k] += len(np.unique(np.concatenate([a[depth > least], b[depth > least]])))
+    some, deep = (100 * count / (place.shape[0] * place.shape[1]) for count in bodies)
+    return 100 * deepest, some, deep
 
 
 def walked_after(place: Array, reached: Array) -> float | None:

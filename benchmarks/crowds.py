@@ -10,9 +10,9 @@ ground (`pip install jupedsim`; it is skipped if that is missing).
 *through_s*: seconds until all are through the door. JuPedSim's people are removed at their goals,
 so they block nobody. *flow*, *per_m*: people per second through the door, also per metre.
 *door_idle_s*: longest time for which the door was empty although somebody stood before it.
-*still_s*: longest time for which a person on its way has not advanced by .3 m. *hips_cm*: minimum
-distance between two people's hips. *overlap_cm*: maximum overlap of two bodies (capsules of .42 by
-.22 m across their facing), and the share of bodies and times that overlap by more than 1 cm.
+*still_s*: longest time for which a person on its way has not advanced by .3 m.
+*overlap_cm*: maximum overlap of two bodies (capsules of .42 by .22 m across their facing);
+*overlap_%*, *deep_%*: shares of bodies and times that overlap by more than 1 and 5 cm.
 *m/s*: mean speed of people on their way, 3 to 15 s after the start. *wall_cm*, *body_cm*: maximum
 depth of skin in a wall, and of a limb or trunk in another body (corridors). *walked_on_m*: maximum
 that a person walked later than 15 s after the first arrival. With several seeds the figures are the
@@ -134,8 +134,6 @@ def summed(rows: Sequence[Row]) -> Row:
             found[name] = float(np.mean(known)) if known else None
         elif name in ("all_s", "through_s") and None in values:
             found[name] = None
-        elif name == "hips_cm":
-            found[name] = min(values)
         else:
             known = [value for value in values if value is not None]
             found[name] = max(known) if known else None

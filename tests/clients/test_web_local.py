@@ -119,8 +119,8 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
 
 
 def test_people_in_the_way_step_aside_as_on_the_server(exported, tmp_path):
-    """Three close a corridor; one lets a walker pass, and returns. Two stand in each other, of
-    whom one leaves its place for good.
+    """Three close a corridor; one lets a walker pass, and returns. Two stand in each other:
+    one leaves its place.
     """
     places = [(0, -3), (-0.6, 0), (0, 0), (0.6, 0), (0, -6.5), (0, -6.2)]
     specs = [AgentSpec(position=place, noise_seed=80 + k) for k, place in enumerate(places)]

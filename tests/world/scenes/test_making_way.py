@@ -55,6 +55,21 @@ def test_of_two_who_stand_in_each_other_one_steps_aside_for_good(scene):
     assert np.ptp(other[late], axis=0).max() < 0.1, "it stays there"
 
 
+def test_who_left_its_place_to_another_one_does_not_step_back_into_it_for_a_third():
+    world, _, _ = world_in(CORRIDOR)
+    guards = [(0.4, 12.0), (1.0, 12.0), (1.6, 12.0)]
+    one, other, third, *row = enter(world, (0.4, 10.5), (0.65, 10.5), (1.0, 8.5), *guards)
+    for agent, place in zip(row, guards, strict=True):
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    world.give(third.agent_id, goal(1.0, 15.0), 1.0)
+    tracks, _ = walked(world, 16.0)
+    one, other, third = (tracks[agent.agent_id][:, :2] for agent in (one, other, third))
+    count = min(map(len, (one, other, third)))
+    late = slice(count // 3, count)
+    assert np.linalg.norm(third[late] - (1.0, 15.0), axis=1).min() > 2, "nobody gets through"
+    assert np.linalg.norm((one[:count] - other[:count])[late], axis=1).min() > 0.4
+
+
 @pytest.mark.parametrize("heading", [None, 0.0])
 def test_who_faces_a_heading_at_its_goal_does_not_make_way(heading):
     world, _, _ = world_in(CORRIDOR)

@@ -1,5 +1,5 @@
-// Making way: a standing agent steps aside when another is stuck before it, and returns. It mirrors the server's
-// world/scenes/making_way.py, which explains the rule. World: metres.
+// Making way: a standing agent steps aside when another is stuck before it or stands in it, and returns. It mirrors the
+// server's world/scenes/making_way.py, which explains the rule. World: metres.
 
 import { PATIENCE } from "./company.js";
 import { stop } from "./passages.js";
@@ -13,7 +13,7 @@ const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
-/** Somebody's way, and metres to the left of it of a place @typedef {{ way: Point, left: number, forGood?: boolean }} Way */
+/** Somebody's way, and metres to the left of it of a place @typedef {{ way: Point, left: number }} Way */
 
 export class MakingWay {
   /** @param {import("./scene.js").LocalScene | null} scene */
@@ -26,10 +26,15 @@ export class MakingWay {
     const { hips, gait, ahead, self, walker } = row;
     if (gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
     if (!mayStep(row)) return;
-    const aside = walker.memory.yields > 0, others = people.filter((other) => other !== self);
-    const comes = comer(others, self, aside ? walker.aims.spot : hips, aside) ?? (aside ? null : toucher(others, self));
-    if (!aside && !(comes && this.#leaves(row, comes, others))) return;
-    const place = nextPlace(row, Boolean(comes && !comes.forGood));
+    const aside = walker.memory.yields > 0, others = people.filter((other) => other !== self), home = aside ? walker.aims.spot : hips;
+    const comes = comer(others, self, home, aside), asks = toucher(others, self) ?? (aside ? null : comes);
+    const step = asks && this.#step(row, asks, others);
+    if (step) {
+      walker.aims.spot = home;
+      walker.memory = { ...walker.memory, retreat: plus(step, times(1 / ASIDE, minus(hips, home))) };
+    } else if (!aside) return;
+    const taken = others.some((other) => Math.hypot(...minus(stop(other), walker.aims.spot)) < TOUCH);
+    const place = nextPlace(row, taken || comes !== null);
     if (!walker.memory.yields) return;
     const stopped = isStopped(hips, place, stop(self), others);
     row.ahead = {
@@ -38,19 +43,15 @@ export class MakingWay {
     };
   }
 
-  /** Whether a person finds a free place to step to. @param {Row} row @param {Way} comes @param {Seen[]} others */
-  #leaves({ hips, walker }, { way, left, forGood }, others) {
+  /** A person's step to a free place, in `ASIDE`. @param {Row} row @param {Way} asks @param {Seen[]} others @returns {Point | undefined} */
+  #step({ hips }, { way, left }, others) {
     const side = left >= 0 ? 1 : -1;
     const sides = STEPS.map(({ x, aside }) => ({ x, y: side * aside }));
-    const free = sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
+    return sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
       const place = plus(hips, times(ASIDE, step));
       return Math.abs(left + ASIDE * y) >= CLOSES && (!this.scene || this.scene.distance(...place) >= this.scene.radius)
         && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART);
-    });
-    if (!free) return false;
-    walker.aims.spot = forGood ? plus(hips, times(ASIDE, free.step)) : hips;
-    walker.memory = { ...walker.memory, retreat: forGood ? times(-1, free.step) : free.step };
-    return true;
+    })?.step;
   }
 }
 
@@ -74,13 +75,13 @@ function comer(others, self, home, aside) {
   return comes.length ? comes.reduce((a, b) => (b.on < a.on ? b : a)) : null;
 }
 
-/** Like `comer`, of the nearest that is still where a person stands: a way through it, past the person. If it stands, the one of the higher number leaves, for good. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
+/** Like `comer`, of the nearest that is still where a person stands: a way through it, past the person. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
 function toucher(others, self) {
   const touches = others.filter(({ walks, number, velocity, position }) =>
     !velocity[0] && !velocity[1] && (walks || number < self.number) && Math.hypot(...minus(self.position, position)) < TOUCH,
-  ).map(({ stands, position }) => {
+  ).map(({ position }) => {
     const to = minus(self.position, position);
-    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to), forGood: stands };
+    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to) };
   });
   return self.stands && touches.length ? touches.reduce((a, b) => (b.left < a.left ? b : a)) : null;
 }

@@ -108,8 +108,7 @@ class Detours:
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
         """Looks for a way around, and lays it; returns whether there is one."""
         people, me = everybody.people, int(everybody.rows(np.array([slot]))[0])
-        row, level = np.array([slot]), np.abs(people.height - people.height[me]) < 1.0
-        level[me] = False
+        row, level = np.array([slot]), everybody.level(me)
         [back] = self._routes.ahead(row, place[None], goal[None], np.array([AROUND]))[0]
         low = np.minimum(place, back) - ASIDE
         columns, rows = np.ceil((np.maximum(place, back) + ASIDE - low) / CELL).astype(int)

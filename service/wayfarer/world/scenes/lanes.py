@@ -25,8 +25,11 @@ LANES: Final = 0.9
 LANE: Final = 0.4
 """Distance of a lane from the middle, as a share of the half width."""
 
-STEERS: Final = 1.0
+STEERS: Final = 0.3
 """Metres farther aside that it heads for, for each metre by which it is off its lane."""
+
+BACK: Final = 4.0
+"""Radians by which it turns back for each metre by which it is nearer to the wall than its lane."""
 
 DRIFT: Final = 0.5
 """Metres that it heads to the other side per radian of turn: a body drifts to where it faces."""
@@ -112,7 +115,7 @@ def lanes(
     middle = (high[:, -1] + low[:, -1]) / 2
     wanted = middle + LANE * (high - low)[:, -1] / 2
     off = wanted - ((place - points[:, -1]) * right).sum(-1)
-    turn = np.where(passes, np.interp(half, TURNS, (TURN, 0.0)), 0.0)
+    turn = np.where(passes, np.interp(half, TURNS, (TURN, 0.0)) + BACK * np.minimum(off, 0.0), 0.0)
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right

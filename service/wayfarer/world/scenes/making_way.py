@@ -1,8 +1,9 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
-and returns. It leaves its place for good when an agent of a lower number stands there.
+and returns when its place is free. Of two agents that stand in each other, that of the higher
+number steps aside.
 
-`Memory.yields` counts the seconds until it returns, `Memory.retreat` is its step, in `ASIDE`,
-`Aims.spot` the place that it left. All is in the world's frame, in metres.
+`Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
+`Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
 """
 
 from typing import Final
@@ -50,8 +51,8 @@ HOME: Final = 0.25
 """Metres from its place within which a person is back."""
 
 
-Asks = tuple[Array, float, bool]
-"""The way of another one [2], metres from it to a person, to the left; leave for good?"""
+Asks = tuple[Array, float]
+"""The way of another one [2], and metres from it to a person, to the left."""
 
 
 class MakingWay:
@@ -72,17 +73,18 @@ class MakingWay:
         for mine, them in self._avoidance.sessions(rows, which):
             stops = them.people.position + COASTS * them.people.velocity
             for row, me in zip(mine.tolist(), them.rows(rows[mine]).tolist(), strict=True):
-                here, others = hips[row], np.delete(stops, me, 0)
-                aside = bool(memory.yields[row] > 0)
-                comes = comer(them, me, spots[row] if aside else here, aside)
-                if not aside:
-                    comes = comes or toucher(them, me)
-                    step = self._step(int(rows[row]), here, *comes[:2], others) if comes else None
-                    if comes is None or step is None:
-                        continue
-                    spots[row] = here + ASIDE * comes[2] * step
-                    memory.retreat[row] = -step if comes[2] else step
-                place = next_place(memory, row, here, spots[row], bool(comes and not comes[2]))
+                here, aside, level = hips[row], bool(memory.yields[row] > 0), them.level(me)
+                home, others = spots[row] if aside else here, stops[level]
+                touches, comes = toucher(them, me), comer(them, me, home, aside)
+                asks = touches or (None if aside else comes)
+                step = self._step(int(rows[row]), here, *asks, others) if asks else None
+                if step is not None:
+                    spots[row] = home
+                    memory.retreat[row] = step + (here - home) / ASIDE
+                elif not aside:
+                    continue
+                taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
+                place = next_place(memory, row, here, spots[row], taken or comes is not None)
                 if memory.yields[row] > 0:
                     ahead.given[row] = not is_stopped(here, place, stops[me], others)
                     ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
@@ -137,25 +139,21 @@ def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> Asks | None
     on, left = (to * way).sum(-1), way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
     goes = np.linalg.norm(people.aims.spot - people.position, axis=-1)
     comes = people.walks & (aside | ((people.aims.barred > PATIENCE) & them.stand[me]))
-    comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES)
-    comes &= np.abs(people.height - people.height[me]) < 1.0
+    comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES) & them.level(me)
     first = int(np.where(comes, on, np.inf).argmin())
-    return (way[first], left[first], False) if comes[first] else None
+    return (way[first], left[first]) if comes[first] else None
 
 
 def toucher(them: SessionPeople, me: int) -> Asks | None:
-    """Like `comer`, of the nearest that is still where `me` stands: a way through it, past `me`. If
-    it stands, the one of the higher number leaves, for good.
-    """
+    """Like `comer`, of the nearest that is still where `me` stands: a way through it, past `me`."""
     people = them.people
     to = people.position[me] - people.position
     far = np.linalg.norm(to, axis=-1)
-    touches = them.stand[me] & (far < TOUCH) & ~people.velocity.any(-1)
+    touches = them.stand[me] & (far < TOUCH) & ~people.velocity.any(-1) & them.level(me)
     touches &= people.walks | (people.number < people.number[me])
-    touches &= np.abs(people.height - people.height[me]) < 1.0
     first = int(np.where(touches, far, np.inf).argmin())
     way = np.array([to[first, 1], -to[first, 0]]) / max(float(far[first]), 1e-6)
-    return (way, float(far[first]), bool(them.stand[first])) if touches[first] else None
+    return (way, float(far[first])) if touches[first] else None
 
 
 def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:

@@ -35,6 +35,11 @@ class SessionPeople(NamedTuple):
         """Rows of some of them in `people`."""
         return np.searchsorted(self.slots, slots)
 
+    def level(self, me: int) -> Flags:
+        """Which of them are others on the floor of person `me`."""
+        near: Flags = np.abs(self.people.height - self.people.height[me]) < 1.0
+        return near & (np.arange(len(near)) != me)
+
 
 class Gathering(NamedTuple):
     """All people of some sessions, one session after the other."""
