@@ -20,6 +20,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.motion.frame import Frame, canonical_frame
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import BETAS, FPS, GENDERS
+from wayfarer_lab.training.mocap.rig import J
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import Dataset, mirror
 from wayfarer_lab.training.rotation import matrix_from_quaternion
@@ -187,7 +188,9 @@ def _read(
             for c in chosen
         ]
     )
-    groups = [group_of(u, d) for u, d in zip(use, done, strict=True)]
+    acted = np.array([c.acted for c in chosen])[owner]
+    crouched = knee_bend(data.rotations[rows]) > CROUCHED
+    groups = [group_of(*frame) for frame in zip(use, done, acted, crouched, strict=True)]
     weight = draw_weights(groups, [chosen[o].subject for o in owner], mix)
     hips, rotations = data.translation[rows], data.rotations[rows]
     image = mirror(hips, rotations, data.contacts[rows])
@@ -201,15 +204,14 @@ def _read(
     )
     betas = torch.tensor([c.betas for c in chosen], dtype=torch.float32)[owner]
     gender = torch.tensor([GENDERS.index(c.gender) for c in chosen])[owner]
-    acted = torch.tensor([c.subject == STYLED for c in chosen])[owner]
-    return poses, betas, gender, acted
+    return poses, betas, gender, torch.from_numpy(np.tile(acted, 2))
 
-
-STYLED = "bvh100"
-"""The person of 100STYLE: each of its takes is an acted style."""
 
 GROUPS = ("walk", "run", "sideways", "backward", "start_stop", "turn", "standing", "other")
 """Kinds of frames that a training's `mix` gives shares to."""
+
+SCARCE = ("sideways", "backward", "turn")
+"""Groups of which recordings without acting are too few."""
 
 STILL = 0.2
 """m/s: hips slower than this stand, or turn on the spot."""
@@ -222,6 +224,11 @@ TURNING = 0.6
 
 SIDE, BACK = np.deg2rad(50.0), np.deg2rad(130.0)
 """Angle from the way that the hips face to the way that they go: ahead, sideways, backward."""
+
+CROUCHED = np.deg2rad(20.0)
+"""Mean bend of the knees beyond which somebody who stands is ready to run, or acts. Recorded stands
+of three seconds have 4 to 15 degrees.
+"""
 
 EDGE = round(0.5 * FPS)
 """Frames on both sides of setting off and of coming to a stand that are a start or a stop."""
@@ -263,13 +270,24 @@ def _smooth(values: NDArray[np.floating], seconds: float = 0.5) -> NDArray[np.fl
     return np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
 
 
-def group_of(use: int, done: str) -> str:
-    """The group of `GROUPS` that a frame teaches, or ""; `done` is from `label_motion`."""
+def knee_bend(rotations: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Mean angle of both knees [N] in radians; local rotations [N, 22, 4]."""
+    knees = rotations[:, [J["left_knee"], J["right_knee"]]]
+    bend = 2 * np.arctan2(np.linalg.norm(knees[..., :3], axis=-1), np.abs(knees[..., 3]))
+    return np.asarray(bend.mean(-1))
+
+
+def group_of(use: int, done: str, acted: bool, crouched: bool) -> str:
+    """The group of `GROUPS` that a frame teaches, or ""; `done` is from `label_motion`.
+
+    Acted styles teach only what is `SCARCE`, and nobody learns to stand from those who crouch.
+    """
     if use == Use.EXCLUDED:
         return ""
     if use == Use.STANDING:
-        return "standing"
-    return "other" if use == Use.OTHER else done
+        done = "standing"
+    unnatural = (acted and done not in SCARCE) or (crouched and done == "standing")
+    return "other" if use == Use.OTHER or unnatural else done
 
 
 def draw_weights(

@@ -6,7 +6,6 @@ import torch
 from tests.lab.training.fakes import gliding_frames, straight_walks
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.training.dataset import (
-    STYLED,
     WindowSampler,
     by_gender,
     draw_weights,
@@ -24,10 +23,7 @@ def test_windows_never_cross_a_clip_edge():
 def test_clips_of_acted_styles_are_marked_and_their_mirror_images(tmp_path):
     walks = straight_walks(length=20)
     styled = ("Angry_FW", "Angry_BW", "Drunk_FW")
-    clips = [
-        replace(clip, name=name, subject=STYLED)
-        for clip, name in zip(walks.clips, styled, strict=False)
-    ]
+    clips = [replace(clip, name=name) for clip, name in zip(walks.clips, styled, strict=False)]
     replace(walks, clips=(*clips, *walks.clips[3:])).save(tmp_path)
     acted = load_frames(tmp_path, "train", {"walk": 1.0}).acted.view(2, 6, 20)
     assert acted[:, :3].all() and not acted[:, 3:].any()

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from wayfarer.spec import FPS
-from wayfarer_lab.training.dataset import label_motion
+from wayfarer_lab.training.dataset import group_of, knee_bend, label_motion
+from wayfarer_lab.training.mocap.rig import J
+from wayfarer_lab.training.mocap.selection import Use
 
 
 def moving(direction_deg: float, speed: float, seconds: float = 3.0, turning: float = 0.0):
@@ -44,3 +46,30 @@ def test_setting_off_is_a_start():
     rotations = np.concatenate([rotations[:80], rotations])
     label = label_motion(hips, rotations)
     assert label[20] == "standing" and label[80] == "start_stop" and label[-20] == "walk"
+
+
+@pytest.mark.parametrize(
+    ("use", "done", "acted", "crouched", "group"),
+    [
+        (Use.LOCOMOTION, "standing", False, False, "standing"),
+        (Use.STANDING, "start_stop", False, False, "standing"),
+        (Use.LOCOMOTION, "standing", False, True, "other"),
+        (Use.STANDING, "standing", True, False, "other"),
+        (Use.LOCOMOTION, "walk", False, True, "walk"),
+        (Use.LOCOMOTION, "walk", True, False, "other"),
+        (Use.LOCOMOTION, "sideways", True, True, "sideways"),
+        (Use.OTHER, "walk", False, False, "other"),
+        (Use.EXCLUDED, "walk", False, False, ""),
+    ],
+)
+def test_acted_styles_teach_what_is_scarce_and_nobody_learns_to_stand_from_a_crouch(
+    use, done, acted, crouched, group
+):
+    assert group_of(use, done, acted, crouched) == group
+
+
+def test_the_bend_of_the_knees_is_their_mean():
+    rotations = np.tile(np.array([0, 0, 0, 1], np.float32), (2, 22, 1))
+    half = np.deg2rad(15.0)
+    rotations[1, J["left_knee"]] = [-np.sin(half), 0, 0, np.cos(half)]  # 30°
+    assert np.rad2deg(knee_bend(rotations)) == pytest.approx([0, 15], abs=1e-3)

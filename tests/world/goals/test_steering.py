@@ -336,6 +336,23 @@ def test_standing_it_is_drawn_to_the_place_where_it_stopped():
     assert STEERING.targets(standing, at(1.2), goal()).place[0, :2].tolist() == [1.0, 0.0]
 
 
+def test_standing_it_shifts_its_weight_aside_and_neighbours_not_together():
+    def asked(place, seconds):
+        standing = gait(
+            Mode.STANDING, slow_seconds=seconds, stop_place=place, stop_facing=facing(0)
+        )
+        return STEERING.targets(standing, at(0), goal()).place[0] - place
+
+    ways = np.array([asked((3.0, 1.0), t) for t in np.arange(0, 120, 0.2)])
+    others = np.array([asked((3.0, 1.6), t) for t in np.arange(0, 120, 0.2)])
+    assert np.abs(ways[0]).max() < 1e-6 and np.abs(ways[:, 1]).max() < 1e-6
+    assert ways[:, 0].min() < -0.08 and ways[:, 0].max() > 0.08
+    assert np.abs(ways).max() <= STEERING.weight_shift + 1e-6
+    shifts = int((np.diff(ways[20:, 0] > 0)).sum())
+    assert 8 <= shifts <= 24
+    assert np.corrcoef(ways[:, 0], others[:, 0])[0, 1] < 0.8
+
+
 @pytest.mark.parametrize(("aside", "passed"), [(0.45, True), (0.55, False)])
 def test_a_point_that_is_left_behind_is_passed_a_little_beyond_its_radius(aside, passed):
     """An agent neither turns back for a few centimetres nor gets stuck there."""

@@ -8,6 +8,7 @@ export const STEP_SECONDS = 0.2;
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
 const GONE_BY = 0.2; // metres
 const FARTHER = 1.5; // factor on the way to a point that is passed: a body slows down before its goal
+const SHIFTS = [13, 21], CALM = 4; // seconds: when a standing body shifts its weight, and how soon in full
 const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one is asked for
 
 /** @typedef {[number, number]} Point */
@@ -88,6 +89,7 @@ export class Steering {
     this.turnSpeed = read("turn_speed");
     this.strafeSpeed = read("strafe_speed");
     this.strafeSlowest = read("strafe_slowest");
+    this.weightShift = read("weight_shift");
   }
 
   /** Sends a person that is done with a goal on to the next. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
@@ -145,7 +147,10 @@ export class Steering {
       const arc = plus(start.facing, stopFacing), share = this.turnRadius / Math.max(Math.hypot(...arc), 0.1);
       return { place: plus(stopPlace, times(share, arc)), facing: stopFacing, speed: this.turnSpeed };
     }
-    if (mode !== WALKING && mode !== STRAFING) return { place: stopPlace, facing: stopFacing, speed: 0 };
+    if (mode !== WALKING && mode !== STRAFING) {
+      const aside = mode === STANDING ? this.weightShift * leans(stopPlace, gait.slowSeconds) : 0;
+      return { place: plus(stopPlace, times(aside, [stopFacing[1], -stopFacing[0]])), facing: stopFacing, speed: 0 };
+    }
     /** @type {Point} */
     const facing = mode === STRAFING && goal.heading ? goal.heading : [0, 0];
     const [least, most] = goal.strafe ? [this.strafeSlowest, this.strafeSpeed] : [0, Infinity];
@@ -166,6 +171,13 @@ export class Steering {
   #rest(gait, start) {
     return plus(start.hips, times(this.coastingSeconds * gait.speed, unit(minus(start.hips, start.first))));
   }
+}
+
+/** Where its weight is, from -1 (left) to 1 (right), of a body that stands. @param {Point} place @param {number} seconds */
+function leans(place, seconds) {
+  const own = 10 * (place[0] + 2 * place[1]);
+  const wave = Math.sin(2 * Math.PI * seconds / SHIFTS[0] + own) + Math.sin(2 * Math.PI * seconds / SHIFTS[1] + 3 * own);
+  return Math.min(seconds / CALM, 1) * Math.tanh(2 * wave);
 }
 
 /**

@@ -5,7 +5,6 @@ are in use (`training.mocap.selection`) count. Bodies are male: a clip is prepar
 counting it twice would make the sample look larger than it is.
 """
 
-import re
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -30,10 +29,6 @@ Array = NDArray[np.floating[Any]]
 Flags = NDArray[np.bool_]
 Uses = NDArray[np.uint8]
 """`Use` of each frame [T]."""
-
-PLAIN_STYLES: Final = ("Neutral", "Rushed")
-STYLED: Final = re.compile(r"([A-Za-z]+)_(?:[FBS][WR]|ID|TR\d)(?![A-Za-z])")
-"""Names of takes of 100STYLE: the style, and what is done in it."""
 
 PLAIN: Final = ("walk", "crowd", "likeness", "random")
 """Manoeuvres with enough recordings without acted styles."""
@@ -110,7 +105,7 @@ class RecordedClips:
         if cutter is None:
             return found
         for clip, take, use in self._takes:
-            if maneuver.name in PLAIN and is_acted(clip):
+            if maneuver.name in PLAIN and clip.acted:
                 continue
             for case, part in cutter(take, use):
                 shot = MeasuredTake(part)
@@ -144,18 +139,7 @@ class RecordedClips:
 
 def person_of(clip: ClipRange) -> str:
     """The person of a clip: the subject, and for acted styles also the style."""
-    return f"{clip.subject} {_style(clip)}".strip()
-
-
-def is_acted(clip: ClipRange) -> bool:
-    """Whether the take is in an acted style."""
-    return clip.category == "walk_styled" or _style(clip) not in ("", *PLAIN_STYLES)
-
-
-def _style(clip: ClipRange) -> str:
-    """`Style_Content` for a take of 100STYLE, "" for any other."""
-    found = STYLED.match(clip.name)
-    return found[1] if found else ""
+    return f"{clip.subject} {clip.style}".strip()
 
 
 Cut = Iterator[tuple[str, Take]]

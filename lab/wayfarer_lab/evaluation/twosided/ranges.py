@@ -16,7 +16,7 @@ from rich.table import Table
 
 from wayfarer.errors import DataError
 from wayfarer_lab.evaluation import report
-from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips, is_acted, person_of
+from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips, person_of
 from wayfarer_lab.evaluation.twosided.figures import Values
 from wayfarer_lab.evaluation.twosided.situations import SITUATIONS, UPPER
 from wayfarer_lab.training.mocap.store import atomically
@@ -68,7 +68,7 @@ def measure(
     found = []
     for clip, take, use in recordings.takes(split):
         each(clip.name)
-        acted = is_acted(clip)
+        acted = clip.acted
         hidden = UPPER if acted else frozenset[str]()
         for situation in SITUATIONS.values():
             if acted and not situation.acted:

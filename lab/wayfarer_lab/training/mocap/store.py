@@ -6,10 +6,11 @@ where primitives and rollouts may start. Metres, Z up, quaternions x, y, z, w, 4
 
 import json
 import os
+import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,11 @@ FORMAT = 1
 ROLLOUT_PRIMITIVES = 10
 ROLLOUT_FRAMES = SEED_FRAMES + ROLLOUT_PRIMITIVES * NEW_FRAMES
 """10 primitives that each share 2 frames with the one before: 82 frames, 2.05 s."""
+
+STYLED: Final = re.compile(r"([A-Za-z]+)_(?:[FBS][WR]|ID|TR\d)(?![A-Za-z])")
+"""Names of takes of 100STYLE: the style, and what is done in it."""
+
+PLAIN_STYLES: Final = ("Neutral", "Rushed")
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,17 @@ class ClipRange:
     betas: tuple[float, ...]
     shape: str  # "own" proportions or "random"
     augmentation: str  # "" as recorded
+
+    @property
+    def style(self) -> str:
+        """`Style_Content` for a take of 100STYLE, "" for any other."""
+        found = STYLED.match(self.name)
+        return found[1] if found else ""
+
+    @property
+    def acted(self) -> bool:
+        """Whether the take is in an acted style."""
+        return self.category == "walk_styled" or self.style not in ("", *PLAIN_STYLES)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ It handles one row at a time; `Steering` explains the numbers, and calls these f
 """
 
 from functools import cache
-from math import acos, cos, sqrt
+from math import acos, cos, pi, sin, sqrt, tanh
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -34,6 +34,12 @@ GONE_BY: Final = 0.2
 """Metres beyond the radius of a point to pass through, within which it counts as passed once a
 walker leaves it behind: nobody turns back for so short a distance.
 """
+
+SHIFTS: Final = (13.0, 21.0)
+"""Seconds: periods whose sum says when a standing body shifts its weight, 6 to 9 times a minute."""
+
+CALM: Final = 4.0
+"""Seconds of standing until it shifts its weight in full."""
 
 STEADY: Final = 0.3
 """Share of the target speed. An agent with a larger error sets off or slows, and has no trim."""
@@ -66,6 +72,7 @@ class SteeringNumbers(NamedTuple):
     climbing: float
     strafe_speed: float
     strafe_slowest: float
+    weight_shift: float
 
 
 class GaitArrays(NamedTuple):
@@ -103,6 +110,18 @@ def _faces(turns: Float, row: int) -> tuple[float, float]:
     aside, ahead = -2 * (x * y + z * w), 1 - 2 * (y * y + z * z)
     size = max(sqrt(aside * aside + ahead * ahead), 1e-9)
     return aside / size, ahead / size
+
+
+@inner
+def _leans(x: float, y: float, seconds: float) -> float:
+    """Where its weight is, from -1 (left) to 1 (right), of a body that stands for `seconds`.
+
+    The place that it stands at says when it begins, so neighbours do not shift together.
+    """
+    own = 10 * (x + 2 * y)
+    first = sin(2 * pi * seconds / SHIFTS[0] + own)
+    wave = first + sin(2 * pi * seconds / SHIFTS[1] + 3 * own)
+    return min(seconds / CALM, 1.0) * tanh(2 * wave)
 
 
 @compiled
@@ -240,6 +259,10 @@ def aim_rows(
             wide = limits.turn_radius / max(sqrt(arc_x * arc_x + arc_y * arc_y), 0.1)
             place_x, place_y = place_x + wide * arc_x, place_y + wide * arc_y
             speed = limits.turn_speed
+        elif mode == STANDING:
+            leans = _leans(place_x, place_y, float(gait.slow_seconds[row]))
+            place_x += limits.weight_shift * leans * facing_y
+            place_y -= limits.weight_shift * leans * facing_x
         found.place[row, 0], found.place[row, 1], found.speed[row] = place_x, place_y, speed
         found.facing[row, 0], found.facing[row, 1] = facing_x, facing_y
 

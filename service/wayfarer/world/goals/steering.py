@@ -109,6 +109,7 @@ class Steering:
     climbing: float = 1.8  # steps per second on stairs, where each is as long as a tread
     strafe_speed: float = 1.2  # maximum speed of side steps and steps backward
     strafe_slowest: float = 0.8  # minimum speed of these: with less, a body glides
+    weight_shift: float = 0.1  # metres to either side where a standing body is asked to be
 
     def with_search(
         self,
