@@ -20,8 +20,8 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.motion.frame import Frame, canonical_frame
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import BETAS, FPS, GENDERS
-from wayfarer_lab.training.mocap.rig import J
 from wayfarer_lab.training.mocap.selection import Use
+from wayfarer_lab.training.mocap.standing import CROUCHED, knee_bend
 from wayfarer_lab.training.mocap.store import Dataset, mirror
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
@@ -225,11 +225,6 @@ TURNING = 0.6
 SIDE, BACK = np.deg2rad(50.0), np.deg2rad(130.0)
 """Angle from the way that the hips face to the way that they go: ahead, sideways, backward."""
 
-CROUCHED = np.deg2rad(20.0)
-"""Mean bend of the knees beyond which somebody who stands is ready to run, or acts. Recorded stands
-of three seconds have 4 to 15 degrees.
-"""
-
 EDGE = round(0.5 * FPS)
 """Frames on both sides of setting off and of coming to a stand that are a start or a stop."""
 
@@ -268,13 +263,6 @@ def _smooth(values: NDArray[np.floating], seconds: float = 0.5) -> NDArray[np.fl
     half = min(round(seconds * FPS / 2), len(values) - 1)
     padded = np.pad(values, half, mode="edge")
     return np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
-
-
-def knee_bend(rotations: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Mean angle of both knees [N] in radians; local rotations [N, 22, 4]."""
-    knees = rotations[:, [J["left_knee"], J["right_knee"]]]
-    bend = 2 * np.arctan2(np.linalg.norm(knees[..., :3], axis=-1), np.abs(knees[..., 3]))
-    return np.asarray(bend.mean(-1))
 
 
 def group_of(use: int, done: str, acted: bool, crouched: bool) -> str:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from wayfarer.spec import FPS
-from wayfarer_lab.training.dataset import group_of, knee_bend, label_motion
+from wayfarer_lab.training.dataset import group_of, label_motion
 from wayfarer_lab.training.mocap.rig import J
 from wayfarer_lab.training.mocap.selection import Use
+from wayfarer_lab.training.mocap.standing import knee_bend
 
 
 def moving(direction_deg: float, speed: float, seconds: float = 3.0, turning: float = 0.0):

@@ -119,10 +119,9 @@ def prepare(
         recorded = fit(plan(_level_all(pieces, options, told), bodies, options), "fitting")
         uppers = plain_uppers([r.fitted for r in recorded], options.acted)
         recorded = [replace(r, fitted=f) for r, f in zip(recorded, uppers, strict=True)]
-        poses = standing_poses([r.fitted for r in recorded])
     dataset = assemble([f.fitted for f in recorded])
     dataset.save(dst)
-    save_start_poses(dst, poses)
+    save_start_poses(dst, standing_poses(dataset))
     for what, lines in (("skipped", told.skipped), ("note", told.notes)):
         for line in lines:
             console.print(f"[yellow]{what}[/] {escape(line)}", highlight=False)
