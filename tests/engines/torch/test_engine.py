@@ -45,7 +45,7 @@ def test_it_gives_what_onnxruntime_gives(onnx, engine, gender):
 
 
 def test_outputs_have_the_types_and_shapes_of_the_interface(onnx, engine, inputs):
-    found, expected = engine.step(GENDER, inputs), onnx.step(GENDER, inputs)
+    found, expected = engine.step(GENDER, inputs), onnx.scoring.step(GENDER, inputs)
     for name in NAMES:
         values, wanted = getattr(found, name), getattr(expected, name)
         assert (values.shape, values.dtype) == (wanted.shape, wanted.dtype)

@@ -106,6 +106,12 @@ def test_strayed_from_its_goal_it_walks_back():
     assert next_mode(gait(Mode.TURNING, arrived=True), at(0), goal(0.7)) is Mode.WALKING
 
 
+def test_strayed_from_its_goal_it_walks_on_although_it_is_slow_at_first():
+    setting_off = gait(Mode.WALKING, 0.05, arrived=True)
+    assert next_mode(setting_off, at(0), goal(0.8)) is Mode.WALKING
+    assert next_mode(setting_off, at(0), goal(0.5)) is Mode.STOPPING
+
+
 def test_cleared_goal_stops_ahead_of_where_it_is():
     now = STEERING.decide(gait(Mode.WALKING, 1.0), at(2.0, before=1.975), goal())
     assert now.mode[0] == Mode.STOPPING

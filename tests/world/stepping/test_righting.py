@@ -116,7 +116,8 @@ def test_the_next_step_starts_from_the_markers_of_that_body():
             heading=rng.uniform(-3, 3),
             noise_seed=number,
         )
-        step = leaning(spec, (rng.uniform(-30, 30), rng.uniform(-30, 30)))
+        size, way = rng.uniform(15, 40), rng.uniform(-3, 3)
+        step = leaning(spec, (size * np.cos(way), size * np.sin(way)))
         after = righted(modes(Mode.STANDING), step)
         body = BODIES[gender]
         for frame in range(SEED_FRAMES):

@@ -107,11 +107,11 @@ Gait Steering::decide(Gait gait, const Start& start, const GoalRow& goal, bool r
 
   const bool holds = goal.given && !(goal.through && gait.arrived);
   const bool paused = mode == WALKING && gait.speed < pausing_ * std::min(goal.speed, PACE);
-  const bool far = distance > braking && !(gait.arrived && (is_slow || paused));
   const bool at_rest = still || standing || turning || (walking && is_slow);
   const bool waits = !ready && gait.rested && is_slow && (standing || mode == WALKING);
   const bool missed = holds && !gait.arrived && !waits;
   const bool strayed = holds && distance > std::max(goal.radius, braking) + resume_margin_ && !waits;
+  const bool far = distance > braking && (strayed || !(gait.arrived && (is_slow || paused)));
 
   const bool walks = (walking && holds && (goal.through || far) && !waits) ||
                      ((still || standing || turning) && missed) || (!walking && strayed);

@@ -114,11 +114,11 @@ export class Steering {
 
     const holds = goal.given && !(goal.through && arrived);
     const paused = mode === WALKING && speed < this.pausing * Math.min(goal.speed, PACE);
-    const far = distance > braking && !(arrived && (isSlow || paused));
     const atRest = still || standing || turning || (walking && isSlow);
     const waits = !ready && gait.rested && isSlow && (standing || mode === WALKING);
     const missed = holds && !arrived && !waits;
     const strayed = holds && distance > Math.max(goal.radius, braking) + this.resumeMargin && !waits;
+    const far = distance > braking && (strayed || !(arrived && (isSlow || paused)));
 
     const walks = (walking && holds && (goal.through || far) && !waits) || ((still || standing || turning) && missed)
       || (!walking && strayed);

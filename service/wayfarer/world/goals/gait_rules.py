@@ -160,7 +160,7 @@ def decide_rows(
         strayed = holds and distance > max(radius, braking) + limits.resume_margin
         # An agent that comes to rest within reach has arrived; at a slower pace it would only sway.
         paused = mode == WALKING and speed < limits.pausing * min(float(goals.speed[row]), PACE)
-        far = distance > braking and not (arrived and (is_slow or paused))
+        far = distance > braking and (strayed or not (arrived and (is_slow or paused)))
         at_rest = still or standing or turning or (walking and is_slow)
 
         waits = not ready[row] and gait.rested[row] and is_slow and (standing or mode == WALKING)

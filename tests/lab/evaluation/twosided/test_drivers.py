@@ -32,7 +32,7 @@ def test_the_search_goes_where_it_is_wished() -> None:
     hips = walked(searched(shipped(), torch.Generator().manual_seed(0), 16))
     speed = np.linalg.norm(np.diff(hips[:, 200:, :2], axis=1), axis=-1).mean() * 40
     assert speed == pytest.approx(1.2, abs=0.2)
-    assert (hips[:, -1, 1] > 10).all() and np.abs(hips[:, -1, 0]).max() < 2
+    assert (hips[:, -1, 1] > 8).all() and np.abs(hips[:, -1, 0]).max() < 2
 
 
 def test_a_policy_is_drawn_from_and_an_untrained_one_is_the_prior() -> None:
