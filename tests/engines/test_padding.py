@@ -27,7 +27,7 @@ SIZES = (1, 4, 8, 16, 32)
         (3, 3, 3),  # with one row of padding
         (3, 6, 4),  # or another in its place
         (3, 9, 8),  # a multiple of 8 costs least
-        (3, 31, 8),  # no more of them: a later one who is due needs company
+        (3, 31, 8),  # no more: others will fill a later batch
         (9, 31, 16),
         (16, 40, 16),
         (30, 40, 32),

@@ -102,7 +102,7 @@ STEERING: Final[Mapping[str, tuple[str, str]]] = {
     "climbing": ("1/s", "steps on stairs (not here)"),
     "strafe_speed": ("m/s", "at most of people who face elsewhere than where they go"),
     "strafe_slowest": ("m/s", "at least of them: asked for less, a body glides"),
-    "weight_shift": ("m", "who stands is asked so far to either side, and shifts the weight"),
+    "weight_shift": ("m", "a standing person is asked so far to either side, and shifts weight"),
 }
 
 

@@ -268,7 +268,7 @@ def _smooth(values: NDArray[np.floating], seconds: float = 0.5) -> NDArray[np.fl
 def group_of(use: int, done: str, acted: bool, crouched: bool) -> str:
     """The group of `GROUPS` that a frame teaches, or ""; `done` is from `label_motion`.
 
-    Acted styles teach only what is `SCARCE`, and nobody learns to stand from those who crouch.
+    Acted styles teach only what is `SCARCE`, and crouched frames teach nobody to stand.
     """
     if use == Use.EXCLUDED:
         return ""

@@ -1,5 +1,5 @@
-"""Step graphs without scores, for onnxruntime. Of the file format only the fields that this needs
-are declared; protobuf keeps the others.
+"""Step graphs without scores, for onnxruntime. It declares the fields of the file format that it
+needs; protobuf keeps the others.
 """
 
 from functools import cache
@@ -57,7 +57,7 @@ def without_scores(graph: bytes) -> bytes:
 
 
 def _keep(items: Any, is_kept: Any) -> None:
-    """Removes the others, from the last to the first: a node comes after those that it reads."""
+    """Removes the others, from the last to the first: a node comes after its inputs."""
     for index in reversed(range(len(items))):
         if not is_kept(items[index]):
             del items[index]

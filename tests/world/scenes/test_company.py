@@ -99,6 +99,22 @@ def test_who_shares_a_goal_stands_beside_it_and_nobody_circles():
         assert np.linalg.norm(np.diff(track[-200:, :2], axis=0), axis=1).sum() < 0.1
 
 
+def test_an_agent_beside_its_goal_goes_there_once_nobody_is_in_its_place():
+    world, (stays, comes) = on_floor((0.0, 5.0), (0.0, 1.0))
+    place = goal(0.0, 5.0)
+    world.give(stays.agent_id, goal(0.0, 5.0, heading=0.0), 0.0)  # who faces a heading stays
+    walked(world, 1.0)
+    world.give(comes.agent_id, place, 1.0)
+    tracks, _ = walked(world, 8.0)
+    assert np.linalg.norm(tracks[comes.agent_id][-1, :2] - (0.0, 5.0)) > 0.4
+    world.give(stays.agent_id, goal(4.0, 5.0), 8.0)
+    walked(world, 12.0)
+    world.give(comes.agent_id, place, 12.0)
+    tracks, arrived = walked(world, 16.0)
+    assert comes.agent_id in arrived
+    assert np.linalg.norm(tracks[comes.agent_id][-1, :2] - (0.0, 5.0)) < 0.32
+
+
 def test_a_goal_amid_a_ring_of_people_is_reported():
     world, _, _ = world_in(field())
     turn = 2 * np.pi * np.arange(16) / 16

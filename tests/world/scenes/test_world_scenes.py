@@ -244,7 +244,7 @@ def test_a_session_names_a_scene_that_is_here_and_holds_it():
 
 
 def test_a_world_forgets_a_scene_that_its_last_session_has_left():
-    world, registry, scene_id = world_in(replace(field()))  # not the one that `field` keeps
+    world, registry, scene_id = world_in(replace(field()))  # a copy: `field` keeps its own
     scene = weakref.ref(registry.entry(scene_id).scene)
     enter(world, SOUTH)
     world.delete_session("s")

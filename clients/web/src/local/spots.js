@@ -42,8 +42,11 @@ function choose(people, self, aims, clear, room) {
     const theirs = apart(claim(other), other.position);
     return other.stands || theirs < mine - KEEPS || (theirs <= mine + KEEPS && other.number < self.number);
   });
-  const by = (/** @type {Seen} */ other) => (apart(other.aims.asked, goal) < SHARED ? APART : STRANGERS);
-  if (mine > RADIUS && !others.some((other) => apart(claim(other), goal) < by(other))) {
+  const shares = (/** @type {Seen} */ other) => apart(other.aims.asked, goal) < SHARED;
+  const by = (/** @type {Seen} */ other) => (shares(other) ? APART : STRANGERS);
+  const home = (/** @type {Seen} */ other) => (other.memory.yields > 0 ? other.aims.spot : claim(other)); // it will return
+  const empty = others.every((other) => !shares(other) && Math.min(apart(claim(other), goal), apart(home(other), goal)) >= APART);
+  if (empty || (mine > RADIUS && !others.some((other) => apart(claim(other), goal) < by(other)))) {
     aims.spot = goal;
     return;
   }

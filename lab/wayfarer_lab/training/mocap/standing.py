@@ -15,7 +15,7 @@ from wayfarer_lab.training.mocap.skeleton import Array
 from wayfarer_lab.training.mocap.store import Dataset, atomically, mirror
 
 CROUCHED = np.deg2rad(20.0)
-"""Mean bend of the knees beyond which somebody who stands is ready to run, or acts. Recorded stands
+"""Mean bend of the knees beyond which a standing person is ready to run, or acts. Recorded stands
 of three seconds have 4 to 15 degrees.
 """
 

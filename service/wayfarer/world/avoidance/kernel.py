@@ -33,7 +33,7 @@ REACTION: Final = 0.3  # seconds until a body follows a new velocity
 SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly
 SETS_OFF: Final = 0.5  # share of it up to which a person waits instead
 HEADWAY: Final = 0.6  # a person's pace is at most the free way divided by these seconds
-DEEP: Final = 0.7  # depth of a body on this way, as a share of its width
+DEEP: Final = 0.55  # depth of a body on this way, as a share of its width
 SQUEEZE: Final = 0.95  # least share of its width that a body needs to pass another one
 WAY: Final = (0.2, 0.4, 0.7, 1.0)  # metres at which a way is looked at for walls
 WALL_ROOM: Final = 0.1  # preferred between a person's radius and a wall
@@ -122,7 +122,7 @@ class Next(NamedTuple):
 
 @inner
 def length(x: float, y: float) -> float:
-    """Of a vector."""
+    """Length of a vector."""
     return sqrt(x * x + y * y)
 
 

@@ -1,6 +1,6 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
-and returns when its place is free. Of two agents that stand in each other, that of the higher
-number steps aside.
+and returns when its place is free. If two agents stand in each other, the one with the
+higher number steps aside.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.

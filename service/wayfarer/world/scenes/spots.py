@@ -90,6 +90,7 @@ class Everyone(NamedTuple):
     stand: Flags
     asked: Float
     spot: Float
+    aside: Flags  # it makes way, and will return to its spot
 
 
 class Walkers(NamedTuple):
@@ -125,7 +126,14 @@ def take_spots(
     """
     them, to, aims, count = crowd.people, crowd.people.aims, start.aims, len(crowd.stand)
     others = Everyone(
-        *crowd.own, them.number, them.position, them.height, crowd.stand, to.asked, to.spot
+        *crowd.own,
+        them.number,
+        them.position,
+        them.height,
+        crowd.stand,
+        to.asked,
+        to.spot,
+        them.memory.yields > 0,
     )
     claims, waits = (
         Claims(np.empty((count, 2), np.float32), np.empty(count)),
@@ -149,7 +157,7 @@ def take_spots(
 def prepare() -> None:
     """Compiles its rules, or loads them, before agents walk."""
     one, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.zeros((1, 2), np.float32)
-    others = Everyone(one, one, one, place, place[0, :1], flag, place, place)
+    others = Everyone(one, one, one, place, place[0, :1], flag, place, place, flag)
     one_each = flag, one, place, place, place[0, :1], place, flag
     walkers = Walkers(*one_each, flag, np.zeros((1, 3), np.float32), place[0, :1], flag)
     warm(next_taken, others, walkers, one, 0, False, Claims(place, np.zeros(1)), flag)
@@ -204,7 +212,7 @@ def next_taken(
 @inner
 def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) -> int:
     """The number of claims around a person's goal, if its spot is taken; -1: it is not."""
-    taken, free, count, spot, asked = False, True, 0, those.spot, those.asked
+    taken, free, empty, count, spot, asked = False, True, True, 0, those.spot, those.asked
     mine = apart(them.position, me, spot, row)
     near = apart(them.position, me, asked, row) <= NEAR
     for other in range(them.first[me], them.last[me] if near else them.first[me]):
@@ -223,11 +231,16 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
         before = theirs < mine - KEEPS or (
             theirs <= mine + KEEPS and them.number[other] < them.number[me]
         )
-        free = free and apart(claim, other, asked, row) >= claims.apart[count]
+        away = apart(claim, other, asked, row)
+        free = free and away >= claims.apart[count]
+        if them.aside[other]:
+            away = min(away, apart(them.spot, other, asked, row))
+        empty = empty and away >= APART and not share
         gap = apart(claim, other, spot, row) - claims.apart[count]
         taken = taken or ((stands or before) and gap < -SLACK)
         count += 1
-    if not near or (free and mine > RADIUS):  # an agent that stays there has settled
+    # an agent that stays there has settled, until its place is empty
+    if not near or empty or (free and mine > RADIUS):
         spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
         return -1
     return count if taken and mine > SLACK else -1  # an agent that gets no nearer stops where it is
