@@ -8,7 +8,8 @@ Frames must be ready in time under any load, so quality is reduced first:
     hold idle agents      standing agents with nothing to do keep their pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
 
-The level goes down one at a time, and up again after a calm period. Time is an argument.
+The level goes down one at a time, once calls that are late do not catch up by themselves, and up
+again after a calm period. Time is an argument.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ BY_SIGHT = 1
 """Number of the level that differs from the one above only if some agents are not near."""
 
 WINDOW = 1.0
-"""Seconds of calls that are considered."""
+"""Seconds of calls that are considered: also, after which a late call counts as the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ class BudgetRules:
     """When to go down the ladder, and when up again, in seconds."""
 
     late: float = 0.03  # an engine call may end this long after its deadline
-    settle: float = 0.2  # wait after a change before the next one down
+    settle: float = 0.2  # within this, calls that were late must be half as late
     hurry: float = 0.1  # a call that would end this long after its deadline halves that wait
     patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
     most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
@@ -75,6 +76,8 @@ class Budget:
         self._rules = rules
         self.number = 0  # of the level, from the top
         self._changed_at = float("-inf")
+        self._late_at = float("-inf")  # when a call was late, and by how much too late
+        self._late = 0.0
         self._climbed_at = float("-inf")
         self._is_trial = False  # whether it has not gone down since the climb
         self._patience = rules.patience
@@ -102,10 +105,14 @@ class Budget:
         # calls have few rows or many: three quarters of them take no longer
         call, busy = (calls[len(calls) * 3 // 4], sum(calls)) if calls else (0.0, 0.0)
         slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
-        if slack < call - rules.late:
-            settle = rules.settle / 2 if slack < call - rules.hurry else rules.settle
-            if since >= settle and self.number < len(self._levels) - 1:
-                self._fall(now, distant)
+        late = call - rules.late - slack
+        if late > 0:
+            settle = rules.settle / 2 if late > rules.hurry - rules.late else rules.settle
+            if (waited := now - self._late_at) >= settle:
+                grows = waited <= WINDOW and late > self._late / 2
+                if grows and self.number < len(self._levels) - 1:
+                    self._fall(now, distant)
+                self._late_at, self._late = now, late
         elif self.number > 0 and since >= self._patience:
             longer, more = self._growth(held)
             fits = slack >= call * longer - rules.late
