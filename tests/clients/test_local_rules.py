@@ -23,7 +23,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_at, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
-from wayfarer.world.agents.style import manner, own_noise, sets_off
+from wayfarer.world.agents.style import sets_off, style_of
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.legs import KNEES, Legs, measure_legs, pose_legs
 from wayfarer.world.output.quaternion import multiply
@@ -71,7 +71,8 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(port, tmp_path):
     file = tmp_path / "seeds.json"
     file.write_text(json.dumps([str(seed) for seed in seeds]))
     found = port("random", file)
-    for name, drawn in (("own", own_noise(seeds)), ("manner", manner(seeds))):
+    style = style_of(seeds)
+    for name, drawn in (("own", style.own_noise), ("manner", style.manner)):
         np.testing.assert_allclose([one[name] for one in found], drawn, rtol=1e-6, atol=1e-7)
     assert [one["mirrored"] for one in found] == is_mirrored(seeds).tolist()
     noise = latents(seeds, np.full(len(seeds), 7), 1)[:, 0]

@@ -24,6 +24,7 @@ from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal, goal_columns
 from wayfarer.world.agents.slots import Mode, Motion, Seeds
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
+from wayfarer.world.agents.style import style_of
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.batch import assemble
 from wayfarer_lab.engine_export.bodies import body_parts
@@ -207,7 +208,7 @@ class _Walk:
         self._goals = goal_columns(goals, (0.0, 0.0))
         self._goals.more[:] = False
         self._noise = generator.normal(size=(STEPS, count, candidates, 128)).astype(np.float32)
-        self._seeds = np.arange(count, dtype=np.uint64)
+        self._style = style_of(np.arange(count, dtype=np.uint64))
 
     def compared(self, file: Path, engine: Engine) -> float:
         """Largest difference of a file's outputs from an engine's. Raises ArtifactError."""
@@ -226,7 +227,7 @@ class _Walk:
                 gait,
                 self._goals,
                 self._noise[number],
-                self._seeds,
+                self._style,
                 self._steering,
             )
             expected = engine.step(self._gender, inputs)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wayfarer.world.agents.style import manner, own_noise, sets_off
+from wayfarer.world.agents.style import sets_off, style_of
 
 SEEDS = np.arange(2000, dtype=np.uint64)
 
@@ -16,15 +16,16 @@ def test_who_stands_sets_off_at_one_of_three_moments():
     assert sets_off(SEEDS, np.zeros(2000, np.int64), 1).all()
 
 
-@pytest.mark.parametrize(("draw", "size"), [(own_noise, 128), (manner, 8)])
+@pytest.mark.parametrize(("draw", "size"), [("own_noise", 128), ("manner", 8)])
 def test_what_an_agent_draws_once_differs_and_stays(draw, size):
-    own = draw(SEEDS)
+    own = getattr(style_of(SEEDS), draw)
     assert own.shape == (2000, size)
     assert np.abs(np.cov(own.T) - np.eye(size)).max() < 0.15 and np.abs(own.mean(0)).max() < 0.1
-    np.testing.assert_array_equal(draw(SEEDS[5:6]), own[5:6])
-    assert draw(SEEDS[:0]).shape == (0, size)
+    np.testing.assert_array_equal(getattr(style_of(SEEDS[5:6]), draw), own[5:6])
+    assert getattr(style_of(SEEDS[:0]), draw).shape == (0, size)
 
 
 def test_large_seeds_do_no_harm():
     seeds = np.array([2**64 - 1, 2**63, 0], np.uint64)
-    assert np.isfinite(manner(seeds)).all() and np.isfinite(own_noise(seeds)).all()
+    found = style_of(seeds)
+    assert np.isfinite(found.manner).all() and np.isfinite(found.own_noise).all()

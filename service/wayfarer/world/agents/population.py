@@ -21,6 +21,7 @@ from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Registry, Session
 from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.spawn import Spawner
+from wayfarer.world.agents.style import style_of
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.output.ground import Footing, standing
 from wayfarer.world.output.legs import Legs, measure_legs
@@ -235,6 +236,7 @@ class Population:
         slots.gender[rows] = genders
         slots.model[rows] = [self._models.enter(self._roster, stamp) for stamp in models]
         slots.noise_seed[rows] = np.array([spec.noise_seed for spec in specs], np.uint64)
+        slots.style.put(rows, style_of(slots.noise_seed[rows]))
         slots.betas[rows] = [spec.betas for spec in specs]
         slots.foot_lock[rows] = [spec.foot_lock for spec in specs]
         slots.legs.put(rows, legs)

@@ -14,6 +14,7 @@ from wayfarer.errors import ResourceExhausted
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentState
 from wayfarer.world.agents.route import Route
+from wayfarer.world.agents.style import Style
 from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.output.legs import Legs
@@ -88,6 +89,7 @@ class Slots(Rows):
     gender: Int8  # index into spec.GENDERS
     model: Int  # number of the model that moves it; see models.py
     noise_seed: UInt64
+    style: Style  # drawn from that
     betas: Annotated[Float, Shape(BETAS)]
     goal_revision: Int  # counts the changes of its goals
     revised_chunk: Int  # seq of the first chunk to which its present path applies

@@ -8,24 +8,29 @@ Everything follows from the noise seed, so the same seed gives the same motion.
     manner     an input of its policy, which may heed it or not
 """
 
-from functools import lru_cache
-from typing import Final
+from dataclasses import dataclass
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import LATENT, MANNER
-from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.rows import Flags, Float, Index, Rows, Shape
 
 Seeds = NDArray[np.uint64]
-
-REMEMBERED: Final = 4096
-"""Maximum number of draws that are kept."""
 
 _REACTION, _OWN, _MANNER = range(1, 4)
 """Independent draws from one seed."""
 
 _STEP: Final = 0x9E3779B97F4A7C15
+
+
+@dataclass(slots=True)
+class Style(Rows):
+    """What agents draw once, ~ N(0, I)."""
+
+    own_noise: Annotated[Float, Shape(LATENT)]
+    manner: Annotated[Float, Shape(MANNER)]
 
 
 def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
@@ -35,27 +40,14 @@ def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
     return found
 
 
-def own_noise(noise_seed: Seeds) -> Float:
-    """Latents [A, 128] ~ N(0, I), constant for each agent."""
-    return _constant(noise_seed, _OWN, LATENT)
-
-
-def manner(noise_seed: Seeds) -> Float:
-    """Manners [A, 8] ~ N(0, I), constant for each agent."""
-    return _constant(noise_seed, _MANNER, MANNER)
-
-
-def _constant(noise_seed: Seeds, draw: int, size: int) -> Float:
-    if not len(noise_seed):
-        return np.zeros((0, size), np.float32)
-    found = np.concatenate([_normals(seed, draw, size) for seed in noise_seed.tolist()])
-    return found.reshape(-1, size)  # `np.stack` would inspect each of them
-
-
-@lru_cache(2 * REMEMBERED)
-def _normals(noise_seed: int, draw: int, size: int) -> Float:
-    bits = np.random.Philox(key=np.array([noise_seed, draw], np.uint64))
-    return np.random.Generator(bits).standard_normal(size, dtype=np.float32)
+def style_of(noise_seed: Seeds) -> Style:
+    """The styles of agents [A]."""
+    found = Style.empty(len(noise_seed))
+    for row, seed in enumerate(noise_seed.tolist()):
+        for draw, values in ((_OWN, found.own_noise), (_MANNER, found.manner)):
+            bits = np.random.Philox(key=np.array([seed, draw], np.uint64))
+            np.random.Generator(bits).standard_normal(out=values[row], dtype=np.float32)
+    return found
 
 
 def _mixed(noise_seed: Seeds, draw: int) -> Seeds:

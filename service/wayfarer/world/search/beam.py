@@ -131,7 +131,7 @@ class _Search:
         starts = self._problem.starts.take(nodes.agent)
         seed, gait, goals = self._steer(nodes)
         noise = self._noise(starts, nodes)
-        asked = assemble(seed, starts.betas, gait, goals, noise, starts.noise_seed, self._steering)
+        asked = assemble(seed, starts.betas, gait, goals, noise, starts.style, self._steering)
         count = noise.shape[1]
         rows = fan_out(mirror_inputs(asked, starts.mirrored))
         outputs = _step(self._engine, np.repeat(starts.gender, count), rows)

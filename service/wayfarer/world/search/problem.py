@@ -17,6 +17,7 @@ from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal, GoalColumns, check_path, goal_columns
 from wayfarer.world.agents.slots import Gait, Mode, Motion
+from wayfarer.world.agents.style import Style, style_of
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64
 from wayfarer.world.stepping.mirror import is_mirrored
 
@@ -27,6 +28,7 @@ class PlanningStart(Rows):
 
     gender: Int8  # index into spec.GENDERS
     noise_seed: UInt64
+    style: Style  # drawn from that
     mirrored: Flags  # moved as its mirror image; see stepping/mirror.py
     chunk: Int  # number of the first primitive; noise is drawn by it
     betas: Annotated[Float, Shape(BETAS)]
@@ -78,6 +80,7 @@ class PlanningProblem:
                 check_path(path, (x, y, z), Limits())
                 starts.motion.gait.mode[row] = Mode.WALKING
             goals.append(goal_columns(path, (x, y)) if path else GoalColumns.empty(1))
+        starts.style = style_of(starts.noise_seed)
         starts.motion.gait.arrived[:] = False
         starts.motion.gait.waypoint[:] = 0
         return cls(starts, GoalColumns.join(goals))

@@ -1,12 +1,11 @@
 """Gathers slots for one engine call."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, StepInputs, no_obstacles
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
-from wayfarer.world.agents.style import manner, own_noise
+from wayfarer.world.agents.style import Style
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.noise import latents
@@ -23,9 +22,9 @@ def gather(
     obstacles: Float,
 ) -> StepInputs:
     """Engine inputs of `rows`; `seed`, the next gait and the goals are those of the rows."""
-    seeds, chunks = slots.noise_seed[rows], slots.planned_chunks[rows]
-    noise = latents(seeds, chunks, candidates)
-    return assemble(seed, slots.betas[rows], gait, goals, noise, seeds, steering, obstacles)
+    noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
+    style = slots.style.take(rows)
+    return assemble(seed, slots.betas[rows], gait, goals, noise, style, steering, obstacles)
 
 
 def assemble(
@@ -34,7 +33,7 @@ def assemble(
     gait: Gait,
     goals: GoalColumns,
     noise: Float,
-    noise_seed: NDArray[np.uint64],
+    style: Style,
     steering: Steering,
     obstacles: Float | None = None,
 ) -> StepInputs:
@@ -52,7 +51,7 @@ def assemble(
         facing=target.facing,
         term_weights=steering.term_weights(gait.mode),
         policy=steering.policy(gait.mode),
-        noise=steering.noise(gait.mode, noise, own_noise(noise_seed)),
-        manner=manner(noise_seed),
+        noise=steering.noise(gait.mode, noise, style.own_noise),
+        manner=style.manner,
         obstacles=no_obstacles(len(betas)) if obstacles is None else obstacles,
     )

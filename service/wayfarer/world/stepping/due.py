@@ -33,20 +33,12 @@ def sights_of(due: Sequence[Due], slots: Slots) -> Int8:
 def due_by_session(
     sent: Sent, slots: Slots, by_slot: dict[int, Agent], timeline: Timeline
 ) -> list[Due]:
-    """Chunks that have just left, in their order within each session.
-
-    The arrays are copies, so that keeping a session's does not keep those of all others.
-    """
-    session = slots.session[sent.slots]
-    chunks = _columns(sent, slots, timeline)
-    if (session == session[0]).all():
-        return [Due(by_slot[int(sent.slots[0])].session_id, chunks, sent.slots)]
-    order = np.argsort(session, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(session[order])) + 1)
-    slots_of = [sent.slots[part] for part in parts]
+    """Chunks that have just left, in their order within each session: parts of the same arrays."""
+    chunks, rows = _columns(sent, slots, timeline), sent.slots
+    ends = np.flatnonzero(np.diff(slots.session[rows], append=-1)) + 1
     return [
-        Due(by_slot[int(own[0])].session_id, chunks.take(part), own)
-        for own, part in zip(slots_of, parts, strict=True)
+        Due(by_slot[int(rows[first])].session_id, chunks.part(first, last), rows[first:last])
+        for first, last in zip([0, *ends[:-1]], ends.tolist(), strict=True)
     ]
 
 

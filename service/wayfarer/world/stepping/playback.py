@@ -44,7 +44,7 @@ class Chunks(Rows):
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """Chunks that have just left; one row each, in order of their first frame."""
+    """Chunks that have just left; one row each, by session and in order of their first frame."""
 
     slots: Index
     seq: Index
@@ -136,7 +136,7 @@ class Playback:
                 rows, show = rows[mine], show[mine]
             if not len(rows):
                 return sent
-            order = np.argsort(show, kind="stable")
+            order = np.lexsort((show, slots.session[rows]))
             rows, show = rows[order], show[order]
             seq = slots.sent_chunks[rows]
             chunks = self._ring.take(self._place(rows, seq))
