@@ -8,8 +8,8 @@ Frames must be ready in time under any load, so quality is reduced first:
     hold idle agents      standing agents with nothing to do keep their pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
 
-The level goes down one at a time, once calls that are late do not catch up by themselves, and up
-again after a calm period. Time is an argument.
+The level goes down one at a time, when late calls do not catch up by themselves, and up again after
+a calm period. Time is an argument.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ BY_SIGHT = 1
 """Number of the level that differs from the one above only if some agents are not near."""
 
 WINDOW = 1.0
-"""Seconds of calls that are considered: also, after which a late call counts as the first."""
+"""Seconds of calls that are considered. A call that is late longer after others is the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,8 @@ class BudgetRules:
     """When to go down the ladder, and when up again, in seconds."""
 
     late: float = 0.03  # an engine call may end this long after its deadline
-    settle: float = 0.2  # within this, calls that were late must be half as late
-    hurry: float = 0.1  # a call that would end this long after its deadline halves that wait
+    settle: float = 0.2  # calls that are still more than half as late after this do not catch up
+    hurry: float = 0.06  # a call that would end this long after its deadline is enough at once
     patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
     most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
     headroom: float = 1.6  # ratio of a call's cost with the next level's candidates
@@ -107,11 +107,14 @@ class Budget:
         slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
         late = call - rules.late - slack
         if late > 0:
-            settle = rules.settle / 2 if late > rules.hurry - rules.late else rules.settle
-            if (waited := now - self._late_at) >= settle:
-                grows = waited <= WINDOW and late > self._late / 2
-                if grows and self.number < len(self._levels) - 1:
-                    self._fall(now, distant)
+            waited = now - self._late_at
+            if late > rules.hurry - rules.late:
+                falls = since >= rules.settle / 2
+            else:
+                falls = rules.settle <= waited <= WINDOW and late > self._late / 2
+            if falls and self.number < len(self._levels) - 1:
+                self._fall(now, distant)
+            if falls or waited >= rules.settle:
                 self._late_at, self._late = now, late
         elif self.number > 0 and since >= self._patience:
             longer, more = self._growth(held)
