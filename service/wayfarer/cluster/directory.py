@@ -19,11 +19,10 @@ rules, on which "never two owners" rests:
 - In each renewal a share of the groups is compared, so that a node and the directory that disagree
   notice it within seconds.
 
-Owner of a group without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
-answers that there is nothing. The clock: seconds, never back.
+A group without an entry: a live node chosen by hash (`placement.rendezvous`) answers that there is
+nothing. The clock gives seconds, and never goes back.
 """
 
-import hashlib
 import random
 import time
 from collections import Counter, OrderedDict, deque
@@ -42,7 +41,7 @@ from wayfarer.cluster.messages import (
     NodeState,
     Status,
 )
-from wayfarer.cluster.placement import ClusterNode, able_of, burden_of, place
+from wayfarer.cluster.placement import ClusterNode, able_of, burden_of, hash_of, place
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 V = TypeVar("V")
@@ -518,8 +517,8 @@ class Directory:
         if node.keepers and node.keepers[0] in able:
             return
         if able:
-            after = [other for other in able if _hash(other) > _hash(name)]
-            node.keepers = (min(after or able, key=_hash), *node.keepers[:1])
+            after = [other for other in able if hash_of(other) > hash_of(name)]
+            node.keepers = (min(after or able, key=hash_of), *node.keepers[:1])
 
     def _nodes_changed(self) -> None:
         self._touch("")
@@ -536,20 +535,7 @@ def share_of(groups: Iterable[str], count: int) -> set[str]:
     return {group for group in groups if group[-1] == due}
 
 
-def rendezvous(group: str, names: Iterable[str]) -> str:
-    """The name that is first for a group; empty for none.
-
-    When names come or go, only the groups of these change (highest random weight, Thaler and
-    Ravishankar 1998).
-    """
-    return max(names, key=lambda name: _hash(f"{group}/{name}"), default="")
-
-
 def _remember(known: OrderedDict[str, V], name: str, value: V) -> None:
     known[name] = value
     if len(known) > REMEMBERED:
         known.popitem(last=False)
-
-
-def _hash(text: str) -> int:
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest())
