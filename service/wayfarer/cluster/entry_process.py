@@ -21,7 +21,7 @@ from wayfarer.config.settings import Settings
 log = structlog.get_logger(__name__)
 
 LEASE_S: Final = 10.0
-"""On one machine: the end of a node's process is known at once, only a hang by its lease."""
+"""Seconds of a lease on one machine, where only a hang is noticed by the end of the lease."""
 
 LOOK_S: Final = 2.0
 """Seconds between looks at Ray's head."""

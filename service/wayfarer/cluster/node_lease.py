@@ -74,9 +74,9 @@ class NodeLease:
         return self.view.places
 
     def endpoint_of(self, name: str) -> Endpoint | None:
-        """Where what has this id lives; None: here, or nowhere that is known.
+        """The address of the node that has this id; None: this node has it, or none is known to.
 
-        Raises Unavailable for what is on its way here, and for what a node has that is down.
+        Raises Unavailable while it is on its way here, or its node is down.
         """
         group = group_of(name)
         if group in self._coming:
@@ -89,9 +89,9 @@ class NodeLease:
         return None if found is None else endpoint(found)
 
     def new_group(self) -> str:
-        """Nobody else has it: the directory hears of it once something lives in it.
+        """A group that no other node has. The directory hears of it once something lives in it.
 
-        Raises Unavailable without a lease, and when it is drained.
+        Raises Unavailable without a lease, and when the node is drained.
         """
         if not self.leased:
             raise Unavailable("this node has lost its cluster; it creates nothing until it is back")
