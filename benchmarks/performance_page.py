@@ -1,20 +1,18 @@
-"""Writes benchmarks/results/performance.md, and its pictures, from its folder's performance_*.json.
+"""Writes benchmarks/results/performance.md from its folder's performance_*.json.
 
 python -m benchmarks.performance_page
 """
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import performance_plots
 from benchmarks.bench import Row, text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
 PAGE = RESULTS / "performance.md"
-IMAGES = RESULTS / "images"
 
 INTRO = """# Performance
 
@@ -92,13 +90,11 @@ def origin(part: Part) -> str:
     )
 
 
-def section(name: str, part: Part, drawn: str | None = None) -> str:
-    """One benchmark of one record; `drawn` is its picture's file."""
+def section(name: str, part: Part) -> str:
+    """One benchmark of one record."""
     lines = [f"### {title(name)}\n", origin(part)]
     if "failure" in part:
         lines.append(f"It failed:\n\n```\n{part['failure'].strip()}\n```\n")
-    if drawn:
-        lines.append(f"![{title(name)}](images/{drawn})\n")
     lines += [
         table(rows, name.startswith(TRANSPOSED)) + "\n"
         for key in ("rows", "gemm", "shares")
@@ -112,16 +108,13 @@ def section(name: str, part: Part, drawn: str | None = None) -> str:
     return "\n".join(lines)
 
 
-def page(records: dict[str, Part], picture: Callable[[str, str, Part], str | None]) -> str:
-    """All records, by name. `picture(record, part's name, part)` gives a file in IMAGES."""
+def page(records: dict[str, Part]) -> str:
+    """All records, by name."""
     parts = [INTRO]
     for name, record in records.items():
         machine = next(iter(record["parts"].values()))["meta"]["machine"]
         parts.append(f"## {name}: {machine['cpu']}, {machine['cores']} cores\n")
-        parts += [
-            section(part, found, picture(name, part, found))
-            for part, found in record["parts"].items()
-        ]
+        parts += [section(part, found) for part, found in record["parts"].items()]
     return "\n".join(parts)
 
 
@@ -129,11 +122,7 @@ def main() -> None:
     """Writes the page."""
     files = sorted(RESULTS.glob("performance_*.json"))
     records = {f.stem.removeprefix("performance_"): json.loads(f.read_text()) for f in files}
-
-    def picture(record: str, name: str, part: Part) -> str | None:
-        return performance_plots.draw(IMAGES, f"performance_{record}_{name}.png", name, part)
-
-    PAGE.write_text(page(records, picture))
+    PAGE.write_text(page(records))
 
 
 if __name__ == "__main__":

@@ -29,7 +29,6 @@ RESULTS = Path(__file__).parent / "results"
 
 PARTS: dict[str, tuple[str, ...]] = {
     "step": ("step",),
-    "quantised": ("quantised",),
     **{
         f"{name}_{engine}": (name, "--engine", engine)
         for name in ("paper_s3", "startup", "memory")
@@ -91,7 +90,7 @@ def measured(part: str, quick: bool, agents: int | None = None) -> dict[str, Any
 
 
 def main() -> int:
-    """Runs, writes and draws the page; 1 when a benchmark failed."""
+    """Runs benchmarks, and writes the record and the page; 1 when a benchmark failed."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

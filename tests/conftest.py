@@ -79,7 +79,7 @@ ONE_WORKER = {
 }
 """Beginnings of the ids of tests that run in one worker, with its group's name.
 
-They begin first: nothing shorter is left to run beside them at the end.
+They begin first, so that they do not run alone at the end.
 """
 
 

@@ -7,7 +7,7 @@ from typing import Any
 def run_program(
     *words: object, code: int = 0, timeout: float = 300, **options: Any
 ) -> subprocess.CompletedProcess[str]:
-    """What a program has said. Raises AssertionError if it ends with another code."""
+    """The output of a program. Raises AssertionError if it ends with another code."""
     command = [str(word) for word in words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
     assert done.returncode == code, done.stdout + done.stderr

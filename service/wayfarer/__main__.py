@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> None:
-    """Run it. Ctrl-C ends it without a traceback while it is still loading, too."""
+    """Runs the command line. Ctrl-C ends it without a traceback while it is still loading, too."""
     try:
         from wayfarer.commands.cli import main as run
 

@@ -33,11 +33,11 @@ class Ownership(Protocol):
         ...
 
     async def claimed(self, name: str) -> None:
-        """Return once other nodes and entries find a new session or scene, and it is `copied`."""
+        """Returns once other nodes and entries find a new session or scene, and it is `copied`."""
         ...
 
     async def copied(self, name: str) -> None:
-        """Return once another node has the present state of a session or scene, or knows that it
+        """Returns once another node has the present state of a session or scene, or knows that it
         has ended, so that the change is not lost with this node. On the event loop.
         """
         ...
@@ -66,14 +66,14 @@ class SingleNode:
         return None
 
     def new_group(self) -> str:
-        """Any."""
+        """A new group."""
         return new_group()
 
     async def claimed(self, name: str) -> None:
-        """At once."""
+        """Returns at once."""
 
     async def copied(self, name: str) -> None:
-        """At once: there is no other node."""
+        """Returns at once: there is no other node."""
 
     def may_step(self) -> bool:
         """Always."""

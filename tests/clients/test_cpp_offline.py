@@ -59,7 +59,7 @@ def programs(tmp_path_factory):
         f"-DONNXRUNTIME_LIBRARY={folder}/libonnxruntime.so.1",
         "-DWAYFARER_TRACE=ON",
     ]
-    # warnings of the optimizer, too; what it does more costs half of the build
+    # -O1 for the warnings of the optimizer; more of it would double the time of the build
     flags = "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG -Wall -Wextra -Wpedantic -Werror"
     commands = (["-S", FOLDER, "-B", folder, "-G", "Ninja", flags, *said], ["--build", folder])
     for words in commands:

@@ -24,7 +24,7 @@ def info(name, fingerprint="a", capacity=100, number=None):
 
 
 class Link:
-    """To a directory in this process, that is `away` for a while."""
+    """A link to a directory in this process, which may be `away` for a while."""
 
     def __init__(self, rules):
         self.directory = Directory(rules, 1)

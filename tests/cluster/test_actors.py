@@ -49,7 +49,7 @@ node = actors.NodeActor(plan, "played:serve")
 
 
 def played(work, then):
-    """What a process says and how it ends, whose node does this `work`, asked for that `then`."""
+    """Output and end of a process whose node does this `work`, and is then asked for `then`."""
     code = START.format(work=textwrap.indent(work, "    ").strip(), then=then)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     return done.returncode, done.stdout + done.stderr
@@ -96,7 +96,7 @@ def test_a_stopped_process_of_this_machine_ends_once_it_is_forsaken():
         assert not has_ended(True), "it is not stopped: it may only be busy"
         process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, process.pid, os.WSTOPPED)
-        assert not has_ended(False), "it may go on"
+        assert not has_ended(False), "it may continue"
         has_ended(True)
         assert process.wait(10) == -signal.SIGKILL
         assert has_ended(True)

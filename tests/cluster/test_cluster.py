@@ -72,7 +72,7 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
             await put()
 
         async def change():
-            """Each kind, on the node with the scene; what is called later: nothing is lost."""
+            """Makes every kind of change at the scene; returns a check that nothing is lost."""
             made = [await client.create_session(lease=900, scene=field.scene_id) for _ in "123"]
             requested = [(path, str(uuid4())) for path in CREATES]
             replies = [await created(*one, field.scene_id, cluster.entry) for one in requested]
@@ -121,7 +121,7 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
         await kill(cluster, watched, change, record_testsuite_property)
         async with asyncio.timeout(60):
             while await ids(crowd) <= there:
-                await asyncio.sleep(0.1)  # it goes on: others still come
+                await asyncio.sleep(0.1)  # it continues: others still come
         await settle()
         await stop_for_long(cluster, watched, change)
         await settle()

@@ -144,4 +144,4 @@ async def test_the_commands_of_compose_make_a_cluster(services):
     assert stranger.returncode == 2 and "no Ray cluster at" in stranger.stderr
     entry.terminate()
     assert await asyncio.to_thread(entry.wait, 60) == 0, "".join(services.said)
-    assert "the nodes go on" in services.said[-1]
+    assert "the nodes continue" in services.said[-1]

@@ -176,7 +176,7 @@ def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
     bench.adopt("n1", bench.beat("n1")["n1"].orders[0])
     assert bench.beat("n0")["n0"].fenced
     assert bench.beat("n0")["n0"].lost == (group,)
-    assert not bench.nodes["n0"].may_step()  # what it lost is still there
+    assert not bench.nodes["n0"].may_step()  # the lost group is still there
     bench.nodes["n0"].released(group)
     assert bench.nodes["n0"].may_step()
 
@@ -248,7 +248,7 @@ def test_a_silent_node_may_be_ended_while_another_has_its_copies():
     bench.add("n0")
     bench.later(SILENT_S + 0.25)
     bench.directory.expire()
-    assert told == {"n0": False}, "nobody else has its sessions"
+    assert told == {"n0": False}, "no other node has its sessions"
     bench.add("n1")
     bench.beat()
     bench.beat()
@@ -447,7 +447,7 @@ def restarted(seconds, **ages):
         for name, age in ages.items():
             directory.renew(coming(name, kept={ORPHAN: ("n0", age)}, count=count))
         view.take(directory.look(view.seen)[1])
-        with pytest.raises(Unavailable):  # nobody is told that it does not exist
+        with pytest.raises(Unavailable):  # no caller hears that it does not exist
             view.owner(named(ORPHAN))
         with pytest.raises(Unavailable):
             directory.place(ORPHAN)
@@ -463,7 +463,7 @@ def test_what_ended_with_an_earlier_directory_is_adopted_from_the_youngest_repli
     (order,) = directory.renew(renewal("n2", count=99)).orders
     assert (order.kind, order.group) == ("adopt", ORPHAN)
     again = directory.renew(coming("n0", held={ORPHAN: 9}))
-    assert owner(directory, ORPHAN) == "n0" and not again.lost, "what it has is no replica"
+    assert owner(directory, ORPHAN) == "n0" and not again.lost, "its own group is no replica"
 
 
 def test_its_owner_comes_in_time_and_what_it_has_ended_is_gone():

@@ -3,9 +3,9 @@
 from collections import Counter
 
 from tests.cluster.nodes import LEASE, Bench, info, named
-from wayfarer.cluster.directory import rendezvous
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import Changes
+from wayfarer.cluster.placement import rendezvous
 
 
 def test_a_view_follows_by_changes_or_as_a_whole():

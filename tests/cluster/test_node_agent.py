@@ -184,7 +184,7 @@ def test_a_node_does_not_end_while_something_lives_on_it():
 
 
 def adopt(refusals):
-    """What lives on at n2 after the death of n1, where each session meets these errors first.
+    """The sessions that n2 continues after the death of n1; each meets these errors first.
 
     `refusals`: by the last two digits of its id.
     """
@@ -258,7 +258,7 @@ def test_what_is_refused_for_good_is_not_adopted_and_the_others_are():
     damaged = InvalidArgument("damaged")
     assert adopt({"00": [damaged], "01": []}) == (["01"], 0, 1, 0)
     assert adopt({"00": [damaged]}) == ([], 0, 0, 1)
-    assert adopt({"00": [Unavailable("")] * 9000}) == ([], 0, 0, 1), "not for ever"
+    assert adopt({"00": [Unavailable("")] * 9000}) == ([], 0, 0, 1), "it gives up at last"
 
 
 def test_who_has_given_a_group_away_adopts_it_if_its_new_node_ends_before_anybody_has_a_copy():
@@ -318,7 +318,7 @@ def test_all_sessions_of_a_scene_stand_still_together():
 
 
 def test_a_busy_node_that_loses_an_answer_of_the_directory_keeps_its_lease():
-    """As while it is drained: else a neighbour would go on with its sessions from copies."""
+    """As while it is drained: otherwise a neighbour would continue its sessions from copies."""
 
     async def renew():
         now = asyncio.get_running_loop().time

@@ -279,7 +279,7 @@ async def test_sessions_outlive_a_node_that_ends_with_the_directory(start):
 
 
 async def the_head_dies(command, everybody):
-    """And the directory with it: nothing new, and it is said; all stand still."""
+    """The directory ends, too: nothing new is made, entries say so, and all stand still."""
     command.kill("gcs_server")
     command.kill("DirectoryActor")
     # not ready at once if nobody had room; away once it has kept silent

@@ -1,4 +1,4 @@
-"""Certificates of a cluster: their files, and what Ray is told of them (a cluster with them:
+"""Certificates of a cluster: their files, and the settings of Ray for them (a cluster with them:
 test_on_ray.py).
 """
 
@@ -15,7 +15,7 @@ from wayfarer.transport.edge.tls import peer_tls
 
 
 def issued(folder, name="node"):
-    """Certificate of an authority of its own; its settings."""
+    """Settings with the certificate of a separate authority."""
     authority = Authority(folder)
     cert, key = authority.issue(name)
     return PeerTls(cert=cert, key=key, ca=authority.path)

@@ -11,7 +11,7 @@ from wayfarer.errors import Unavailable
 
 @pytest.mark.parametrize("gap", [0.005, 0.05, 0.5])
 def test_placement_spreads_sessions_that_hold_nobody_yet(gap):
-    """However fast they come, and though each node reports at a time of its own."""
+    """However fast they come, and though nodes report at different times."""
     bench = Bench(["n0", "n1", "n2"])
     placed = Counter()
     reports_at = {name: bench.now + 0.08 * i for i, name in enumerate(bench.nodes)}

@@ -10,7 +10,7 @@ class _Selector(selectors.DefaultSelector):
         self.now = 1000.0
 
     def select(self, timeout=None):
-        assert timeout is not None, "everybody waits for ever"
+        assert timeout is not None, "everybody waits without end"
         self.now += timeout
         return super().select(0)
 

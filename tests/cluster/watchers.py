@@ -74,7 +74,7 @@ class Watcher:
 
 
 class Stepped:
-    """Two people in lock-step, in a scene; what they do is what the same people do elsewhere."""
+    """Two people in lock-step in a scene. The same people do the same on any node."""
 
     @classmethod
     async def of(cls, client, scene):

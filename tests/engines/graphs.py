@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wayfarer.models import artifacts
-from wayfarer.models.artifacts import GRAPHS, METADATA_KEY, WEIGHTS, BodyIdentity
+from wayfarer.models.artifacts import GRAPHS, METADATA_KEY, BodyIdentity
 from wayfarer.spec import (
     BETAS,
     LATENT,
@@ -94,7 +94,7 @@ def step_model(inputs: dict[str, list] = STEP_INPUTS, outputs: dict[str, list] =
     way = numpy_helper.from_array(np.array([0, 0.2, 0], np.float32), "way")
     way.ClearField("raw_data")
     way.data_location = TensorProto.EXTERNAL
-    for key, value in (("location", WEIGHTS), ("offset", 0), ("length", 12)):
+    for key, value in (("location", "weights.bin"), ("offset", 0), ("length", 12)):
         way.external_data.add(key=key, value=str(value))
     graph.initializer.append(way)
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
@@ -103,7 +103,7 @@ def step_model(inputs: dict[str, list] = STEP_INPUTS, outputs: dict[str, list] =
 def write_folder(path: Path, name: str = "tiny", **changes: str) -> Path:
     """A folder with both step graphs; `changes` are made to each contract's JSON before saving."""
     path.mkdir()
-    (path / WEIGHTS).write_bytes(np.array([0, 0.2, 0], np.float32).tobytes())
+    (path / "weights.bin").write_bytes(np.array([0, 0.2, 0], np.float32).tobytes())
     (path / artifacts.CARD).write_text("# A tiny model\n")
     for file in artifacts.SERVED:
         contract = artifacts.contract_for(file, name, IDENTITIES[GRAPHS[file].gender])

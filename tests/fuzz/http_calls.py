@@ -59,8 +59,8 @@ def _example(schema: dict, description: dict) -> object:
 async def use_everything(
     http: httpx.AsyncClient, known: dict[str, list[str]], tally: Tally
 ) -> None:
-    """Calls each route once as its example has it, about the first known things: what the server
-    loads or begins at first use is there then.
+    """Calls each route once as its example has it, about the first known things, so that the
+    server has loaded whatever it loads at first use.
     """
     for method, path, example in await operations(http):
         if method != "DELETE":

@@ -15,8 +15,8 @@ import trimesh
 
 from tests.navigation.meshes.glb_files import glb
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation.meshes.read import read_mesh
-from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat
+from wayfarer.navigation.meshes.read import read_level
+from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat, Walkable
 from wayfarer.spec import MAX_COORDINATE
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")
@@ -244,7 +244,7 @@ def fuzz(form: MeshFormat, files: int, seed: int) -> Report:
 def _wrong(mesh: MeshFile, report: Report) -> str:
     """The reader's fault with a file; empty if it has none."""
     try:
-        corners = read_mesh(mesh)
+        corners = read_level(mesh, Walkable(), ())[0]
     except InvalidArgument as error:
         report.refused[re.sub(r"[\d,]+.*", "…", str(error))[:50]] += 1
         return "" if error.field == "mesh.data" else f"the field is {error.field!r}"

@@ -36,7 +36,7 @@ def run(command: Sequence[str], folder: Path, until: float) -> str:
     try:
         output, complaints = process.communicate(timeout=max(until - time.monotonic(), 1))
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)  # what it has started, too
+        os.killpg(process.pid, signal.SIGKILL)  # with the processes that it has started
         process.communicate()
         raise StepError(f"the time was over in `{words}`") from None
     if process.returncode:

@@ -221,7 +221,7 @@ async def test_one_that_cannot_be_put_in_leaves_no_room_taken_and_no_thread():
 
 
 class NoLive:
-    """In place of the world in real time."""
+    """Stands for the world in real time."""
 
     async def stop(self):
         pass

@@ -117,7 +117,7 @@ def _fix(graph: onnx.GraphProto, axis: str, size: int) -> None:
 
 
 def _drop_choice(graph: onnx.GraphProto, source: Path) -> None:
-    """With one candidate the chosen one is that one: nothing is gathered, nothing scored."""
+    """Removes the choice from a graph of one candidate: nothing is gathered, nothing scored."""
     makers = {name: node for node in graph.node for name in node.output}
     users: dict[str, list[Node]] = {}
     for node in graph.node:

@@ -31,7 +31,7 @@ HEELS: Final = ("LHEE", "RHEE")
 """Markers of MOJO's skating measure."""
 
 SKATING: Final = {"heel_skating_75mm_s": 0.075, "heel_skating_200mm_s": 0.005 * FPS}
-"""Name of the figure → limit, m/s: 5 mm a frame at MOJO's 15 fps, and at our 40."""
+"""Name of the figure → limit, m/s. Both are 5 mm a frame: at MOJO's 15 fps, and at our 40."""
 
 
 PoseScore = Callable[[Array], Array]
@@ -56,7 +56,7 @@ class JudgedMotion:
 
 
 def recorded_tracks(recorded: Recorded, frames: int) -> list[tuple[BodyTrack, str]]:
-    """Every stretch of recorded locomotion of at least `frames` frames, once, and whose it is.
+    """Every stretch of recorded locomotion of at least `frames` frames, once, with its performer.
 
     Raises InvalidArgument when there is none.
     """

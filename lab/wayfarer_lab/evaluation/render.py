@@ -12,7 +12,8 @@ from PIL import Image
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.models.bundle import DEFAULT_MODEL, open_world
+from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
+from wayfarer.world.goals.steering import Steering
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.pictures.files import (
     FILMS,
@@ -176,7 +177,7 @@ def _runs(
     candidates: int,
     threads: int,
 ) -> dict[str, Clip]:
-    world, _ = open_world(model, 1, candidates, threads)
+    world = open_bundle(model, threads).world(1, Steering().with_search(candidates=candidates))
     with _progress("walking (runs)") as watch:
         made = random_runs(world, count, seed, stops, seconds, watch)
     return {f"run {number} of seed {seed}": clip for number, clip in enumerate(made)}

@@ -93,7 +93,7 @@ def _fitted(
 
 
 def _new(poses: Primitives) -> Primitives:
-    """Without the seed, which optimisation is given."""
+    """The new frames, without those of the seed, which the optimisation is given."""
     return Primitives(
         poses.translation[:, SEED_FRAMES:], poses.rotations[:, SEED_FRAMES:], poses.betas
     )

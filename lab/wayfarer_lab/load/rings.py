@@ -131,7 +131,7 @@ class WalkingViewpoint:
         return motion_pb2.Viewpoint(position=place)
 
     def _walk(self) -> None:
-        """Be where it is by now."""
+        """Moves the viewpoint to where it is by now."""
         now = time.monotonic()
         way, self._since = self._speed * (now - self._since), now
         while (left := math.hypot(self._next.x - self._at.x, self._next.z - self._at.z)) < way:

@@ -57,12 +57,8 @@ def joint_names() -> tuple[str, ...]:
     return tuple(bone.name for bone in load_skeleton())
 
 
-VOCABULARIES: Final = ("mixamo", "unity", "vrm", "ue", "smpl")
-"""Names that the bones of a file can have; smpl: the canonical ones."""
-
-
 def bone_names(vocabulary: str) -> tuple[str, ...]:
-    """The names of the 52 bones in a vocabulary, in order."""
+    """The names of the 52 bones in a vocabulary (`clips.files.BoneNames`), in order."""
     column = "name" if vocabulary == "smpl" else vocabulary
     return tuple(getattr(bone, column) for bone in load_skeleton())
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.library import load_body
-from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import (
     inverse,
     matrix_from_quaternion,
@@ -124,7 +123,7 @@ def put_back(clip: Clip, root: RootTrack) -> Clip:
     return replace(clip, translation=root.places + moved, rotations=turns)
 
 
-def looped(clip: Clip, body: BodyModel | None = None) -> Clip:
+def looped(clip: Clip) -> Clip:
     """A cycle of steady walking in the clip: its last frame is its first, plus the travel.
 
     Its ends are the two most similar frames two steps apart, and their difference is spread
@@ -132,9 +131,9 @@ def looped(clip: Clip, body: BodyModel | None = None) -> Clip:
     """
     if clip.seconds <= PERIOD_S[0]:
         raise _no_cycle(clip.seconds)
-    body = body or load_body(clip.body, clip.gender, "low")
     root = root_track(clip)
     still = relative_to(clip, root)
+    body = load_body(clip.body, clip.gender, "low")
     joints = still.pose(body)[1][:, : clip.rotations.shape[1]]
     speeds = np.gradient(joints, 1 / clip.fps, axis=0)
     start, end = _alike(joints, speeds, root, clip.fps)

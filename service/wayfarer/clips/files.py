@@ -167,7 +167,7 @@ def edited(clip: Clip, options: FileOptions) -> tuple[Clip, RootTrack | None]:
 
 
 def _at_rate(clip: Clip, fps: float, is_loop: bool) -> Clip:
-    """At another rate. A cycle is stretched by less than a frame, to keep its last frame."""
+    """The clip at another rate. A cycle is stretched by less than a frame, to keep its last one."""
     if not is_loop:
         return resampled(clip, fps)
     frames = max(round((clip.frames - 1) / clip.fps * fps), 1)
@@ -195,7 +195,7 @@ def check_target(path: Path) -> None:
 def write_clip(
     path: Path, clip: Clip, options: FileOptions | None = None, outfit: str = ""
 ) -> None:
-    """Write the clip in the format of the file's name. `outfit`: see `look`. Raises as `encode`."""
+    """Writes a clip in the format of the file's name. `outfit`: see `look`. Raises as `encode`."""
     check_target(path)
     options = replace(options or FileOptions(), format=format_of(path))
     path.write_bytes(encode([Performance("person", clip, outfit=outfit)], options, path.stem))

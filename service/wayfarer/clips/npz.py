@@ -54,11 +54,11 @@ def npz_bytes(actor: Actor) -> bytes:
     return file.getvalue()
 
 
-def read_npz(path: Path, body: BodyModel | None = None) -> Clip:
+def read_npz(path: Path) -> Clip:
     """Reads an AMASS-style file, ours or AMASS's own (without fingers and contacts).
 
-    `body` defaults to the one named in the file, or to anny52 of the file's gender. A file of
-    another body keeps its motion, but not its shape. Raises DataError when the file does not fit.
+    A file that names no body gets anny52 of its gender, and keeps its motion, but not its shape.
+    Raises DataError when the file does not fit.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -74,11 +74,9 @@ def read_npz(path: Path, body: BodyModel | None = None) -> Clip:
         what = f"poses {poses.shape}, trans {trans.shape}; wanted [N, ≥ 66] and [N, 3]"
         raise DataError(what, str(path))
 
-    gender = str(data.get("gender", GENDERS[0]))
-    name = str(data.get("body", ""))
-    if body is None:
-        gender = gender if gender in GENDERS else GENDERS[0]  # AMASS knows "neutral" too
-        body = load_body(name or "anny52", gender)
+    told, name = str(data.get("gender", "")), str(data.get("body", ""))
+    gender = told if told in GENDERS else GENDERS[0]  # AMASS knows "neutral" too
+    body = load_body(name or "anny52", gender)
     betas = data["betas"][: body.betas] if name == body.name else np.zeros(body.betas)
 
     local = quaternion_from_rotvec(poses[:, : POSED_JOINTS * 3].reshape(frames, POSED_JOINTS, 3))

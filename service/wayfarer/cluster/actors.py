@@ -48,7 +48,7 @@ HANGS_S: Final = 15.0
 
 BEAT_S: Final = 1.0
 PAUSE_S: Final = 5.0
-"""Before a node that has failed is started again."""
+"""Seconds before a node that has failed is started again."""
 
 
 class _Actor:
@@ -61,8 +61,9 @@ class _Actor:
         self._finding = threading.Thread()
 
     async def ask(self, who: str, seconds: float, method: str, *told: Any) -> Any:
-        """The answer of a method. Raises what that raises; Unavailable, which names `who` does not
-        answer: it may be done all the same.
+        """The answer of a method. Raises what the method raises.
+
+        Raises Unavailable, with `who` in its text, without an answer: it may be done all the same.
         """
         try:
             async with asyncio.timeout(seconds):
@@ -78,7 +79,7 @@ class _Actor:
             raise Unavailable(f"{who} does not answer ({type(error).__name__})") from None
 
     def _find_again(self) -> None:
-        """If Ray has started it again, and its head as well, an earlier handle gets no answer ever.
+        """Finds the actor anew: once Ray's head has restarted, earlier handles never get answers.
 
         It runs on a thread, since Ray waits for its head; the earlier handle is used meanwhile.
         """
@@ -92,14 +93,14 @@ class _Actor:
 
 
 class RayLink:
-    """To the directory's actor. Implements `DirectoryLink`."""
+    """The way to the directory's actor. Implements `DirectoryLink`."""
 
     def __init__(self, directory: Any) -> None:
         self._actor = _Actor(DIRECTORY, directory)
 
     @classmethod
     def find(cls) -> "RayLink":
-        """By name: a handle of it that is sent elsewhere gets no answers. Raises Unavailable."""
+        """Finds it by name: a handle from another process gets no answers. Raises Unavailable."""
         try:
             return cls(ray.get_actor(DIRECTORY, NAMESPACE))
         except (ValueError, ray.exceptions.RayError):
@@ -113,7 +114,7 @@ class RayLink:
 
 
 class RayNodes:
-    """To the nodes' actors. Implements `NodeLink`."""
+    """The way to the nodes' actors. Implements `NodeLink`."""
 
     def __init__(self) -> None:
         self._actors: dict[str, _Actor] = {}  # by place: of all its lives
@@ -129,8 +130,8 @@ def watch(node: NodeInfo) -> Callable[[bool], bool]:
     """Returns a function that says whether its process has ended, if that can be seen from here.
 
     So nobody waits for the end of a lease, or until a busy machine has started the next process.
-    With True, it ends a process that is stopped (SIGSTOP), and with it the connections of its
-    clients: the system would keep them open.
+    Called with True, the function ends a process that is stopped (SIGSTOP), since the system would
+    keep the connections of its clients open.
     """
     if not node.machine or node.machine != machine():
         return lambda forsaken: False
@@ -153,7 +154,7 @@ def watch(node: NodeInfo) -> Callable[[bool], bool]:
 
 
 def _is_stopped(pid: int) -> bool:
-    """Raises OSError if it has ended."""
+    """Whether the process is stopped. Raises OSError if it has ended."""
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
 
 
@@ -196,23 +197,23 @@ class NodeActor:
     # Methods for other processes; Ray calls each on one of its threads
 
     def until_ready(self) -> None:
-        """Return once it takes calls. Raises what its start raised."""
+        """Returns once the node takes calls. Raises what its start raised."""
         self._started.result()
 
     def stop(self) -> None:
-        """Drain; return when its server has ended. Nobody adopts anything: all end."""
+        """Drains, and returns when the server has ended. No node adopts its sessions: all end."""
         self._all_end = True
         self._ask_to_stop()
         self._ended.wait()
 
     def reload(self) -> None:
-        """Read the keys again."""
+        """Reads the keys again."""
         self._tell_reload()
 
     def call(self, name: str, verb: str, *told: Any) -> Any:
-        """`NodeAgent`'s method of this name. `name`: of the life that is meant.
+        """Calls a method of `NodeAgent` in the node's life of this name.
 
-        Raises what it raises, and Unavailable.
+        Raises what the method raises, and Unavailable.
         """
         if name != self.plan.name or self._agent is None:
             raise Unavailable(f"node {name} has ended, or is starting or ending")
@@ -230,7 +231,7 @@ class NodeActor:
 
     @contextlib.asynccontextmanager
     async def joined(self, *server: Any) -> AsyncIterator[None]:
-        """Be a node of the cluster meanwhile; see node_agent.py."""
+        """Makes the server a node of the cluster; see node_agent.py."""
         # with it comes the whole server: the directory, and what tells it that the life before has
         # ended, shall not wait for that
         from wayfarer.cluster.node_agent import joined
@@ -241,9 +242,9 @@ class NodeActor:
         self._agent = None
 
     def ready(self) -> None:
-        """It takes calls. If the event loop hangs from now on, the process ends.
+        """Notes that the node takes calls. If the event loop hangs from now on, the process ends.
 
-        Not before: there is no limit for compiling and loading at a start.
+        Before, nothing limits the time for compiling and loading.
         """
         self._started.set_result(None)
         loop = asyncio.get_running_loop()
@@ -261,7 +262,7 @@ class NodeActor:
 
     @staticmethod
     def _tell(verb: str, name: str) -> None:
-        with contextlib.suppress(WayfarerError):  # else a lease tells
+        with contextlib.suppress(WayfarerError):  # then the lease's end is noticed
             asyncio.run(RayLink.find().call(verb, name))
 
     def _run(self) -> None:
@@ -289,7 +290,7 @@ class NodeActor:
 
 
 async def on_daemon(work: Callable[[], T]) -> T:
-    """Run on a thread whose end the process does not wait for: Ray may never answer it."""
+    """Runs work on a thread whose end the process does not wait for: Ray may never answer it."""
     done = Future[T]()
     done.set_running_or_notify_cancel()  # a call that cannot be stopped must not be cancelled
 

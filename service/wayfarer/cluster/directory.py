@@ -19,11 +19,10 @@ rules, on which "never two owners" rests:
 - In each renewal a share of the groups is compared, so that a node and the directory that disagree
   notice it within seconds.
 
-Owner of a group without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
-answers that there is nothing. The clock: seconds, never back.
+A group without an entry: a live node chosen by hash (`placement.rendezvous`) answers that there is
+nothing. The clock gives seconds, and never goes back.
 """
 
-import hashlib
 import random
 import time
 from collections import Counter, OrderedDict, deque
@@ -42,7 +41,7 @@ from wayfarer.cluster.messages import (
     NodeState,
     Status,
 )
-from wayfarer.cluster.placement import ClusterNode, able_of, burden_of, place
+from wayfarer.cluster.placement import ClusterNode, able_of, burden_of, hash_of, place
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 V = TypeVar("V")
@@ -212,7 +211,7 @@ class Directory:
             self._pass_on(group)
 
     def expire(self) -> None:
-        """Fence the nodes whose lease has ended, or whose process has."""
+        """Fences the nodes whose lease has ended, or whose process has."""
         now = self._clock()
         if self._settled() and not self._was_settled:
             self._was_settled = True
@@ -279,7 +278,7 @@ class Directory:
         node.draining = True
 
     def claim(self, group: str, owner: str, epoch: int, to: str) -> int:
-        """Give a group to `to`, if `owner` still has it with this epoch; its new epoch.
+        """Gives a group to `to`, if `owner` still has it with this epoch; returns its new epoch.
 
         `to` asks, and has all that lives there, frozen. `owner` asks for itself to keep the group,
         or because it has adopted it: no other node gets it with this epoch then. Safe to call
@@ -459,12 +458,12 @@ class Directory:
 
     @property
     def _all_told_at(self) -> float:
-        """After this the lease of a node that has not come counts as ended."""
+        """The time from which the lease of a node that has not come counts as ended."""
         return self._settled_at + self._lease_s
 
     def _pass_on(self, group: str, first: str = "") -> None:
-        """To `first`, or the next node that may have a replica. Without any, it is the first node's
-        that names it, of those that are away now; without these, what lived there is lost.
+        """Gives a group to `first`, or the next node that may have a replica. If no such node is
+        here, the first node now away that names it gets it; if none is away, it is lost.
         """
         entry = self._groups[group]
         left = [name for name in (first, *(entry.keepers or ())) if name in self._nodes]
@@ -497,11 +496,11 @@ class Directory:
         return entry.owner == name and (entry.keepers is None or entry.epoch == epoch)
 
     def _had(self, entry: _Entry | None, name: str, epoch: int) -> bool:
-        """It was the last owner of a group that is being adopted: it had no replica."""
+        """Whether a node owned, with this epoch, a group that is now being adopted."""
         return entry is not None and entry.keepers is not None and entry.before == (name, epoch)
 
     def _is_adopted(self, group: str) -> bool:
-        """Its owner has still to find replicas of what lived there."""
+        """Whether a group's owner has still to find replicas of what lived there."""
         return group in self._groups and self._groups[group].keepers is not None
 
     def _equals(self, node: ClusterNode) -> set[str]:
@@ -510,7 +509,7 @@ class Directory:
         return {other.info.name for other in stay if other.is_like(node)}
 
     def _choose_keeper(self, node: ClusterNode) -> None:
-        """Keep the neighbour while it is good; the one before still has older replicas."""
+        """Keeps the neighbour while it is good; the one before still has older replicas."""
         if self.rules.keep:
             return
         name, able = node.info.name, self._equals(node)
@@ -518,8 +517,8 @@ class Directory:
         if node.keepers and node.keepers[0] in able:
             return
         if able:
-            after = [other for other in able if _hash(other) > _hash(name)]
-            node.keepers = (min(after or able, key=_hash), *node.keepers[:1])
+            after = [other for other in able if hash_of(other) > hash_of(name)]
+            node.keepers = (min(after or able, key=hash_of), *node.keepers[:1])
 
     def _nodes_changed(self) -> None:
         self._touch("")
@@ -531,25 +530,12 @@ class Directory:
 
 
 def share_of(groups: Iterable[str], count: int) -> set[str]:
-    """Those groups that the renewal of this number compares."""
+    """The groups that the renewal of this number compares."""
     due = f"{count % SHARES:x}"
     return {group for group in groups if group[-1] == due}
-
-
-def rendezvous(group: str, names: Iterable[str]) -> str:
-    """The name that is first for a group; empty for none.
-
-    When names come or go, only the groups of these change (highest random weight, Thaler and
-    Ravishankar 1998).
-    """
-    return max(names, key=lambda name: _hash(f"{group}/{name}"), default="")
 
 
 def _remember(known: OrderedDict[str, V], name: str, value: V) -> None:
     known[name] = value
     if len(known) > REMEMBERED:
         known.popitem(last=False)
-
-
-def _hash(text: str) -> int:
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest())

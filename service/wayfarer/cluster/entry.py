@@ -122,7 +122,7 @@ class Entry:
         self._tasks: list[asyncio.Task[None]] = []
 
     async def start(self) -> None:
-        """Take calls."""
+        """Begins to take calls."""
         await self._grpc.start()
         self._tasks = [
             asyncio.create_task(self._http.serve(sockets=[self._socket]), name="http"),
@@ -131,15 +131,15 @@ class Entry:
         ]
 
     def reload(self) -> None:
-        """Read the keys again."""
+        """Reads the keys again."""
         self._guard.authenticator.reload()
 
     def drain(self) -> None:
-        """Say that new work is not welcome."""
+        """Says from now on that new work is not welcome."""
         self.finder.closing = True
 
     async def stop(self) -> None:
-        """Streams do not notice: they go to the nodes."""
+        """Ends the entry. Streams do not notice: they go to the nodes."""
         http, *others = self._tasks
         for task in others:
             task.cancel()
@@ -170,7 +170,7 @@ class Entry:
         raise _elsewhere(subject, f"{verb} {path}", node)
 
     async def _socket_redirect(self, socket: WebSocket) -> None:
-        """The endpoint is in the reason."""
+        """Closes a WebSocket with the endpoint as its reason."""
         await socket.accept(SUBPROTOCOL if SUBPROTOCOL in socket.scope["subprotocols"] else None)
         try:
             name = session_of(socket.url.query) or await _opened(socket)

@@ -21,7 +21,7 @@ from wayfarer.config.settings import Settings
 log = structlog.get_logger(__name__)
 
 LEASE_S: Final = 10.0
-"""On one machine: the end of a node's process is known at once, only a hang by its lease."""
+"""Seconds of a lease on one machine, where only a hang is noticed by the end of the lease."""
 
 LOOK_S: Final = 2.0
 """Seconds between looks at Ray's head."""
@@ -76,7 +76,7 @@ async def enter(
     beside: AbstractAsyncContextManager[None],
     announce: Callable[[str, str], None],
 ) -> None:
-    """Run an entry until a signal comes. `beside`: entered first; meanwhile, a signal ends that."""
+    """Runs an entry until a signal comes. `beside` is entered first, and a signal ends it, too."""
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
@@ -113,7 +113,7 @@ async def enter(
 
 
 async def _watch_head(ray: RayCluster, entry: Entry) -> None:
-    """Run until cancelled: report to the entry whether Ray's head answers."""
+    """Reports to the entry whether Ray's head answers, until cancelled."""
     while True:
         answers = await on_daemon(ray.head_answers)
         if answers == (entry.finder.head is False):  # it was otherwise

@@ -18,7 +18,7 @@ from wayfarer.transport.gateway.sessions import SessionApi
 log = structlog.get_logger(__name__)
 
 MODEL_S: Final = 300.0
-"""Within which a model is loaded."""
+"""Seconds within which a model is loaded."""
 
 Calls = dict[str, Callable[..., Awaitable[Any]]]
 """Methods by RPC, with the arguments of the gateway's."""

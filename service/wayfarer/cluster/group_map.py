@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from wayfarer.cluster.directory import rendezvous
 from wayfarer.cluster.messages import ADOPTED, Changes, NodeInfo
+from wayfarer.cluster.placement import rendezvous
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
 from wayfarer.ids import group_of
@@ -22,7 +22,7 @@ class GroupMap:
         self._owners: dict[str, str] = {}
 
     def take(self, changes: Changes | None) -> None:
-        """Enter changes since `seen`."""
+        """Enters changes since `seen`."""
         if changes is None:
             return
         self._settled = changes.settled
@@ -48,7 +48,7 @@ class GroupMap:
         return list(self._places.values())
 
     def owner(self, name: str) -> NodeInfo | None:
-        """The node that has what has this id; None: nobody is known to.
+        """The node that holds what has this id; None when no node is known to hold it.
 
         Raises Unavailable while that node is being started again or is silent, another one adopts
         it, or nodes have still to tell a directory that has started what they have.
@@ -61,7 +61,7 @@ class GroupMap:
         return None if owner is None else self.nodes[owner]
 
     def is_not_of(self, node: str, group: str) -> bool:
-        """Nobody has this group, or another node; not so while it is being adopted."""
+        """Whether another node or nobody has this group; False while it is being adopted."""
         return self._settled and self._owners.get(group) not in (node, ADOPTED)
 
     def node_for(self, name: str) -> NodeInfo | None:
@@ -73,5 +73,5 @@ class GroupMap:
 
 
 def endpoint(node: NodeInfo) -> Endpoint:
-    """Where it is called."""
+    """Where clients call the node."""
     return Endpoint(node.number, node.grpc_port, node.http_port, node.host)

@@ -11,15 +11,15 @@ from pydantic import BaseModel, ConfigDict
 from wayfarer.config.settings import Settings
 
 ADOPTED: Final = "?"
-"""In place of an owner: a group is being adopted, or may be a silent node's. No node has this name.
-"""
+"""Stands for an owner while a group is being adopted, or may be a silent node's. No node has this
+name."""
 
 SILENT_S: Final = 1.5
-"""Seconds without a renewal after which nobody is sent to a node: its process may be stopped, and
-then its clients would wait there, or come back, until its lease ends."""
+"""Seconds without a renewal after which no client is sent to a node. Its process may be stopped;
+clients would wait there, or come back, until its lease ends."""
 
 CALL_S: Final = 10.0
-"""How long a node's answer is waited for."""
+"""Seconds to wait for a node's answer."""
 
 
 class DirectoryLink(Protocol):
@@ -43,7 +43,7 @@ class NodeLink(Protocol):
 
 
 class ClusterMessage(BaseModel):
-    """Base of all; unknown fields are refused."""
+    """Base of all messages; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

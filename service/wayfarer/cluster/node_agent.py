@@ -41,20 +41,20 @@ log = structlog.get_logger(__name__)
 T = TypeVar("T")
 
 RENEW_S: Final = 0.25
-"""Between renewals: several in the length of any lease."""
+"""Seconds between renewals: several in the length of any lease."""
 
 ADOPT_S: Final = 600.0
-"""How long an adoption waits for room, if no other node has any."""
+"""Seconds that an adoption waits for room, if no other node has any."""
 
 HAND_ON_S: Final = 3.0
-"""Between offers of what waits to another node."""
+"""Seconds between two offers to another node of what waits here for room."""
 
 STATS_S: Final = 0.25
-"""A busy motion thread is not waited for longer: with one answer of the directory that is lost, the
-lease would end."""
+"""Seconds to wait for a busy motion thread. If they were more, one lost answer of the directory
+would end the lease."""
 
 SESSION_S: Final = 0.1
-"""How much longer a call may take for each session that it gives away."""
+"""Seconds more that a call may take for each session that it gives away."""
 
 
 class NodeAgent:
@@ -301,7 +301,7 @@ class NodeAgent:
                 return
 
     async def _hand_on(self, kept: dict[str, KeptReplica]) -> str:
-        """Leave these replicas with the node that has the most room; its name, or "" for none."""
+        """Leaves replicas with the node that has the most room; returns its name, "" for none."""
         own = self._lease.node
         try:
             node = await self._directory.call("place")
@@ -316,7 +316,7 @@ class NodeAgent:
         return str(node.name)
 
     async def _move(self, order: NodeOrder) -> None:
-        """Give all that is in a group to another node, or keep it all: the directory decides."""
+        """Gives all that is in a group to another node, or keeps it all: the directory decides."""
         lease, group, node = self._lease, order.group, self._lease.view.nodes.get(order.to)
         own, names = lease.node.name, self._moves.of(group)
         if node is None or not all(map(self._moves.is_movable, names)):
@@ -374,7 +374,7 @@ async def joined(
     ports: tuple[int, int],
     stop: Callable[[], None],
 ) -> AsyncIterator[NodeAgent]:
-    """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
+    """Makes this server a node of the cluster. `ports`: of gRPC and HTTP."""
     lease.node = lease.node.model_copy(update={"grpc_port": ports[0], "http_port": ports[1]})
     replicas, replication = Replicas(), Replication(lease, gateway.moves, nodes)
     lease.copied = replication.copied

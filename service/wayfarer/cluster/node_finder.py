@@ -21,13 +21,13 @@ from wayfarer.ids import request_group
 log = structlog.get_logger(__name__)
 
 LOOK_S: Final = 0.25
-"""Between looks at the directory."""
+"""Seconds between looks at the directory."""
 
 HOLD_S: Final = 5.0
-"""Seconds that a call waits for a node that has what it is about, and answers."""
+"""Seconds that a call waits until the node that has its session or scene answers."""
 
 AGAIN_S: Final = 0.1
-"""Between looks while calls wait."""
+"""Seconds between looks while calls wait."""
 
 AWAY_S: Final = 3.0
 """Seconds without an answer after which the directory counts as away."""
@@ -47,7 +47,7 @@ class NodeFinder:
         self._heard_at = float("-inf")
         self.status: Status | None = None
         self.head: bool | None = None
-        """Ray's head answers. None: there is no Ray, or nobody has looked yet."""
+        """Whether Ray's head answers. None: there is no Ray, or nobody has looked yet."""
 
     async def watch(self) -> None:
         """Follows the directory, without end."""
@@ -60,7 +60,7 @@ class NodeFinder:
             await asyncio.sleep(LOOK_S)
 
     async def _look(self) -> None:
-        """See the directory as it is now. Calls that wait together share one look."""
+        """Looks at the directory as it is now. Calls that wait together share one look."""
         asked_at = time.monotonic()
         async with self._looking:
             if self._looked_at > asked_at:
@@ -77,12 +77,12 @@ class NodeFinder:
 
     @property
     def away(self) -> bool:
-        """The directory does not answer: nothing new is made, what lives is still found."""
+        """Whether the directory does not answer: nothing new is made, what lives is still found."""
         return time.monotonic() - self._heard_at > AWAY_S
 
     @property
     def ready(self) -> bool:
-        """New sessions are welcome."""
+        """Whether new sessions are welcome."""
         status = self.status
         if self.closing or self.away or status is None:
             return False
@@ -94,12 +94,12 @@ class NodeFinder:
         return list(self._view.nodes.values())
 
     async def all_nodes(self) -> list[NodeInfo]:
-        """The running nodes, asked for now; while it is away, the last known ones."""
+        """The running nodes, asked for now; while the directory is away, the last known ones."""
         await self._look()
         return self.nodes
 
     async def node(self, subject: Subject, caller: str) -> NodeInfo:
-        """Raises Unavailable."""
+        """The node that takes a call about this subject. Raises Unavailable."""
         kind, text = subject
         if kind == "new":
             if self.closing:
@@ -123,7 +123,7 @@ class NodeFinder:
         return found
 
     def _owner(self, name: str) -> NodeInfo | None:
-        """As the view's; raises Unavailable also while that node is silent."""
+        """The owner in the view. Raises Unavailable also while that node is silent."""
         owner = self._view.owner(name)
         if owner is not None and owner.name in self._silent:
             raise Unavailable(f"node {owner.name}, which has {name!r}, is silent; try again")

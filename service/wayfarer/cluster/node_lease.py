@@ -46,7 +46,7 @@ class NodeLease:
         self.view = GroupMap()
         self.registered = False
         self.unclaimed = asyncio.Event()
-        """Something was made here that the directory shall hear of now."""
+        """Set when something was made here that the directory has to hear of now."""
         self.copied: Callable[[str], Coroutine[Any, Any, None]] = _alone
         """See `Ownership`; `Replication` does it."""
         self._answered = asyncio.Event()  # the next time
@@ -58,14 +58,14 @@ class NodeLease:
         self._lost: frozenset[str] = frozenset()  # to be released before another step
         self._frozen: set[str] = set()  # until the directory has decided who gets them
         self._coming: dict[str, Iterable[str]] = {}
-        """Records of groups that have not come yet."""
+        """Ids of what comes, for groups that have not come yet."""
         self._freed: set[str] = set()  # the directory does not know that yet
 
     # ---- Ownership
 
     @property
     def own(self) -> Endpoint | None:
-        """Where this node is called."""
+        """The address at which this node is called."""
         return endpoint(self.node)
 
     @property
@@ -74,9 +74,9 @@ class NodeLease:
         return self.view.places
 
     def endpoint_of(self, name: str) -> Endpoint | None:
-        """Where what has this id lives; None: here, or nowhere that is known.
+        """The address of the node that has this id; None: this node has it, or none is known to.
 
-        Raises Unavailable for what is on its way here, and for what a node has that is down.
+        Raises Unavailable while it is on its way here, or its node is down.
         """
         group = group_of(name)
         if group in self._coming:
@@ -89,9 +89,9 @@ class NodeLease:
         return None if found is None else endpoint(found)
 
     def new_group(self) -> str:
-        """Nobody else has it: the directory hears of it once something lives in it.
+        """A group that no other node has. The directory hears of it once something lives in it.
 
-        Raises Unavailable without a lease, and when it is drained.
+        Raises Unavailable without a lease, and when the node is drained.
         """
         if not self.leased:
             raise Unavailable("this node has lost its cluster; it creates nothing until it is back")
@@ -196,20 +196,21 @@ class NodeLease:
 
     @property
     def names_coming(self) -> list[str]:
-        """Ids of what may be this node's, though no caller finds it yet."""
+        """Ids of sessions and scenes that may be this node's, though no caller finds them yet."""
         return [name for names in self._coming.values() for name in names]
 
     def released(self, group: str) -> None:
-        """Nothing of this group is here any more."""
+        """Notes that nothing of this group is here any more."""
         self._lost -= {group}
 
     def going(self, group: str) -> None:
-        """Notes that all of it is frozen and will be given away, until `decided`."""
+        """Notes that the group is frozen here and about to be given away, until `decided`."""
         self._frozen.add(group)
 
     def coming(self, group: str, epoch: int = 0, names: Iterable[str] = ()) -> None:
-        """Notes that its sessions are being put into this node, frozen, until `decided`. `epoch`:
-        of the order to adopt it; `names`: of all that comes.
+        """Notes that the group's sessions are being put into this node, frozen, until `decided`.
+
+        `epoch`: that of the order to adopt the group; `names`: the ids of all that comes.
         """
         self._frozen.add(group)
         self._coming[group] = names
@@ -220,7 +221,7 @@ class NodeLease:
     def decided(self, group: str, epoch: int) -> None:
         """Notes that this node has the group, with this epoch; epoch 0: another node has it.
 
-        A group that this node has, and that comes, is still `coming` until `came`.
+        A group that comes stays `coming` until `came`.
         """
         self._frozen.discard(group)
         if epoch:
@@ -230,7 +231,7 @@ class NodeLease:
             self._coming.pop(group, None)
 
     def came(self, group: str) -> None:
-        """Notes that callers find all of it here."""
+        """Notes that callers now find all of the group here."""
         self._coming.pop(group, None)
 
 

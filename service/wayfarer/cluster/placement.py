@@ -1,8 +1,9 @@
-"""Which node takes a new session or scene: the freer of two drawn at random."""
+"""Which node takes a new session or scene, and which one answers for a group without an owner."""
 
+import hashlib
 import random
 from collections import Counter, deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -29,11 +30,11 @@ class ClusterNode:
     """When a session was placed here, and how many the node had reported then."""
 
     def is_silent(self, now: float) -> bool:
-        """It may be stopped."""
+        """Whether it may have stopped."""
         return now - self.heard_at > SILENT_S
 
     def sessions(self, now: float) -> int:
-        """That it has, or will have once the clients have called to whom it was given."""
+        """Its sessions, and those placed here that its clients have still to create."""
         while self.placed and self.placed[0][0] < now - UNSEEN_S:
             self.placed.popleft()
         # a report may hold some of those placed in this time: what each found, and those after it
@@ -46,7 +47,7 @@ class ClusterNode:
 
 
 def place(members: Collection[ClusterNode], now: float, drawn: random.Random) -> ClusterNode:
-    """Counts a new session there. Raises Unavailable."""
+    """The freer of two nodes drawn at random; it counts a new session there. Raises Unavailable."""
     able = able_of(members, now)
     if not able:
         why = Counter("draining" if one.draining else "starting or full" for one in members)
@@ -77,3 +78,17 @@ def burden_of(members: Collection[ClusterNode], now: float) -> Callable[[Cluster
     sessions = sum(one.load.sessions for one in members)
     mean = max(1.0, sum(one.load.agents for one in members) / max(1, sessions))
     return lambda one: (one.load.agents + mean * one.sessions(now)) / max(1, one.info.capacity)
+
+
+def rendezvous(group: str, names: Iterable[str]) -> str:
+    """The name that is first for a group; empty for none.
+
+    When names come or go, only the groups of these change (highest random weight, Thaler and
+    Ravishankar 1998).
+    """
+    return max(names, key=lambda name: hash_of(f"{group}/{name}"), default="")
+
+
+def hash_of(text: str) -> int:
+    """The same number for a text on every machine."""
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest())

@@ -14,7 +14,7 @@ FOLDER: Final = "worker-"
 
 
 def node_plans(settings: Settings) -> list[NodePlan]:
-    """One for each node. Raises InvalidArgument."""
+    """A plan for each node. Raises InvalidArgument."""
     if sys.platform == "win32":
         raise InvalidArgument(
             "setting workers: several need pipes and clocks that Windows has not; set 1", "workers"
@@ -73,5 +73,5 @@ def check_state(settings: Settings) -> None:
 
 
 def _port(public: int, number: int) -> int:
-    """It follows the server's own, so that a firewall can name it; any, where that is any."""
+    """A port that follows the server's own, so that a firewall can name it; 0 (any) for 0."""
     return public and public + 1 + number

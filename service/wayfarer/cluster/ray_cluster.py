@@ -49,7 +49,7 @@ ALIVE: Final = 0  # of GcsNodeInfo.GcsNodeState
 
 
 class RayCluster:
-    """Calls of Ray block: not on an event loop."""
+    """A cluster of Ray. Its methods block, so they are not called on an event loop."""
 
     def __init__(self, address: str = "") -> None:
         """`address`: of a Ray cluster; empty: a Ray on this machine that ends with this object.
@@ -97,7 +97,7 @@ class RayCluster:
         outputs.add_handler("wayfarer", _print)
 
     def directory(self, rules: LeaseRules) -> RayLink:
-        """Start it, unless it runs. Raises Unavailable."""
+        """Starts the directory, unless it runs. Raises Unavailable."""
         if not self._own and _runs(DIRECTORY):
             log.info("directory runs already, with the lease that it was started with")
             return RayLink.find()
@@ -107,8 +107,8 @@ class RayCluster:
         return RayLink(actor.remote(rules))
 
     def head_answers(self) -> bool:
-        """Whether somebody listens at Ray's head. When nobody does, this process reads its logs and
-        errors no more, because Ray's threads would ask an absent head again without any pause.
+        """Whether something listens at Ray's head. If nothing does, this process stops reading the
+        logs and errors, since Ray's threads would ask an absent head again without any pause.
         """
         try:
             _find(self._head)
@@ -130,7 +130,7 @@ class RayCluster:
         }
 
     def keep(self, plan: NodePlan, serve: str, machine: str = "") -> None:
-        """Have a node run, unless it does. `serve`: see `NodeActor`. `machine`: Ray's id; empty:
+        """Has a node run, unless one does. `serve`: see `NodeActor`. `machine`: Ray's id; empty:
         any.
         """
         if plan.name in self._nodes:
@@ -145,7 +145,7 @@ class RayCluster:
         self._drain_s = plan.settings.drain_s
 
     async def until_ready(self) -> None:
-        """Wait until all nodes are ready. Raises Unavailable as soon as one ends before."""
+        """Waits until all nodes are ready. Raises Unavailable as soon as one ends before."""
 
         async def until(number: int, node: Any) -> None:
             try:
@@ -162,8 +162,8 @@ class RayCluster:
             node.reload.remote()
 
     def close(self) -> None:
-        """Leave Ray, whether it answers or not. If it is its own, first let its nodes drain, then
-        end it.
+        """Leaves Ray, whether it answers or not. A Ray of its own ends after its nodes have
+        drained.
         """
         if self._own and self._nodes:
             asked = {node.stop.remote(): name for name, node in self._nodes.items()}
@@ -201,7 +201,7 @@ def _folder() -> tempfile.TemporaryDirectory[str]:
 
 
 def _print(data: dict[str, Any]) -> None:
-    """Print the lines that an actor has written; Ray's own lines stay in its files."""
+    """Prints the lines that an actor has written; Ray's own lines stay in its files."""
     if data.get("actor_name"):
         print(
             *data["lines"], sep="\n", file=sys.stderr if data["is_err"] else sys.stdout, flush=True
@@ -214,7 +214,7 @@ def _worker() -> Any:
 
 
 def _runs(name: str) -> bool:
-    """An actor of this name is there."""
+    """Whether an actor of this name is there."""
     try:
         ray.get_actor(name)
     except ValueError:

@@ -16,5 +16,5 @@ def encrypt_ray(tls: PeerTls) -> None:
 
 
 def guard_own_ray() -> None:
-    """Have this process's own Ray ask for a token that only it and its children know."""
+    """Makes this process's own Ray ask for a token that only it and its children know."""
     os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}

@@ -10,17 +10,17 @@ from wayfarer.errors import ResourceExhausted
 from wayfarer.ids import group_of
 
 REPLICA_BYTES: Final = 512 * 1024 * 1024
-"""All replicas that a node keeps for others."""
+"""Maximum size of all replicas that a node keeps for others."""
 
 KEPT_S: Final = 330.0
-"""Seconds after which a replica without renewal is dropped: five of the longest leases, since one
-is adopted that was three leases old when a directory asked, two leases later (directory.py)."""
+"""Seconds after which a replica without renewal is dropped: five of the longest leases. A replica
+may be three leases old when a directory asks, and is adopted two leases later (directory.py)."""
 
 QUIET_S: Final = 3.0
 """Replicas do not get older in a longer pause: nobody has a lease then."""
 
 KEEP_S: Final = 120.0
-"""Seconds within which a node keeps the content of a scene that it is sent."""
+"""Seconds that a node may take to store the replicas that it is sent."""
 
 CONTENT: Final = "/content"
 """Suffix of a scene's id: its constant content, baked. The replica under the id is its state."""
@@ -28,7 +28,7 @@ CONTENT: Final = "/content"
 
 @dataclass(slots=True)
 class KeptReplica:
-    """The latest of a session or scene."""
+    """The latest replica of a session or scene."""
 
     owner: str  # node
     state: bytes
@@ -44,7 +44,7 @@ class Replicas:
         self._called_at, self._time = clock(), 0.0
 
     def keep(self, owner: str, name: str, state: bytes) -> None:
-        """In place of an earlier one. Raises ResourceExhausted."""
+        """Keeps a replica in place of an earlier one. Raises ResourceExhausted."""
         others = sum(len(one.state) for kept, one in self._kept.items() if kept != name)
         if others + len(state) > REPLICA_BYTES:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
@@ -73,7 +73,7 @@ class Replicas:
                 del self._kept[name]
 
     def of(self, group: str) -> dict[str, KeptReplica]:
-        """Those of a group, by name; they are kept until `drop`."""
+        """The replicas of a group, by name; they are kept until `drop`."""
         return {name: kept for name, kept in self._kept.items() if group_of(name) == group}
 
     def ages(self) -> dict[str, tuple[str, float]]:
@@ -83,7 +83,7 @@ class Replicas:
         return {group_of(name): (one.owner, self._time - one.at) for name, one in states}
 
     def drop(self, group: str) -> None:
-        """What lived in this group lives here, or nowhere any more."""
+        """Drops the replicas of a group whose sessions live here now, or have ended."""
         for name in self.of(group):
             del self._kept[name]
 

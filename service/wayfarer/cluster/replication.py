@@ -28,18 +28,18 @@ AT_ONCE: Final = 16
 """Sessions and scenes of one message of a round; calls that wait for a copy come in between."""
 
 SEND_S: Final = 3.0
-"""How long the neighbour's answer to a message is waited for: about a lease, after which a silent
+"""Seconds to wait for the neighbour's answer to a message: about a lease, after which a silent
 one is replaced."""
 
 STATE_S: Final = 2.0
-"""How long a state is waited for: a session in lock-step that makes many steps has none meanwhile,
+"""Seconds to wait for a state: a session in lock-step that makes many steps has none meanwhile,
 and others must not wait for it."""
 
 COPY_S: Final = 8.0
 """Seconds that a call waits for its copy: until a neighbour that is silent has been replaced."""
 
 AGAIN_S: Final = 0.25
-"""Until a copy that a call waits for is tried again, possibly with another neighbour."""
+"""Seconds until a copy that a call waits for is tried again, maybe with another neighbour."""
 
 TOLD: Final = 4
 """Refused replicas of a message that are named in the log."""
@@ -58,7 +58,7 @@ class Replication:
         self._due = set[str]()  # for which calls wait
 
     async def running(self) -> None:
-        """For ever."""
+        """Copies without end."""
         now = asyncio.get_running_loop().time
         while True:
             began = now()
@@ -127,7 +127,7 @@ class Replication:
             log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
 
     async def _state(self, name: str) -> bytes:
-        """Empty for a session that has just ended or moved, or has no time."""
+        """The state; empty for a session that has just ended or moved, or is busy."""
         try:
             async with asyncio.timeout(STATE_S):
                 return await self._moves.replica(name)

@@ -39,7 +39,7 @@ PLAIN: Final = None
 
 
 def main() -> None:
-    """Run the command line. Exit code 2 for errors raised on purpose, 130 for Ctrl-C."""
+    """Runs the command line. Exit code 2 for errors raised on purpose, 130 for Ctrl-C."""
     # gRPC reads this when it is imported; it would complain at every start of a process
     os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
     try:
@@ -76,7 +76,7 @@ def _group(help_text: str) -> typer.Typer:
 
 
 def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> None:
-    """Make `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
+    """Makes `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
 
     @parent.command(
         name,

@@ -103,7 +103,7 @@ def _enter(
             link = ray.directory(LeaseRules(lease))
             background = _covered(ray, settings, node_port)
         run(enter(settings, link, ray, background, announce))
-    log.info("stopped; the nodes go on")
+    log.info("stopped; the nodes continue")
 
 
 @contextlib.asynccontextmanager

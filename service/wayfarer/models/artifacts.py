@@ -36,7 +36,6 @@ ASSETS: Final = Path(__file__).parents[1] / "assets"
 SCHEMA: Final = 1
 METADATA_KEY: Final = "wayfarer"
 MANIFEST: Final = "manifest.json"
-WEIGHTS: Final = "weights.bin"
 CARD: Final = "CARD.md"
 
 

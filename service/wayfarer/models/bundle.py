@@ -118,11 +118,3 @@ def open_bundle(models: Path, threads: int, engine: EngineKind = "onnxruntime") 
     """
     folder = load_models(models)
     return ModelBundle(folder, open_engine(folder, engine, threads), load_bodies(folder.body))
-
-
-def open_world(
-    models: Path, agents: int, candidates: int, threads: int, engine: EngineKind = "onnxruntime"
-) -> tuple[World, Bodies]:
-    """A world with the search of the service. Raises what `open_bundle` does; see `ModelBundle`."""
-    bundle = open_bundle(models, threads, engine)
-    return bundle.world(agents, Steering().with_search(candidates=candidates)), bundle.bodies

@@ -97,10 +97,10 @@ class Membership:
     ) -> Session:
         """Resumes a recorded session: the next chunk of each agent follows its last one.
 
-        All or nothing. Without `admit`, it is admitted even beyond `limits.sessions`, and its
-        agents even if there is no time for them. `examined`: `examine(record)` has been called.
-        `live`: rows of its agents, which then wait until `freeze` ends and continue as if nothing
-        had happened. Raises InvalidArgument, AlreadyExists, ResourceExhausted, and
+        All or nothing. With `admit` false, the session enters even beyond `limits.sessions`, and
+        its agents even if there is no time for them. `examined`: `examine(record)` has been called.
+        `live`: rows of its agents. With these, agents wait until `freeze` ends, and continue as if
+        nothing had happened. Raises InvalidArgument, AlreadyExists, ResourceExhausted, and
         FailedPrecondition if its scene is not on this server.
         """
         if not examined:

@@ -1,6 +1,7 @@
 """`wayfarer render`: from clips, recordings and runs to files."""
 
 import sys
+from types import SimpleNamespace
 
 import pytest
 from PIL import Image
@@ -26,7 +27,8 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def gliding(monkeypatch):
     """Makes runs use an engine that glides."""
-    monkeypatch.setattr(module, "open_world", lambda *asked: (make_world(phases=1), {}))
+    bundle = SimpleNamespace(world=lambda agents, steering: make_world(phases=1))
+    monkeypatch.setattr(module, "open_bundle", lambda model, threads: bundle)
 
 
 @pytest.mark.parametrize("kind", ["strip", "sheet", "top"])

@@ -11,8 +11,8 @@ import pytest
 from tests.navigation.meshes.glb_files import LEVELS, Packer, glb, grid
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.glb import read_glb
-from wayfarer.navigation.meshes.read import read_mesh
-from wayfarer.navigation.scene_spec import MeshFile
+from wayfarer.navigation.meshes.read import read_level
+from wayfarer.navigation.scene_spec import MeshFile, Walkable
 
 TRIANGLE = np.array([[0, 0, 0], [2, 0, 0], [0, 0, 1]], np.float32)
 LOOKS = (
@@ -327,7 +327,7 @@ def test_a_skin_is_where_its_joints_are_and_its_node_is_not(kind: str) -> None:
 
 @pytest.mark.parametrize("name", ["needs_webp_textures.glb", "buffer_as_data_uri.glb"])
 def test_strangers_files_are_read(name: str) -> None:
-    corners = read_mesh(MeshFile((LEVELS / name).read_bytes(), "glb"))
+    corners = read_level(MeshFile((LEVELS / name).read_bytes(), "glb"), Walkable(), ())[0]
     assert len(corners) >= 2 and np.abs(corners).max() < 100
 
 

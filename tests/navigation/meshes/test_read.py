@@ -12,8 +12,8 @@ from tests.fuzz.meshes import fuzz
 from tests.navigation.meshes.glb_files import glb
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation.meshes.read import READERS, read_mesh
-from wayfarer.navigation.scene_spec import Y_UP, Z_UP, MeshFile, MeshFormat
+from wayfarer.navigation.meshes.read import READERS, read_level
+from wayfarer.navigation.scene_spec import Y_UP, Z_UP, MeshFile, MeshFormat, Walkable
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")
 
@@ -31,7 +31,7 @@ def area(corners: np.ndarray) -> float:
 @pytest.mark.parametrize("form", FORMATS)
 def test_what_another_library_writes_is_read(form: MeshFormat) -> None:
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=1.5)
-    corners = read_mesh(MeshFile(written(mesh, form), form, axes=Z_UP))
+    corners = read_level(MeshFile(written(mesh, form), form, axes=Z_UP), Walkable(), ())[0]
     np.testing.assert_allclose(corners, mesh.triangles, atol=1e-6)
 
 
@@ -101,9 +101,9 @@ def test_nodes_of_a_glb_place_and_share_meshes() -> None:
 
 def test_up_axis_and_unit_are_applied() -> None:
     data = b"v 0 0 0\nv 100 0 0\nv 0 100 300\nf 1 2 3\n"
-    flat = read_mesh(MeshFile(data, "obj", axes=Z_UP, unit=0.01))
+    flat = read_level(MeshFile(data, "obj", axes=Z_UP, unit=0.01), Walkable(), ())[0]
     np.testing.assert_allclose(flat[0], [[0, 0, 0], [1, 0, 0], [0, 1, 3]])
-    turned = read_mesh(MeshFile(data, "obj", axes=Y_UP, unit=0.01))
+    turned = read_level(MeshFile(data, "obj", axes=Y_UP, unit=0.01), Walkable(), ())[0]
     np.testing.assert_allclose(turned @ GLTF_FROM_CORE.T, flat, atol=1e-12)
 
 
@@ -259,7 +259,7 @@ HOSTILE: dict[str, tuple[MeshFormat, bytes, str]] = {
 def test_hostile_files_end_in_a_clear_error(name: str) -> None:
     form, data, why = HOSTILE[name]
     with pytest.raises(InvalidArgument, match=why) as caught:
-        read_mesh(MeshFile(data, form))
+        read_level(MeshFile(data, form), Walkable(), ())
     assert caught.value.field == "mesh.data"
 
 
@@ -269,7 +269,7 @@ def test_claims_cost_no_memory(name: str) -> None:
     tracemalloc.start()
     try:
         with pytest.raises(InvalidArgument):
-            read_mesh(MeshFile(data, form))
+            read_level(MeshFile(data, form), Walkable(), ())
         assert tracemalloc.get_traced_memory()[1] < 100 * 2**20
     finally:
         tracemalloc.stop()

@@ -120,7 +120,7 @@ def test_a_caller_is_good_as_long_as_its_key_opens_as_much(path):
 
     assert keys.is_good(studio)
     assert is_good(FILE + ADDED)
-    assert is_good(FILE.replace("agents = 16", "agents = 1")), "what it holds already it may keep"
+    assert is_good(FILE.replace("agents = 16", "agents = 1")), "it may keep the agents that it has"
     assert is_good(FILE.replace("control", "admin")) is False, "a scope was taken from it"
     assert is_good(FILE.replace(DIGEST, OTHER_DIGEST)) is False, "another key has its name"
     assert is_good(FILE)

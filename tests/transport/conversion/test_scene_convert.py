@@ -8,7 +8,7 @@ import shapely
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import scene_spec as world
-from wayfarer.navigation.meshes.read import read_mesh
+from wayfarer.navigation.meshes.read import read_level
 from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.navigation.solids import footprint
 from wayfarer.transport import schema
@@ -137,10 +137,10 @@ def test_a_mesh_of_a_basis_lies_where_goals_of_that_basis_do(basis):
     lines = ["v {x} {y} {z}".format(**vector(basis, *corner)) for corner in corners]
     data = "\n".join([*lines, "f 1 2 3"]).encode()
     obj = schema.Mesh(format="obj")
-    found = read_mesh(scene_convert.mesh_file(obj, basis, data))
+    found = read_level(scene_convert.mesh_file(obj, basis, data), world.Walkable(), ())[0]
     assert np.allclose(found, [corners])
     elsewhere = schema.Mesh(format="obj", basis=basis)
-    again = read_mesh(scene_convert.mesh_file(elsewhere, Basis.ROS, data))
+    again = read_level(scene_convert.mesh_file(elsewhere, Basis.ROS, data), world.Walkable(), ())[0]
     assert np.allclose(again, [corners])
 
 

@@ -1,15 +1,13 @@
-"""Rings around viewpoints: the tier of each agent, over Control and WebSockets."""
+"""Rings around viewpoints: the tier of each agent, in streams and over Control."""
 
 import asyncio
 import json
 import time
 from collections import Counter
 from contextlib import aclosing
-from urllib.parse import quote
 
 import numpy as np
 import pytest
-import websockets
 from pydantic import ValidationError
 
 from tests.runtime.kept_worlds import fake_worlds
@@ -393,69 +391,6 @@ async def test_roots_are_for_streams(api):
     wanted = schema.PoseFormat(encoding=PoseEncoding.ROOT)
     with pytest.raises(InvalidArgument, match=r"is for streams; here is one of F32_LE"):
         await anext(api.motion.generate_clip(schema.ClipRequest(seconds=1, format=wanted)))
-
-
-# over a socket
-
-
-async def message(socket) -> motion_pb2.StreamMotionResponse:
-    return motion_pb2.StreamMotionResponse.FromString(await socket.recv())
-
-
-INTEREST = quote(
-    json.dumps(
-        {
-            "rings": [{"radius": 10}, {"radius": 30, "format": {"encoding": "root"}}],
-            "viewpoints": [{"position": {"x": 0, "y": 0, "z": 0}}],
-        }
-    )
-)
-
-
-async def test_the_query_has_rings_and_texts_move_the_viewpoints(rig):
-    session_id, _ = await rig.session(agents=1)
-    async with rig.socket(session_id, f"&interest={INTEREST}") as socket:
-        assert len((await message(socket)).header.tiers) == 2
-        rig.service.emit(session_id)
-        assert (await message(socket)).batch.tier == 0
-        await socket.send(b"not a text")
-        for z in (500, 20):
-            text = {"viewpoints": [{"position": {"x": 0, "y": 0, "z": z}}]}
-            await socket.send(json.dumps(text))
-        tiers = []
-        while not tiers or tiers[-1] != 1:  # from the next batch on, whichever that is
-            rig.service.emit(session_id)
-            tiers.append((await message(socket)).batch.tier)
-
-
-@pytest.mark.parametrize("text", ["{", "{}", '{"viewpoints": []}', '"' + "x" * 8_100 + '"'])
-async def test_a_text_that_is_wrong_ends_the_stream(rig, text):
-    session_id, _ = await rig.session(agents=1)
-    async with rig.socket(session_id, f"&interest={INTEREST}") as socket:
-        await message(socket)
-        await socket.send(text)
-        with pytest.raises(websockets.ConnectionClosed) as caught:
-            while True:
-                await socket.recv()
-    assert caught.value.rcvd.code in (4400, 4422)
-
-
-async def test_a_socket_without_rings_ignores_texts(rig):
-    session_id, _ = await rig.session(agents=1)
-    async with rig.socket(session_id) as socket:
-        await message(socket)
-        await socket.send("anything")
-        rig.service.emit(session_id)
-        assert (await message(socket)).HasField("batch")
-
-
-@pytest.mark.parametrize("query", ["&interest={", "&interest=[]", "&max_message_bytes=x"])
-async def test_a_query_that_is_wrong_is_refused(rig, query):
-    session_id, _ = await rig.session(agents=1)
-    async with rig.socket(session_id, query) as socket:
-        with pytest.raises(websockets.ConnectionClosed) as caught:
-            await socket.recv()
-    assert caught.value.rcvd.code in (4400, 4422)
 
 
 def test_flags_are_the_runtimes():

@@ -1,5 +1,8 @@
 """`WS /v1/stream` and `WS /v1/control`, called by a real client."""
 
+import json
+from urllib.parse import quote
+
 import pytest
 import websockets
 from starlette.datastructures import QueryParams
@@ -153,3 +156,59 @@ async def test_a_control_client_that_vanishes_is_cleaned_up(rig):
         socket.transport.abort()
         await until(lambda: rig.service.subscriptions[0].closed)
     await others_are_undisturbed(rig, session_id)
+
+
+INTEREST = quote(
+    json.dumps(
+        {
+            "rings": [{"radius": 10}, {"radius": 30, "format": {"encoding": "root"}}],
+            "viewpoints": [{"position": {"x": 0, "y": 0, "z": 0}}],
+        }
+    )
+)
+
+
+async def test_the_query_has_rings_and_texts_move_the_viewpoints(rig):
+    session_id, _ = await rig.session(agents=1)
+    async with rig.socket(session_id, f"&interest={INTEREST}") as socket:
+        assert len((await message(socket)).header.tiers) == 2
+        rig.service.emit(session_id)
+        assert (await message(socket)).batch.tier == 0
+        await socket.send(b"not a text")
+        for z in (500, 20):
+            text = {"viewpoints": [{"position": {"x": 0, "y": 0, "z": z}}]}
+            await socket.send(json.dumps(text))
+        tiers = []
+        while not tiers or tiers[-1] != 1:  # from the next batch on, whichever that is
+            rig.service.emit(session_id)
+            tiers.append((await message(socket)).batch.tier)
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '{"viewpoints": []}', '"' + "x" * 8_100 + '"'])
+async def test_a_text_that_is_wrong_ends_the_stream(rig, text):
+    session_id, _ = await rig.session(agents=1)
+    async with rig.socket(session_id, f"&interest={INTEREST}") as socket:
+        await message(socket)
+        await socket.send(text)
+        with pytest.raises(websockets.ConnectionClosed) as caught:
+            while True:
+                await socket.recv()
+    assert caught.value.rcvd.code in (4400, 4422)
+
+
+async def test_a_socket_without_rings_ignores_texts(rig):
+    session_id, _ = await rig.session(agents=1)
+    async with rig.socket(session_id) as socket:
+        await message(socket)
+        await socket.send("anything")
+        rig.service.emit(session_id)
+        assert (await message(socket)).HasField("batch")
+
+
+@pytest.mark.parametrize("query", ["&interest={", "&interest=[]", "&max_message_bytes=x"])
+async def test_a_query_that_is_wrong_is_refused(rig, query):
+    session_id, _ = await rig.session(agents=1)
+    async with rig.socket(session_id, query) as socket:
+        with pytest.raises(websockets.ConnectionClosed) as caught:
+            await socket.recv()
+    assert caught.value.rcvd.code in (4400, 4422)

@@ -81,13 +81,13 @@ def control(
 
     Offline rows follow the paper (Sec. 4.2): 32 clones of each body and, with "& top k", a tree
     search that keeps the k best of 32 primitives at every level. The row "policy" is the policy of
-    --models; the shipped one is trained by analytic gradients, which the paper does not do
-    (docs/models.md). The rows policy(10) and policy(1) need --policy-10 and --policy-1: PPO with
-    that weight of the KL term (Eq. 10); they and the g-CVAE receive the goal and the speed alone,
-    as in their training; steering turns all others on the spot first. "search" rows are single
-    bodies in the world that serves, with K candidates per step. Only the last row has the foot
-    lock. Bodies begin at rest; with --lead those of offline rows begin as the paper's, with a
-    primitive of the 1-frame predictor; a policy that was trained so seldom sets off without it.
+    --models; the shipped one learns from recordings (docs/models.md). The rows policy(10) and
+    policy(1) need --policy-10 and --policy-1: PPO with that weight of the KL term (Eq. 10); they
+    and the g-CVAE receive the goal and the speed alone, as in their training; steering turns all
+    others on the spot first. "search" rows are single bodies in the world that serves, with K
+    candidates per step. Only the last row has the foot lock. Bodies begin at rest; with --lead
+    those of offline rows begin as the paper's, with a primitive of the 1-frame predictor; a policy
+    that was trained so seldom sets off without it.
     """
     shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}

@@ -104,7 +104,7 @@ def paper(
 
 
 def draw_figures(path: Path, folder: Path) -> dict[str, str]:
-    """Draw the motions of a result; file name by picture, none when there is no result.
+    """Draws the motions of a result; returns file names by picture, none without a result.
 
     Raises DataError when it is not as `wayfarer eval figures` writes.
     """

@@ -56,7 +56,7 @@ def progress(title: str) -> Iterator[Watch]:
 
 
 def finish(json: Path | None, tables: dict[str, list[Row]], **about: Any) -> None:
-    """Print the tables, and write them as JSON and Markdown when asked to."""
+    """Prints the tables, and writes them as JSON and Markdown when asked to."""
     for title, rows in tables.items():
         report.show(title, rows)
     if json is not None:

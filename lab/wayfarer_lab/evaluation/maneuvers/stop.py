@@ -145,7 +145,7 @@ def measure_stop(shot: MeasuredTake) -> Figures:
 
 
 def the_stop(shot: MeasuredTake) -> Take:
-    """From two seconds before rest, or before the end, until the measurement."""
+    """The part from 2 s before rest, or before the end, until the measurement."""
     start = 0 if shot.goal is None else _braked(shot)
     begun = rest(shot.take[start:])
     seconds = (len(shot.take) if begun is None else start + begun) / FPS

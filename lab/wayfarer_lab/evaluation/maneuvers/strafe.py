@@ -42,7 +42,7 @@ def _case(name: str, angle: float) -> Case:
 
 
 def on_the_way(shot: MeasuredTake) -> Take:
-    """Until it arrives, 1 s at least; all of a recorded take."""
+    """The part until it arrives, at least 1 s; all of a recorded take."""
     if shot.goal is None:
         return shot.take
     near = first(distances(shot.take.hips, shot.goal) <= ARRIVED)

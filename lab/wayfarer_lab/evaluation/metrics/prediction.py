@@ -40,11 +40,11 @@ def apd(samples: Array) -> Array:
 def multimodal_errors(
     samples: Array, truths: Array, seeds: Array, epsilon: float
 ) -> tuple[float, float]:
-    """MMADE and MMFDE, metres (DLow): every true future whose seed is alike counts as true.
+    """MMADE and MMFDE, metres (DLow): the true futures of all seeds that are alike count as true.
 
     samples [N, K, F, D], truths [N, F, D], seeds [N, E] (the last seed frame, flattened).
     Seeds are alike when their L2 distance is at most `epsilon` (metres over all markers
-    together): say its value wherever the figures are given.
+    together). The figures mean nothing without its value.
     """
     average, final = [], []
     for row, seed in enumerate(seeds):

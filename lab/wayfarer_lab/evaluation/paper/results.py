@@ -90,5 +90,5 @@ class ResultsFolder:
 
 
 def number(value: float) -> str:
-    """As many digits as are worth reading."""
+    """Text with as many digits as are worth reading."""
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"

@@ -115,7 +115,7 @@ class Depths:
 
 @dataclass
 class Gaps:
-    """Between a foot that says it touches the ground, and the ground."""
+    """Distances from the ground of feet whose flag says that they touch it."""
 
     name: str
     found: list[NDArray[np.float32]] = field(default_factory=list)

@@ -38,7 +38,7 @@ class Side:
 
     @property
     def name(self) -> str:
-        """For columns."""
+        """The name of its column."""
         return f"{self.source}, seed {self.seed}"
 
     def row(self) -> dict[str, Any]:

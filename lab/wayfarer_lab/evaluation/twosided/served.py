@@ -1,4 +1,4 @@
-"""The same situations in the world that serves: orders, and what is measured of them."""
+"""The situations in the world that serves: orders, and what is measured of them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from wayfarer_lab.evaluation.maneuvers.stairs import STAIRS, on_the_stairs
 from wayfarer_lab.evaluation.maneuvers.turn import to_either_side
 from wayfarer_lab.evaluation.takes import Take
 from wayfarer_lab.evaluation.tasks import Plan, relative
-from wayfarer_lab.evaluation.twosided.situations import BACK, CURVE, SIDE, SITUATIONS
+from wayfarer_lab.evaluation.twosided.figures import Values
+from wayfarer_lab.evaluation.twosided.situations import BACK, CURVE, RADIUS, SIDE, SITUATIONS
 from wayfarer_lab.evaluation.twosided.verdicts import Person
-from wayfarer_lab.evaluation.twosided.wishes import RADIUS, median_values
 
 PEOPLE: Final = 8
 """Number of people of each order."""
@@ -69,6 +69,15 @@ class Served:
             for shot in shots
             for name, parts in self.parts(shot.take).items()
         ]
+
+
+def median_values(rows: Sequence[Values]) -> Values:
+    """Each figure's median over rows that have it; NaN left out."""
+    found: Values = {}
+    for figure in dict.fromkeys(name for row in rows for name in row):
+        known = [row[figure] for row in rows if np.isfinite(row.get(figure, np.nan))]
+        found[figure] = float(np.median(known)) if known else float("nan")
+    return found
 
 
 def _goes(name: str, plan: Callable[[Request], Plan]) -> Served:

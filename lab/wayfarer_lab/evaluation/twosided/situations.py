@@ -39,6 +39,9 @@ step for each riser."""
 SIDE, BACK, CURVE = 1.0, 0.9, 1.2
 """Metres per second that are asked for."""
 
+RADIUS: Final = 2.0
+"""Metres, of the curve."""
+
 Find = Callable[[Take, stretches.Uses], Iterator[Take]]
 
 

@@ -27,8 +27,10 @@ FOOT_SPEED: Final = 0.25
 """Maximum speed of an ankle in a stand, m/s."""
 
 STANDS: Final = 3 * FPS
+"""Minimum length in frames of a stand."""
+
 MAX_STAND: Final = 20 * FPS
-"""Maximum length in frames of a measured stand; longer ones are cut."""
+"""Length in frames at which longer stands are cut."""
 
 RADIUS: Final = (1.2, 3.2)
 """Radii (m) of the curves that are compared with one of 2 m."""
@@ -49,7 +51,7 @@ WALKS: Final = 0.5
 
 
 def stands(take: Take, use: Uses) -> Stretches:
-    """Feet in their places for 3 s and more, hands below the elbows, nothing acted."""
+    """Stands of 3 s and more: feet in their places, hands below the elbows, nothing acted."""
     speed = np.linalg.norm(np.gradient(take.ankles, axis=0), axis=-1).max(-1) * FPS
     below = (take.joints[:, WRISTS, 2] < take.joints[:, ELBOWS, 2]).all(-1)
     calm = smooth_speed(take.hips) < recorded.STROLLING
@@ -100,7 +102,7 @@ def stops(take: Take, use: Uses) -> Stretches:
 
 
 def starts(take: Take, use: Uses) -> Stretches:
-    """A second of standing at most, and the walk after it, to 2 s from when it has begun."""
+    """Walks ahead out of a stand: up to a second of the stand, and up to 2 s of the walk."""
     if len(take) < 2 * FPS:
         return
     speed = smooth_speed(take.hips)
@@ -137,7 +139,7 @@ def curves(take: Take, use: Uses) -> Stretches:
 
 
 def turns_back(take: Take, use: Uses) -> Stretches:
-    """Walkers who turn by 130° and more within 2.5 s and walk on, from a second before to after."""
+    """Turns by 130° and more within 2.5 s between two walks, with .5 s before and after them."""
     frames = round(BACK_SECONDS * FPS)
     if len(take) < frames + 2 * FPS:
         return

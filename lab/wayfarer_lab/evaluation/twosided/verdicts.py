@@ -1,9 +1,7 @@
 """Whether figures hold: the median of people inside the range, and people not alike."""
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +10,6 @@ from rich.table import Table
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.twosided.ranges import ENDS, Range, Ranges, quantiles
 from wayfarer_lab.evaluation.twosided.situations import ALIKE, REPORTED
-from wayfarer_lab.training.mocap.store import atomically
 
 SPREAD: Final = 0.3
 """Share of a range's width by which people have to differ, from their 10th percentile to the 90th.
@@ -173,16 +170,6 @@ def rows_of(verdicts: Sequence[RangeVerdict], people: Sequence[Person]) -> dict[
             for p in people
         ],
     }
-
-
-def write(
-    path: Path, verdicts: Sequence[RangeVerdict], people: Sequence[Person], about: dict[str, Any]
-) -> None:
-    """`{"verdicts": …, "people": …, "holds": …, "of": …, "meta": …}`; whole or not at all."""
-    whole = rows_of(verdicts, people) | {"meta": report.meta(about)}
-    text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    atomically(path, lambda unfinished: unfinished.write_text(text))
 
 
 def _known(value: float) -> float | None:

@@ -31,21 +31,14 @@ READERS: Final[dict[MeshFormat, Callable[[bytes], NDArray[np.float64]]]] = {
 }
 
 
-def read_mesh(mesh: MeshFile) -> NDArray[np.float64]:
-    """Corners [T, 3, 3] of the mesh's triangles, metres, Z up. Raises InvalidArgument.
-
-    Triangles without an area are left out. Meshes need not be closed, oriented or manifold.
-    """
-    corners = _read(mesh)
-    _check_places(corners, mesh.unit)
-    return corners
-
-
 def read_level(
     mesh: MeshFile, walkable: Walkable, entries: tuple[Point3, ...]
 ) -> tuple[NDArray[np.float64], list[Text]]:
-    """The triangles that belong to a level, and remarks for its author. Domes and distant stray
-    parts are left out, and the level may lie on its side.
+    """Corners [T, 3, 3] of the triangles that belong to a level, metres, Z up, and remarks for its
+    author. Raises InvalidArgument.
+
+    Triangles without an area, domes and distant stray parts are left out, and the level may lie on
+    its side. Meshes need not be closed, oriented or manifold.
     """
     corners = _read(mesh)
     kept, notes = without_outliers(corners, is_level(corners, walkable), entries)

@@ -35,7 +35,7 @@ class Tls:
         self.http()
 
     def http(self) -> ssl.SSLContext:
-        """For HTTP. A client without a certificate reaches only what needs no credentials."""
+        """TLS of HTTP. A client without a certificate reaches only what needs no credentials."""
         context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         setting = self.settings[1]
@@ -56,7 +56,7 @@ class Tls:
         return context
 
     def grpc(self) -> grpc.ServerCredentials:
-        """For gRPC. If client certificates are required, there is no connection without one."""
+        """TLS of gRPC. If client certificates are required, there is no connection without one."""
         return grpc.ssl_server_credentials(
             [(self.key.read_bytes(), self.cert.read_bytes())],
             self.client_ca.read_bytes() if self.client_ca else None,

@@ -58,7 +58,7 @@ class SessionLocator:
 
     async def copied(self, name: str) -> None:
         """See `Ownership`. Raises Unavailable if the lease has ended meanwhile: another node may
-        go on without the change.
+        continue without the change.
         """
         await self._ownership.copied(name)
         self.require_lease()

@@ -116,7 +116,7 @@ class SessionRegistry(Leases[OpenSession]):
         return None if found is None else found.scene
 
     def close(self, name: str, one: OpenSession | None = None) -> OpenSession | None:
-        """As for all leases, with its agents."""
+        """Ends a session's lease, and forgets its agents."""
         closed = super().close(name, one)
         for agent_id in closed.aliases if closed else ():
             del self._by_agent[agent_id]

@@ -184,7 +184,7 @@ class Faults:
     def split(
         self, rows: Index, run: Callable[[Index], T], error: Exception, most: int = NEVER
     ) -> list[tuple[Index, T]]:
-        """After `run` has failed for all `rows` together: do it for parts of them.
+        """Runs `run` for parts of `rows`, after it has failed for all of them together.
 
         `run` takes positions in `rows`. Returns the parts that succeeded, with their results. The
         rows of the others have a fault. Raises `error` where faults are not contained, and when
@@ -217,7 +217,7 @@ class Faults:
         return found
 
     def sound(self, rows: Index, run: Callable[[Index], object], error: Exception) -> Index:
-        """After `run` has failed for all `rows`: the positions for which it does not fail.
+        """The positions for which `run` does not fail, after it has failed for all `rows` together.
 
         Raises `error` where faults are not contained.
         """

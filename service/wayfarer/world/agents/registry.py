@@ -57,7 +57,10 @@ class Registry:
             raise NotFound(f"no agent {agent_id!r}") from None
 
     def add_session(self, spec: SessionSpec, now: float, admit: bool = True) -> Session:
-        """Without `admit`, also beyond the limit. Raises AlreadyExists, ResourceExhausted."""
+        """Adds a session; with `admit` false even beyond the limit.
+
+        Raises AlreadyExists, ResourceExhausted.
+        """
         # in the scene's group, since one node has a scene and all of its sessions
         session_id = spec.session_id or new_session_id(
             group_of(spec.scene) if spec.scene else self._new_group()

@@ -237,7 +237,7 @@ def test_stairs_are_counted_by_where_feet_stand() -> None:
     heights = [place[2] for _, place in found]
     assert len(heights) == 6
     assert np.diff(heights) == pytest.approx(0.4, abs=0.03)
-    assert len(stairs.placements(np.zeros((200, 3)))) == 1, "who stands does not climb"
+    assert len(stairs.placements(np.zeros((200, 3)))) == 1, "a standing person does not climb"
     dragged = np.linspace(0, 3, 200)[:, None] * [1.0, 0, 0]
     assert stairs.placements(dragged) == [], "0.6 m/s all the time"
 

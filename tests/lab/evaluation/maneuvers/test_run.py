@@ -52,7 +52,7 @@ def test_every_bar_stands_beside_its_figure(name: str) -> None:
     """A bar whose figure is misspelt would never be judged."""
     found = played(name)
     verdicts = judged(MANEUVERS[name], found.rows)
-    assert verdicts, "what has no bar needs no manoeuvre"
+    assert verdicts, "a manoeuvre without a bar is not needed"
     for verdict in verdicts:
         assert verdict.bar.figure in found.rows[verdict.case, "sent"], verdict
     assert {case for case, source in found.rows if source == RECORDED}

@@ -33,7 +33,7 @@ def test_contacts_are_dots_where_the_foot_was(act, clip, pixels):
     assert len(places(pixels, top_view([act(contacts=free)], (150, 150)), LEFT)) == 0
     left = places(pixels, top_view([act()], (150, 150)), LEFT)
     trail = places(pixels, top_view([act()], (150, 150)), TRAIL)
-    assert left[:, 1].mean() < trail[:, 1].mean(), "who walks up has his left foot on the left"
+    assert left[:, 1].mean() < trail[:, 1].mean(), "walking up, its left foot is on the left"
 
 
 @pytest.mark.parametrize("size", [(60, 60), (300, 100)])

@@ -59,6 +59,15 @@ def test_who_glides_aside_takes_no_steps() -> None:
     assert np.isnan(found["foot_way_cm"]) and found["slide_cm_s"] == pytest.approx(100, rel=0.01)
 
 
+def test_a_body_that_glides_around_a_circle_leans_nowhere_and_looks_ahead() -> None:
+    angle = 0.6 * time(6.0)
+    made = take(6.0, x=2 * np.cos(angle), y=2 * np.sin(angle), heading=np.degrees(angle))
+    found = figures.curving(made)
+    assert found["speed_mps"] == pytest.approx(1.2, abs=0.01) and found["lifts_per_m"] == 0
+    assert found["lean_share"] == pytest.approx(0, abs=0.05)
+    assert found["head_in_deg"] == pytest.approx(0, abs=0.1)
+
+
 def test_raised_arms_are_seen_in_turning_back() -> None:
     t = time(4.0)
     made = take(4.0, heading=180 * np.clip(t - 1, 0, 1))

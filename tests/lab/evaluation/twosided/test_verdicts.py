@@ -1,8 +1,5 @@
 """Verdicts: figures that hold, and figures that do not."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -55,9 +52,8 @@ def test_situations_in_which_nobody_was_are_not_judged() -> None:
     assert verdicts_of([], RANGES) == []
 
 
-def test_a_file_has_verdicts_people_and_counts(tmp_path: Path) -> None:
-    judged = verdicts_of(people(1.2, 1.9, 2.6, np.nan), RANGES)
-    verdicts.write(tmp_path / "a.json", judged, people(1.2, 1.9, 2.6, np.nan), {"seed": 3})
-    found = json.loads((tmp_path / "a.json").read_text())
-    assert found["holds"] == 2 and found["of"] == 2 and found["meta"]["seed"] == 3
+def test_rows_have_verdicts_people_and_counts() -> None:
+    some = people(1.2, 1.9, 2.6, np.nan)
+    found = verdicts.rows_of(verdicts_of(some, RANGES), some)
+    assert found["holds"] == 2 and found["of"] == 2
     assert found["people"][3]["sway_cm"] is None
