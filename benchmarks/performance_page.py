@@ -1,18 +1,20 @@
-"""Writes benchmarks/results/performance.md from its folder's performance_*.json.
+"""Writes benchmarks/results/performance.md, and its pictures, from its folder's performance_*.json.
 
 python -m benchmarks.performance_page
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from benchmarks import performance_plots
 from benchmarks.bench import Row, text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
 PAGE = RESULTS / "performance.md"
+IMAGES = RESULTS / "images"
 
 INTRO = """# Performance
 
@@ -90,11 +92,13 @@ def origin(part: Part) -> str:
     )
 
 
-def section(name: str, part: Part) -> str:
-    """One benchmark of one record."""
+def section(name: str, part: Part, drawn: str | None = None) -> str:
+    """One benchmark of one record; `drawn` is its picture's file."""
     lines = [f"### {title(name)}\n", origin(part)]
     if "failure" in part:
         lines.append(f"It failed:\n\n```\n{part['failure'].strip()}\n```\n")
+    if drawn:
+        lines.append(f"![{title(name)}](images/{drawn})\n")
     lines += [
         table(rows, name.startswith(TRANSPOSED)) + "\n"
         for key in ("rows", "gemm", "shares")
@@ -108,13 +112,16 @@ def section(name: str, part: Part) -> str:
     return "\n".join(lines)
 
 
-def page(records: dict[str, Part]) -> str:
-    """All records, by name."""
+def page(records: dict[str, Part], picture: Callable[[str, str, Part], str | None]) -> str:
+    """All records, by name. `picture(record, part's name, part)` gives a file in IMAGES."""
     parts = [INTRO]
     for name, record in records.items():
         machine = next(iter(record["parts"].values()))["meta"]["machine"]
         parts.append(f"## {name}: {machine['cpu']}, {machine['cores']} cores\n")
-        parts += [section(part, found) for part, found in record["parts"].items()]
+        parts += [
+            section(part, found, picture(name, part, found))
+            for part, found in record["parts"].items()
+        ]
     return "\n".join(parts)
 
 
@@ -122,7 +129,11 @@ def main() -> None:
     """Writes the page."""
     files = sorted(RESULTS.glob("performance_*.json"))
     records = {f.stem.removeprefix("performance_"): json.loads(f.read_text()) for f in files}
-    PAGE.write_text(page(records))
+
+    def picture(record: str, name: str, part: Part) -> str | None:
+        return performance_plots.draw(IMAGES, f"performance_{record}_{name}.png", name, part)
+
+    PAGE.write_text(page(records, picture))
 
 
 if __name__ == "__main__":

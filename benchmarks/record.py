@@ -90,7 +90,7 @@ def measured(part: str, quick: bool, agents: int | None = None) -> dict[str, Any
 
 
 def main() -> int:
-    """Runs benchmarks, and writes the record and the page; 1 when a benchmark failed."""
+    """Runs, writes and draws the page; 1 when a benchmark failed."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
-from benchmarks import bench, performance_page, record
+import pytest
+
+from benchmarks import bench, performance_page, performance_plots, record
 
 META = {
     "quick": False,
@@ -49,6 +51,40 @@ def test_a_service_names_its_engine_and_search():
 def test_few_rows_of_many_columns_are_turned():
     text = performance_page.section("service_x_k1", part([{"agents": 5, "in_time": True}]))
     assert "| in_time | yes |" in text
+
+
+STEP = {
+    "rows": [
+        {"engine": "e", "candidates": 1, "threads": t, "batch": b, "of_gemm": 2.0}
+        for t in (1, 2)
+        for b in (8, 64)
+    ],
+    "shares": [
+        {"candidates": 1, "operators": "matrix products", "share": 0.6},
+        {"candidates": 1, "operators": "copies", "share": 0.4},
+    ],
+}
+TABLE = {
+    "rows": [
+        {"bodies": 64, "paper_s": 0.1, "one_call_s": 0.05, "best_calls_s": 0.04},
+        {"bodies": 2048, "paper_s": None, "one_call_s": 1.0, "best_calls_s": 0.9},
+    ]
+}
+MEMORY = {"rows": [{"agents": 0, "rss_mb": 100.0}, {"agents": 64, "rss_mb": 110.0}]}
+
+
+@pytest.mark.parametrize(
+    ("name", "found"), [("step", STEP), ("paper_s3", TABLE), ("memory", MEMORY)]
+)
+def test_pictures_are_drawn(tmp_path, name, found):
+    assert performance_plots.draw(tmp_path, "x.png", name, found) == "x.png"
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_has_no_picture_or_no_rows_gets_none(tmp_path):
+    assert performance_plots.draw(tmp_path, "x.png", "startup", MEMORY) is None
+    assert performance_plots.draw(tmp_path, "x.png", "step", {"failure": "…"}) is None
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_part_of_a_record_is_a_benchmark_with_a_title():
