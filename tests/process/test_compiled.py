@@ -192,7 +192,7 @@ standing = people.position, people.height, stand
 stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
 pressed = find_near(who, own, people.position, people.height, people.walks, PRESSED)
 columns = people.number, people.position, people.height, stand
-everyone = Everyone(*own, *columns, people.position, people.position)
+everyone = Everyone(*own, *columns, people.position, people.position, people.walks)
 claims = Claims(np.zeros((20, 2), "f4"), np.zeros(20))
 asked, spot = people.position.copy(), people.position + 0.3
 yes, goal = np.ones(20, np.bool_), np.column_stack([asked, people.height])

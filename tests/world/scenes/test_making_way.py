@@ -55,6 +55,22 @@ def test_of_two_who_stand_in_each_other_one_steps_aside_for_good(scene):
     assert np.ptp(other[late], axis=0).max() < 0.1, "it stays there"
 
 
+def test_of_two_who_wait_in_each_other_one_steps_out():
+    world, _, _ = world_in(CORRIDOR)
+    guards = [(0.4, 12.0), (1.0, 12.0), (1.6, 12.0)]
+    one, other, *row = enter(world, (0.9, 10.7), (1.15, 10.7), *guards)
+    for agent, place in zip(row, guards, strict=True):
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    for agent in (one, other):
+        world.give(agent.agent_id, goal(1.0, 15.0), 0.0)
+    tracks, _ = walked(world, 8.0)
+    one, other = (tracks[agent.agent_id][:, :2] for agent in (one, other))
+    apart = np.linalg.norm(one - other, axis=1)
+    assert apart[0] < 0.3
+    assert apart[len(apart) // 2 :].min() > 0.38
+    assert max(one[:, 1].max(), other[:, 1].max()) < 12, "they still wait"
+
+
 def test_who_left_its_place_to_another_one_does_not_step_back_into_it_for_a_third():
     world, _, _ = world_in(CORRIDOR)
     guards = [(0.4, 12.0), (1.0, 12.0), (1.6, 12.0)]

@@ -68,8 +68,8 @@ export class Guide {
     this.company?.bar(led, people);
     this.company?.takeTurns(led, people);
     this.company?.keepLanes(led, people);
-    for (const row of rows) if (!row.walker.aims.wants) this.makingWay?.update(row, people);
     if (this.company && people.length > 1) for (const row of led) if (row.ahead.given) this.#bend(row, people);
+    for (const row of rows) this.makingWay?.update(row, people);
     return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }
 

@@ -7,7 +7,7 @@ import { bounded, dot, minus, plus, times } from "./steering.js";
 /** @typedef {import("./company.js").Seen} Seen */
 /** @typedef {{ half: number, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
 
-const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 0.3, BACK = 4, DRIFT = 0.5, SEES = 7, PAST = -0.3;
+const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 0.3, BACK = 4, DRIFT = 0.5, REACTION = 0.3, SEES = 7, PAST = -0.3;
 const AGAINST = 0.5, TURNS = [0.46, 0.66], TURN = (40 * Math.PI) / 180, SQUEEZE = [0.23, 0.29], TURN_SECONDS = 1.4;
 export const SIDEWAYS = 0.9;
 
@@ -30,7 +30,7 @@ export function lane(people, self, points, clear) {
     passes ||= ahead < Math.max(dot(minus(self.velocity, velocity), way), 0.5) * TURN_SECONDS;
   }
   const wanted = (high + low) / 2 + (LANE * (high - low)) / 2;
-  const off = wanted - dot(minus(self.position, last), right);
+  const off = wanted - dot(minus(plus(self.position, times(REACTION, self.velocity)), last), right);
   const turn = Math.max(passes ? narrower(half, TURNS) + BACK * Math.min(off, 0) : 0, narrower(Math.min(...halves), SQUEEZE));
   return { half, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };
 }

@@ -21,14 +21,16 @@ export class MakingWay {
     this.scene = scene;
   }
 
-  /** Sends a person that stays aside, or back. @param {Row} row @param {Seen[]} people */
+  /** Sends a person that stays aside, or back, and one that waits out of another one. @param {Row} row @param {Seen[]} people */
   update(row, people) {
-    const { hips, gait, ahead, self, walker } = row;
-    if (gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
+    const { hips, gait, self, walker } = row, stays = !walker.aims.wants;
+    if (!stays && row.ahead.given) return;
+    if (stays && gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
     if (!mayStep(row)) return;
-    const aside = walker.memory.yields > 0, others = people.filter((other) => other !== self), home = aside ? walker.aims.spot : hips;
-    const comes = comer(others, self, home, aside), asks = toucher(others, self) ?? (aside ? null : comes);
+    const aside = stays && walker.memory.yields > 0, others = people.filter((other) => other !== self), home = aside ? walker.aims.spot : hips;
+    const comes = comer(others, self, home, aside), asks = toucher(others, self) ?? (stays && !aside ? comes : null);
     const step = asks && this.#step(row, asks, others);
+    if (step && !stays) return stepTo(row, plus(hips, times(ASIDE, step)), others);
     if (step) {
       walker.aims.spot = home;
       walker.memory = { ...walker.memory, retreat: plus(step, times(1 / ASIDE, minus(hips, home))) };
@@ -36,11 +38,7 @@ export class MakingWay {
     const taken = others.some((other) => Math.hypot(...minus(stop(other), walker.aims.spot)) < TOUCH);
     const place = nextPlace(row, taken || comes !== null);
     if (!walker.memory.yields) return;
-    const stopped = isStopped(hips, place, stop(self), others);
-    row.ahead = {
-      ...ahead, place, given: !stopped, through: false, strafe: true,
-      radius: Math.fround(0.1), speed: Math.fround(0.8), heading: stopped ? null : gait.stopFacing,
-    };
+    stepTo(row, place, others);
   }
 
   /** A person's step to a free place, in `ASIDE`. @param {Row} row @param {Way} asks @param {Seen[]} others @returns {Point | undefined} */
@@ -58,6 +56,12 @@ export class MakingWay {
 /** Whether a person faces no heading, and is near its goal. @param {Row} row */
 const mayStep = ({ hips, ahead, walker: { aims } }) => !ahead.given || (!ahead.heading && Math.hypot(...minus(hips, aims.asked)) < FARTHEST);
 
+/** Makes a person step to a place, facing as it does, unless others stop it. @param {Row} row @param {Point} place @param {Seen[]} others */
+function stepTo(row, place, others) {
+  const given = !isStopped(row.hips, place, stop(row.self), others), heading = given ? row.gait.stopFacing : null;
+  row.ahead = { ...row.ahead, place, heading, given, through: false, strafe: true, radius: Math.fround(0.1), speed: Math.fround(0.8) };
+}
+
 /** Where a person steps to; counts the seconds since its place was last needed. @param {Row} row @param {boolean} needed @returns {Point} */
 function nextPlace({ hips, walker }, needed) {
   const { memory, memory: { yields, retreat }, aims: { spot: home } } = walker;
@@ -68,7 +72,7 @@ function nextPlace({ hips, walker }, needed) {
 
 /** The way of the nearest that a person at its place closes. @param {Seen[]} others @param {Seen} self @param {Point} home @param {boolean} aside @returns {Way | null} */
 function comer(others, self, home, aside) {
-  const comes = others.filter(({ walks, aims }) => walks && (aside || (aims.barred > PATIENCE && self.stands))).map((other) => {
+  const comes = others.filter(({ walks, aims, memory }) => walks && (aside || (Math.max(aims.barred, memory.waited) > PATIENCE && self.stands))).map((other) => {
     const way = unit(other.memory.preferred), to = minus(home, other.position);
     return { way, on: dot(to, way), left: way[0] * to[1] - way[1] * to[0], goes: Math.hypot(...minus(other.aims.spot, other.position)) };
   }).filter(({ on, left, goes }) => on > 0 && on < Math.min(SIGHT, goes) && Math.abs(left) < CLOSES);
@@ -78,12 +82,12 @@ function comer(others, self, home, aside) {
 /** Like `comer`, of the nearest that is still where a person stands: a way through it, past the person. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
 function toucher(others, self) {
   const touches = others.filter(({ walks, number, velocity, position }) =>
-    !velocity[0] && !velocity[1] && (walks || number < self.number) && Math.hypot(...minus(self.position, position)) < TOUCH,
+    !velocity[0] && !velocity[1] && ((walks && self.stands) || number < self.number) && Math.hypot(...minus(self.position, position)) < TOUCH,
   ).map(({ position }) => {
     const to = minus(self.position, position);
     return { way: unit([to[1], -to[0]]), left: Math.hypot(...to) };
   });
-  return self.stands && touches.length ? touches.reduce((a, b) => (b.left < a.left ? b : a)) : null;
+  return touches.length ? touches.reduce((a, b) => (b.left < a.left ? b : a)) : null;
 }
 
 /** Whether others stand before a person that steps from here to a place. @param {Point} here @param {Point} place @param {Point} stands where it would come to a stand @param {Seen[]} others */

@@ -321,8 +321,7 @@ def decide(
         waited = everybody.waited[me] + seconds if on / max(speed, TINY) < 0.25 * speed else 0.0
         found.waited[row] = waited
         found.yields[row] = max(everybody.yields[me] - seconds, 0.0)
-        found.retreat[row, 0] = everybody.retreat[me, 0]
-        found.retreat[row, 1] = everybody.retreat[me, 1]
+        found.retreat[row] = everybody.retreat[me]
         if found.waited[row] <= PATIENCE or found.yields[row] > 0:
             continue
         other = _in_the_way(everybody, me, made.near[row], made.known[row], px, py)

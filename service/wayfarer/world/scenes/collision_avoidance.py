@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wayfarer.process.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
@@ -169,17 +169,11 @@ def turn_aside(
             if acos(bounded(x * (wish_x / wish) + y * (wish_y / wish), -1.0, 1.0)) > TURNED:
                 ahead.position[at, 0] = hips[row, 0] + np.float32(REACH) * x
                 ahead.position[at, 1] = hips[row, 1] + np.float32(REACH) * y
-                _pass(ahead, at, x, y)
-
-
-@inner
-def _pass(ahead: GoalArrays, row: int, x: float, y: float) -> None:
-    """Makes a position a point to pass through, on a way in the direction (x, y)."""
-    far = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
-    ahead.through[row], ahead.radius[row], ahead.bend[row] = True, PASSED, 0.0
-    ahead.onward[row, 0], ahead.onward[row, 1] = x / far, y / far
-    if not ahead.strafe[row]:
-        ahead.heading[row, 0] = ahead.heading[row, 1] = 0.0
+                ahead.through[at], ahead.radius[at], ahead.bend[at] = True, PASSED, 0.0
+                far = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+                ahead.onward[at, 0], ahead.onward[at, 1] = x / far, y / far
+                if not ahead.strafe[at]:
+                    ahead.heading[at, 0] = ahead.heading[at, 1] = 0.0
 
 
 @cache

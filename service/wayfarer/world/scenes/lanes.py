@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wayfarer.process.compiled import compiled, warm
+from wayfarer.world.avoidance.kernel import REACTION
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.rows import Array, Double, Flags, Float, Index
 
@@ -92,7 +93,8 @@ def lanes(
     `distance`: metres to the nearest wall at points [A, P, 2] of these rows, [A, P]. `own` [N]: the
     range [start, end) of each one's session in `people`; None: all are of one.
     """
-    place, count = people.position[rows], len(people.number)
+    # until a body reacts it keeps its velocity
+    place, count = people.position[rows] + REACTION * people.velocity[rows], len(people.number)
     way = points[:, -1] - points[:, 0]
     way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
     right = np.stack([way[:, 1], -way[:, 0]], -1)

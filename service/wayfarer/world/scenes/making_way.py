@@ -1,6 +1,6 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
 and returns when its place is free. If two agents stand in each other, the one with the
-higher number steps aside.
+higher number steps aside, or the one that has arrived; of two that wait on their ways, too.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
@@ -13,7 +13,7 @@ import numpy as np
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Feeding, Mode, Motion, Slots
-from wayfarer.world.avoidance.people import Memory
+from wayfarer.world.avoidance.people import Memory, People
 from wayfarer.world.rows import Array, Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import PATIENCE
@@ -66,26 +66,31 @@ class MakingWay:
     def update(
         self, rows: Index, hips: Float, start: Motion, stays: Flags, ahead: GoalColumns
     ) -> None:
-        """Writes to `ahead` where rows [A] at `hips` [A, 2] step that `stays`: aside, or back."""
+        """Writes to `ahead` where rows [A] at `hips` [A, 2] step: aside, or back. Those that do not
+        `stays` step out of others, if they wait.
+        """
         gait, memory, spots = start.gait, start.memory, start.aims.spot
         memory.yields[stays & (gait.mode == Mode.WALKING)] = 0.0  # it made way as it walked
-        which = np.flatnonzero(stays & self._may_step(rows, hips, start, ahead))
+        which = np.flatnonzero((stays | ~ahead.given) & self._may_step(rows, hips, start, ahead))
         for mine, them in self._avoidance.sessions(rows, which):
             stops = them.people.position + COASTS * them.people.velocity
             for row, me in zip(mine.tolist(), them.rows(rows[mine]).tolist(), strict=True):
-                here, aside, level = hips[row], bool(memory.yields[row] > 0), them.level(me)
+                here, level = hips[row], them.level(me)
+                aside = bool(stays[row] and memory.yields[row] > 0)
                 home, others = spots[row] if aside else here, stops[level]
                 touches, comes = toucher(them, me), comer(them, me, home, aside)
-                asks = touches or (None if aside else comes)
+                asks = touches or (comes if stays[row] and not aside else None)
                 step = self._step(int(rows[row]), here, *asks, others) if asks else None
                 if step is not None:
-                    spots[row] = home
-                    memory.retreat[row] = step + (here - home) / ASIDE
+                    place, retreat = here + ASIDE * step, step + (here - home) / ASIDE
                 elif not aside:
                     continue
-                taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
-                place = next_place(memory, row, here, spots[row], taken or comes is not None)
-                if memory.yields[row] > 0:
+                if stays[row]:
+                    if step is not None:
+                        spots[row], memory.retreat[row] = home, retreat
+                    taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
+                    place = next_place(memory, row, here, spots[row], taken or comes is not None)
+                if not stays[row] or memory.yields[row] > 0:
                     ahead.given[row] = not is_stopped(here, place, stops[me], others)
                     ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
                     ahead.radius[row], ahead.speed[row] = 0.1, 0.8
@@ -98,7 +103,7 @@ class MakingWay:
         An agent that faces a heading, or is far from its goal, may not.
         """
         slots, crowd = self._slots, self._avoidance.crowd
-        asks = crowd.people.walks & (crowd.people.aims.barred > PATIENCE)
+        asks = is_stuck(crowd.people)
         at_goal = np.linalg.norm(hips - start.aims.asked, axis=-1) < FARTHEST
         free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
         free &= slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
@@ -138,10 +143,15 @@ def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> Asks | None
     way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
     on, left = (to * way).sum(-1), way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
     goes = np.linalg.norm(people.aims.spot - people.position, axis=-1)
-    comes = people.walks & (aside | ((people.aims.barred > PATIENCE) & them.stand[me]))
+    comes = people.walks & (aside | (is_stuck(people) & them.stand[me]))
     comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES) & them.level(me)
     first = int(np.where(comes, on, np.inf).argmin())
     return (way[first], left[first]) if comes[first] else None
+
+
+def is_stuck(people: People) -> Flags:
+    """Who asks others to make way: standing people close its way, or leave too little room."""
+    return people.walks & (np.maximum(people.aims.barred, people.memory.waited) > PATIENCE)
 
 
 def toucher(them: SessionPeople, me: int) -> Asks | None:
@@ -149,8 +159,8 @@ def toucher(them: SessionPeople, me: int) -> Asks | None:
     people = them.people
     to = people.position[me] - people.position
     far = np.linalg.norm(to, axis=-1)
-    touches = them.stand[me] & (far < TOUCH) & ~people.velocity.any(-1) & them.level(me)
-    touches &= people.walks | (people.number < people.number[me])
+    touches = (far < TOUCH) & ~people.velocity.any(-1) & them.level(me)
+    touches &= (people.walks & them.stand[me]) | (people.number < people.number[me])
     first = int(np.where(touches, far, np.inf).argmin())
     way = np.array([to[first, 1], -to[first, 0]]) / max(float(far[first]), 1e-6)
     return (way, float(far[first])) if touches[first] else None
