@@ -76,15 +76,7 @@ class Detours:
         has waited longest.
         """
         slots, route = self._slots, self._slots.route
-        me, (first, last) = crowd.places[rows], crowd.own
-        near = np.full(len(rows), np.inf)
-        by = np.zeros((len(rows), int((last - first).max())), np.bool_)
-        if crowd.stand.any():
-            points, people = self._routes.ahead(rows, hips, goals, AHEAD), crowd.people
-            own, standing = (first[me], last[me]), (people.position, people.height, crowd.stand)
-            stand_before(me, np.float64(hips), points, own, standing, IN_WAY, near, by)
-        is_barred = np.isfinite(near)
-        barred = Barred(is_barred, near, by, np.where(is_barred, seconds + STEP_SECONDS, 0))
+        barred = self._barred(rows, hips, goals, crowd, seconds)
         flat = slots.scene[rows] == NOWHERE
         route.wait[rows[flat]] = np.maximum(route.wait[rows[flat]] - 1, 0)
         due = np.flatnonzero(barred.is_barred & (route.wait[rows] == 0))
@@ -99,6 +91,19 @@ class Detours:
         return barred
 
     # Private
+
+    def _barred(
+        self, rows: Index, hips: Array, goals: Array, crowd: Gathering, seconds: Float
+    ) -> Barred:
+        me, (first, last) = crowd.places[rows], crowd.own
+        near = np.full(len(rows), np.inf)
+        by = np.zeros((len(rows), int((last - first).max())), np.bool_)
+        if crowd.stand.any():
+            points, people = self._routes.ahead(rows, hips, goals, AHEAD), crowd.people
+            own, standing = (first[me], last[me]), (people.position, people.height, crowd.stand)
+            stand_before(me, np.float64(hips), points, own, standing, IN_WAY, near, by)
+        is_barred = np.isfinite(near)
+        return Barred(is_barred, near, by, np.where(is_barred, seconds + STEP_SECONDS, 0))
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
         """Looks for a way around, and lays it; returns whether there is one."""
