@@ -17,7 +17,7 @@ from wayfarer.world.rows import Array, Flags, Index, Int
 BESIDE_WAY: Final = 0.5
 """Metres to either side of a way at which its width is measured."""
 
-NARROW: Final = 1.35
+NARROW: Final = 1.65
 """Metres: narrower places are passed by one direction at a time; …"""
 
 LANES: Final = (1.1, 1.0)
