@@ -21,7 +21,7 @@ export class MakingWay {
     this.scene = scene;
   }
 
-  /** Sends a person that stays aside, or back, and one that waits out of another one. @param {Row} row @param {Seen[]} people */
+  /** Sends a person that stays aside, or back, and a waiting person out of another one. @param {Row} row @param {Seen[]} people */
   update(row, people) {
     const { hips, gait, self, walker } = row, stays = !walker.aims.wants;
     if (!stays && row.ahead.given) return;

@@ -1,6 +1,6 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
-and returns when its place is free. If two agents stand in each other, the one with the
-higher number steps aside, or the one that has arrived; of two that wait on their ways, too.
+and returns when its place is free. If two agents stand or wait in each other, the one that
+has arrived steps aside, else the one with the higher number.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
@@ -66,8 +66,8 @@ class MakingWay:
     def update(
         self, rows: Index, hips: Float, start: Motion, stays: Flags, ahead: GoalColumns
     ) -> None:
-        """Writes to `ahead` where rows [A] at `hips` [A, 2] step: aside, or back. Those that do not
-        `stays` step out of others, if they wait.
+        """Writes to `ahead` where rows [A] at `hips` [A, 2] step: aside, or back. A row that waits
+        on its way (not `stays`) steps out of another agent.
         """
         gait, memory, spots = start.gait, start.memory, start.aims.spot
         memory.yields[stays & (gait.mode == Mode.WALKING)] = 0.0  # it made way as it walked
@@ -150,7 +150,7 @@ def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> Asks | None
 
 
 def is_stuck(people: People) -> Flags:
-    """Who asks others to make way: standing people close its way, or leave too little room."""
+    """Whether a walker asks others to make way: they close its way, or leave too little room."""
     return people.walks & (np.maximum(people.aims.barred, people.memory.waited) > PATIENCE)
 
 
