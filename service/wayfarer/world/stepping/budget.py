@@ -22,7 +22,7 @@ BY_SIGHT = 1
 """Number of the level that differs from the one above only if some agents are not near."""
 
 WINDOW = 1.0
-"""Seconds of calls that are considered. A call that is late longer after others is the first."""
+"""Seconds of calls that are considered. After a longer time a late call counts as the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class BudgetRules:
     """When to go down the ladder, and when up again, in seconds."""
 
     late: float = 0.03  # an engine call may end this long after its deadline
-    settle: float = 0.2  # calls that are still more than half as late after this do not catch up
+    settle: float = 0.2  # calls that are more than half as late after this do not catch up
     hurry: float = 0.06  # a call that would end this long after its deadline is enough at once
     patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
     most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
