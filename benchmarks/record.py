@@ -29,6 +29,7 @@ RESULTS = Path(__file__).parent / "results"
 
 PARTS: dict[str, tuple[str, ...]] = {
     "step": ("step",),
+    "quantised": ("quantised",),
     **{
         f"{name}_{engine}": (name, "--engine", engine)
         for name in ("paper_s3", "startup", "memory")
