@@ -78,7 +78,8 @@ class MakingWay:
                 here, level = hips[row], them.level(me)
                 aside = bool(stays[row] and memory.yields[row] > 0)
                 home, others = spots[row] if aside else here, stops[level]
-                touches, comes = toucher(them, me), comer(them, me, home, aside)
+                touches = toucher(them, me)
+                comes = comer(them, me, home, aside) if aside or not touches else None
                 asks = touches or (comes if stays[row] and not aside else None)
                 step = self._step(int(rows[row]), here, *asks, others) if asks else None
                 if step is not None:
