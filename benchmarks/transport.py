@@ -2,10 +2,10 @@
 
     python -m benchmarks.transport [--agents 1024] [--seconds 20] [--json FILE] [--quick]
 
-The server's step is a stand-in that costs nothing (benchmarks.instant); cores are CPU seconds of
-the whole server for each second. *nobody* is the server without readers; a reader adds
-serialisation and transport. *bare socket* is the floor: the same bytes in messages of the same size
-through asyncio and a loopback socket, without any processing.
+The server's step is a stand-in that costs nothing (benchmarks.instant), and all agents stand. Cores
+are CPU seconds of the whole server for each second. *nobody* is the server without readers; a
+reader adds serialisation and transport. *bare socket* is the floor: the same bytes in messages of
+the same size through asyncio and a loopback socket, without any processing.
 """
 
 import argparse

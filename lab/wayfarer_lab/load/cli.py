@@ -38,7 +38,8 @@ def load(
     warm_up: Annotated[float, typer.Option(help="Seconds of load before the measurement.")] = 5.0,
     transport: Annotated[str, typer.Option(help="grpc or websocket.")] = "grpc",
     goal_rate: Annotated[
-        float, typer.Option(help="New goals per second and agent, at random instants.")
+        float,
+        typer.Option(help="New goals per second and agent, at random instants; 0: all stand."),
     ] = 0.1,
     slow: Annotated[int, typer.Option(help="Extra streams with a reader that is too slow.")] = 0,
     vanishing: Annotated[

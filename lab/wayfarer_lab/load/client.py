@@ -143,13 +143,18 @@ class SimulatedClient:
             await asyncio.sleep(RECONNECT_SECONDS)
 
     async def _give_goals(self, goals: GoalWatch, measuring_from: float) -> None:
-        """Gives every agent a goal, then more at random instants without waiting for answers."""
+        """Gives every agent a goal, then more at random instants without waiting for answers.
+
+        At a rate of 0 all stand.
+        """
+        rate = self._plan.goal_rate * len(self._agents)
+        if not rate:
+            return
         for agent in self._agents:
             self._command(agent, goals, time.time(), measuring_from)
             await asyncio.sleep(FIRST_GOALS / len(self._agents))
-        rate = self._plan.goal_rate * len(self._agents)
         due = time.time()
-        while rate > 0:
+        while True:
             due += self._chance.expovariate(rate)
             await asyncio.sleep(max(due - time.time(), 0.0))
             self._command(self._chance.choice(self._agents), goals, due, measuring_from)
