@@ -4,9 +4,9 @@
 
 Both are files of `benchmarks.record`, or of single benchmarks (`--json`). Ratios divide a cost
 by a floor that was measured in the same run (a step against its matrix products at the
-machine's ceiling, sending against a bare socket), so files of different machines may be compared. A
-ratio may be worse by the tolerance (0.1: a tenth). Ends with 1 when one is worse, or is missing
-although its benchmark was run.
+machine's ceiling, a server with a reader against one without), so files of different machines may
+be compared. A ratio may be worse by the tolerance (0.1: a tenth). Ends with 1 when one is worse, or
+is missing although its benchmark was run.
 """
 
 import argparse

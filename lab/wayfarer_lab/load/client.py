@@ -145,7 +145,7 @@ class SimulatedClient:
     async def _give_goals(self, goals: GoalWatch, measuring_from: float) -> None:
         """Gives every agent a goal, then more at random instants without waiting for answers.
 
-        At a rate of 0 all stand.
+        If the rate is 0, all agents stand.
         """
         rate = self._plan.goal_rate * len(self._agents)
         if not rate:

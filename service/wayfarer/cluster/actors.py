@@ -79,7 +79,7 @@ class _Actor:
             raise Unavailable(f"{who} does not answer ({type(error).__name__})") from None
 
     def _find_again(self) -> None:
-        """Finds the actor anew: once Ray's head has restarted, earlier handles never get answers.
+        """Looks the actor up again: after a restart of Ray's head, earlier handles get no answers.
 
         It runs on a thread, since Ray waits for its head; the earlier handle is used meanwhile.
         """

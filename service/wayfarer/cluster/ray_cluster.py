@@ -162,7 +162,7 @@ class RayCluster:
             node.reload.remote()
 
     def close(self) -> None:
-        """Leaves Ray, whether it answers or not. A Ray of its own ends after its nodes have
+        """Leaves Ray, whether it answers or not. If it started Ray, Ray ends after the nodes have
         drained.
         """
         if self._own and self._nodes:

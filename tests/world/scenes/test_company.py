@@ -134,8 +134,8 @@ def test_a_goal_amid_a_ring_of_people_is_reported():
     assert len(blocked(world)) == 1
 
 
-def before_a_door(*people):
-    """What people (place, goal, number) do before a door at the origin."""
+def before_a_door(*people, width=0.9):
+    """What people (place, goal, number) do before a door at the origin, `width` metres wide."""
     crowd = People.empty(len(people))
     crowd.position[:] = [place for place, _, _ in people]
     crowd.number[:] = [number for _, _, number in people]
@@ -145,14 +145,14 @@ def before_a_door(*people):
     points = np.stack([np.zeros((len(people), 20)), np.array(ahead)], -1)
 
     def distance(points):
-        return np.where(np.abs(points[..., 1]) < 0.4, 0.45 - np.abs(points[..., 0]), 2.0)
+        return np.where(np.abs(points[..., 1]) < 0.4, width / 2 - np.abs(points[..., 0]), 2.0)
 
     return turns(crowd, np.arange(len(people)), points, distance)
 
 
-def waits_before_a_door(*people):
+def waits_before_a_door(*people, **door):
     """Whether the first of them waits."""
-    return bool(before_a_door(*people).waits[0])
+    return bool(before_a_door(*people, **door).waits[0])
 
 
 def test_at_a_door_each_waits_at_a_place_of_its_own_out_of_the_way():
@@ -177,6 +177,12 @@ def test_at_a_door_who_is_nearer_goes_first_and_others_of_its_way_follow():
     assert waits_before_a_door(me, inside)
     assert not waits_before_a_door(me, mine, nearer)
     assert not waits_before_a_door(me, gone)
+
+
+@pytest.mark.parametrize(("width", "waits"), [(0.9, True), (1.5, True), (1.8, False)])
+def test_a_door_of_1_5_m_is_passed_one_direction_at_a_time_and_a_wider_one_is_not(width, waits):
+    me, nearer = ((0.0, -2.0), (0.0, 5.0), 2), ((0.0, 1.5), (0.0, -5.0), 3)
+    assert waits_before_a_door(me, nearer, width=width) == waits
 
 
 def test_a_door_too_narrow_for_two_is_passed_both_ways():

@@ -23,7 +23,8 @@ import { bounded } from "./steering.js";
 const RADIUS = Math.fround(0.22); // of a person among others
 const TURNS = [0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120];
 const FAN = TURNS.map((turn) => ({ x: Math.cos((turn * Math.PI) / 180), y: Math.sin((turn * Math.PI) / 180) }));
-const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SHORTEST = 0.7, SOON = 0.3, CLOSE = 1.5, REACTION = 0.3, SLOWEST = 0.5;
+const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SHORTEST = 0.7, SOON = 0.3, CLOSE = 1.5, SLOWEST = 0.5;
+export const REACTION = 0.3;
 const COMFORT = 0.35, SHARE = 0.5, APART = 0.05, SETS_OFF = 0.5, HEADWAY = 0.6, DEEP = 0.55, SQUEEZE = 0.95;
 const WAY = [0.2, 0.4, 0.7, 1], WALL_ROOM = 0.1, WALL_SLACK = 0.04, WALL_SHARE = 0.42, LANES = 0.9, PASSING = 0.3, PASS_SHARE = 0.8;
 const DEVIATION = 2, CHANGE = 0.7, COLLISION = 1.8, WALL = 1, TOUCH = 12, NEXT = 0.5, EVEN = 1e-4;

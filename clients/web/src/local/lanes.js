@@ -1,13 +1,14 @@
 // Narrow ways: how wide they are, where two keep apart in them, and how they turn their shoulders. It mirrors
 // the server's world/scenes/lanes.py, which explains the rules. World: metres.
 
+import { REACTION } from "./avoidance.js";
 import { bounded, dot, minus, plus, times } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
 /** @typedef {{ half: number, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
 
-const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 0.3, BACK = 4, DRIFT = 0.5, REACTION = 0.3, SEES = 7, PAST = -0.3;
+const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 0.3, BACK = 4, DRIFT = 0.5, SEES = 7, PAST = -0.3;
 const AGAINST = 0.5, TURNS = [0.46, 0.66], TURN = (40 * Math.PI) / 180, SQUEEZE = [0.23, 0.29], TURN_SECONDS = 1.4;
 export const SIDEWAYS = 0.9;
 

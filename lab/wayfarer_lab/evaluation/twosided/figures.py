@@ -1,7 +1,7 @@
 """Figures of a take, by name: thin readings of `metrics`, in the units of the tables.
 
 Of `eval maneuvers` (part `two-sided`) and `eval ranges`. Each is measured on a stretch: recorded
-ones are found by how the body moves, ours are those that were ordered. A person's figure is the
+ones are found by how the body moves, ours by what was ordered. A person's figure is the
 median over its stretches. *Range*: 10th to 90th percentile of recorded stretches, each performer
 counting once (a style of 100STYLE is a performer). A figure *holds* if the median of people is
 inside and their p90 − p10 is at least 30 % of the range's width. No spread is asked for where a

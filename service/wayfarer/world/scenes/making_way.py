@@ -1,6 +1,6 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
-and returns when its place is free. If two agents stand or wait in each other, the one that
-has arrived steps aside, else the one with the higher number.
+and returns when its place is free. If two agents stand or wait in each other, the
+one with the higher number steps aside, and a standing one always does so for a waiting one.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.

@@ -8,7 +8,7 @@ Frames must be ready in time under any load, so quality is reduced first:
     hold idle agents      standing agents with nothing to do keep their pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
 
-The level goes down one at a time, when late calls do not catch up by themselves, and up again after
+The level goes down one at a time when late calls do not catch up by themselves, and up again after
 a calm period. Time is an argument.
 """
 
@@ -56,8 +56,8 @@ class BudgetRules:
     """When to go down the ladder, and when up again, in seconds."""
 
     late: float = 0.03  # an engine call may end this long after its deadline
-    settle: float = 0.2  # calls that are more than half as late after this do not catch up
-    hurry: float = 0.06  # a call that would end this long after its deadline is enough at once
+    settle: float = 0.2  # time to catch up: what is then still more than half as late will not
+    hurry: float = 0.06  # a call that ends this late is enough, half of `settle` after a change
     patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
     most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
     headroom: float = 1.6  # ratio of a call's cost with the next level's candidates
