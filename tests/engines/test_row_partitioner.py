@@ -102,7 +102,7 @@ def test_no_number_of_threads_means_one_per_core():
     assert RowPartitioner(3).sizes((1, 64)) == (1, 64, 128, 192)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="each thread has its priority on Linux alone")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has a priority for each thread")
 def test_threads_that_give_way_make_threads_that_do():
     def niceness():
         return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())

@@ -88,7 +88,7 @@ def test_memory_is_bounded_whoever_asks():
     buckets.take("ada", 1, 2, 0.0)
     for number in range(3 * REMEMBERED):
         buckets.take(str(number), 1, 2, 0.0)
-        buckets.take("ada", 1e-9, 1e9, 0.0)  # a caller that calls is not forgotten
+        buckets.take("ada", 1e-9, 1e9, 0.0)  # so ada is not forgotten
     assert len(buckets) == REMEMBERED
 
 
