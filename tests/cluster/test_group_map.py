@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from tests.cluster.nodes import LEASE, Bench, info, named
+from tests.cluster.nodes import LEASE, Bench, info
 from wayfarer.cluster.group_map import MOST_PLACES, GroupMap
 from wayfarer.cluster.messages import Changes
 from wayfarer.cluster.placement import rendezvous
@@ -32,16 +32,6 @@ def test_a_view_that_is_older_than_the_log_gets_the_whole(monkeypatch):
     for _ in range(9000):
         bench.directory._touch("ffff")
     assert bench.directory.look(view.seen)[1].whole
-
-
-def test_a_node_knows_where_the_sessions_of_others_are():
-    bench = Bench(["n0", "n1"])
-    group = bench.new_session("n0")
-    bench.beat()
-    bench.beat()
-    there = bench.nodes["n1"].endpoint_of(named(group))
-    assert (there.worker, there.grpc_port, there.host) == (0, 1000, "127.0.0.1")
-    assert bench.nodes["n0"].endpoint_of(named(group)) is None
 
 
 def test_a_node_knows_all_nodes_and_those_that_were():

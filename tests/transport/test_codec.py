@@ -175,20 +175,6 @@ def test_defaults():
     motion_pb2.StreamHeader(**PoseFormat().header())
 
 
-def test_a_choice():
-    request = motion_pb2.PoseFormat(
-        encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
-        profile=motion_pb2.POSE_PROFILE_BONES,
-        bones=["head", "pelvis"],
-        fps=10,
-    )
-    found = chosen(request)
-    assert found == PoseFormat(PoseEncoding.SMALLEST_THREE, (0, 15), 10)
-    assert (found.frame_bytes, found.stride) == (24, 4)
-    full = chosen(motion_pb2.PoseFormat(profile=motion_pb2.POSE_PROFILE_FULL))
-    assert full.frame_bytes == 12 + 52 * 16
-
-
 @pytest.mark.parametrize(
     ("choice", "field", "message"),
     [

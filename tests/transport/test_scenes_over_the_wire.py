@@ -150,6 +150,7 @@ async def test_a_mesh_that_is_too_large_is_refused_before_it_is_read(rig):
         ({**YARD, "basis": "mars"}, "basis"),
         ({**YARD, "name": "x" * 65}, "name"),
         ({**YARD, "lease_s": 0}, "lease_s"),
+        ({**YARD, "lease_s": 1e9}, "lease_s"),
     ],
 )
 async def test_malformed_scenes_are_told_where_they_are_wrong(rig, body, field):

@@ -13,7 +13,7 @@ from tests.runtime.kept_worlds import STICK, fake_worlds
 from tests.runtime.running import until
 from tests.world.fakes import people
 from tests.world.scenes.grounds import FIELD
-from wayfarer.errors import InvalidArgument, Unavailable
+from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.runtime.faults import FaultLog
 from wayfarer.runtime.motion_service import MotionService
@@ -22,7 +22,6 @@ from wayfarer.runtime.persistence.crash_loop import STARTS as EARLY
 from wayfarer.runtime.persistence.crash_loop import CrashLoopGuard
 from wayfarer.runtime.persistence.journal import Journal
 from wayfarer.runtime.persistence.journal_file import NAME, EntryKind
-from wayfarer.runtime.thread import MotionThread
 from wayfarer.transport.edge.metrics import Metrics
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.population import Population
@@ -165,18 +164,6 @@ async def test_an_import_that_fails_leaves_nothing_behind(server, monkeypatch):
         monkeypatch.undo()
         assert (await service.import_session(snapshot)).session_id == "a"
         assert int(service._world.slots.active.sum()) == 6
-
-
-async def test_a_loop_that_fails_for_good_says_so(server, monkeypatch):
-    def fail(self, now):
-        raise RuntimeError("nobody's fault that is known")
-
-    async with server as service:
-        monkeypatch.setattr(MotionThread, "_keep_schedule", fail)
-        await until(lambda: server.ended, 20)
-        assert not service.ready and not service.alive
-        with pytest.raises(Unavailable, match="nobody's fault"):
-            await names(service)
 
 
 async def test_a_session_that_ends_the_loop_at_every_start_is_found(server, monkeypatch):

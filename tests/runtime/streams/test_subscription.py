@@ -11,7 +11,6 @@ from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
     ResourceExhausted,
-    Unavailable,
 )
 from wayfarer.runtime.streams.publications import Publication, SlowReader
 from wayfarer.runtime.streams.sequence_tracker import SILENCE
@@ -155,15 +154,6 @@ def ring(*numbers, agents=("a",)):
     return tuple(entry(seq, *agents) for seq in numbers)
 
 
-async def test_a_resumed_subscription_replays_without_marks():
-    start = SubscriptionStart("epoch", 3, 0.6, resumed=True, held=ring(1, 2, 3, 4))
-    queue = subscription(start=start)
-    put(queue, [entry(5)])
-    got = await take(queue, 3)
-    assert queue.resumed and queue.epoch == "epoch"
-    assert [p.position for p in got] == [4, 5, 6] and flags(got) == [[ChunkFlag.NONE]] * 3
-
-
 async def test_an_agent_that_began_after_the_resumed_position_is_first():
     born = QueuedPublication(Publication(5, together(chunk(4, "a"), chunk(0, "z"))), 0.8)
     after = QueuedPublication(Publication(6, together(chunk(5, "a"), chunk(1, "z"))), 1.0)
@@ -208,17 +198,6 @@ async def test_who_resumes_loses_nothing_while_the_agents_of_its_first_publicati
     assert seqs(await take(queue, 10)) == list(range(2, 12)) and queue.dropped == 0
     put(queue, map(entry, range(12, 30)))
     assert queue.dropped > 0, "bounded again"
-
-
-async def test_the_opening_comes_first():
-    gap = Event(EventKind.GAP, 0.0, detail="lost")
-    start = SubscriptionStart("new", 7, 1.4, opening=Publication(7, events=(gap,)))
-    queue = subscription(start=start)
-    put(queue, [entry(7)])
-    opening, live = await take(queue, 2)
-    assert not queue.resumed
-    assert opening.events == (gap,) and opening.position == 7
-    assert flags([live]) == [[ChunkFlag.FIRST]]
 
 
 async def test_agents_silent_for_long_are_forgotten_and_those_present_are_not():
@@ -316,23 +295,7 @@ async def test_a_reader_that_keeps_up_is_not_disconnected():
         assert seqs(await take(queue, 1)) == [seq]
 
 
-async def test_a_holder_loses_nothing_while_it_is_spared():
-    queue = subscription(slow_reader=SlowReader.HOLD)
-    put(queue, map(entry, range(8)), spare=True)
-    assert seqs(await take(queue, 8)) == list(range(8)) and queue.dropped == 0
-    put(queue, map(entry, range(8, 16)), spare=False)
-    assert queue.dropped == 5, "others continue to read"
-
-
 # Ends
-
-
-async def test_the_reader_gets_what_waits_and_then_the_end():
-    queue = subscription()
-    put(queue, [entry(0)])
-    queue.end()
-    put(queue, [entry(1)])
-    assert seqs([p async for p in queue]) == [0]
 
 
 async def test_close_ends_a_waiting_reader_and_may_be_repeated():
@@ -344,13 +307,6 @@ async def test_close_ends_a_waiting_reader_and_may_be_repeated():
     assert await reader is None
     put(queue, [entry(0)])
     assert [p async for p in queue] == []
-
-
-async def test_a_failed_loop_is_told_to_the_reader():
-    queue = subscription()
-    queue.end(Unavailable("the loop has failed"))
-    with pytest.raises(Unavailable, match="has failed"):
-        await anext(queue)
 
 
 async def test_a_second_reader_is_refused_and_a_cancelled_one_gives_way():

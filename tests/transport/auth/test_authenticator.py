@@ -32,12 +32,6 @@ async def test_without_any_way_everybody_is_local():
     assert await Authenticator().caller(Credentials(bearer="whatever")) is LOCAL
 
 
-async def test_a_key_in_either_header(keys):
-    known = Authenticator(keys)
-    for shown in (Credentials(api_key=STUDIO), Credentials(bearer=STUDIO)):
-        assert (await known.caller(shown)).name == "key:studio"
-
-
 async def test_keys_and_tokens_side_by_side(keys, tokens, issuer):
     known = Authenticator(keys, tokens)
     assert (await known.caller(Credentials(bearer=STUDIO))).name == "key:studio"

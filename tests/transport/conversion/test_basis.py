@@ -6,22 +6,6 @@ from hypothesis.extra.numpy import arrays
 
 from wayfarer.transport.conversion.basis import Basis
 
-# The table of the field study, from glTF: p = (x, y, z), q = (x, y, z, w).
-FROM_GLTF = {
-    Basis.GLTF: (lambda x, y, z: (x, y, z), lambda x, y, z, w: (x, y, z, w)),
-    Basis.UNITY: (lambda x, y, z: (-x, y, z), lambda x, y, z, w: (x, -y, -z, w)),
-    Basis.UNREAL: (
-        lambda x, y, z: (100 * z, -100 * x, 100 * y),
-        lambda x, y, z, w: (-z, x, -y, w),
-    ),
-    Basis.UNREAL_MANNEQUIN: (
-        lambda x, y, z: (100 * x, 100 * z, 100 * y),
-        lambda x, y, z, w: (-x, -z, -y, w),
-    ),
-    Basis.BLENDER: (lambda x, y, z: (x, -z, y), lambda x, y, z, w: (x, -z, y, w)),
-    Basis.ROS: (lambda x, y, z: (z, x, y), lambda x, y, z, w: (z, x, y, w)),
-}
-
 bases = st.sampled_from(list(Basis))
 points = arrays(np.float64, (5, 3), elements=st.floats(-1e4, 1e4))
 unit = arrays(np.float64, (5, 4), elements=st.floats(-1, 1)).filter(
@@ -44,17 +28,6 @@ def rotate(q, p):
     zero = np.zeros((*p.shape[:-1], 1))
     conjugate = q * [-1, -1, -1, 1]
     return multiply(multiply(q, np.concatenate([p, zero], -1)), conjugate)[..., :3]
-
-
-@pytest.mark.parametrize("basis", Basis)
-def test_the_six_rows_of_the_study(basis):
-    rng = np.random.default_rng(0)
-    point, turn = rng.normal(size=3), rng.normal(size=4)
-    gltf = Basis.GLTF.axes
-    expected_point = FROM_GLTF[basis][0](*gltf.points_to_wire(point))
-    expected_turn = FROM_GLTF[basis][1](*gltf.quaternions_to_wire(turn))
-    np.testing.assert_allclose(basis.axes.points_to_wire(point), expected_point, atol=1e-12)
-    np.testing.assert_allclose(basis.axes.quaternions_to_wire(turn), expected_turn, atol=1e-12)
 
 
 @given(bases, points, unit)

@@ -15,7 +15,6 @@ from wayfarer.transport.conversion import motion_files
     ("body", "field"),
     [
         ({"seconds": 121}, "seconds"),
-        ({"seconds": 1, "format": {"fps": 7}}, "format.fps"),
         ({"seconds": 1, "goals": [{"position": {"x": 0, "y": 0, "z": 0}}] * 257}, "goals"),
     ],
 )

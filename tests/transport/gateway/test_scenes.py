@@ -82,21 +82,6 @@ async def test_sessions_are_in_scenes_of_their_caller(api):
     await api.scenes.delete(made.scene_id)
 
 
-async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names(api):
-    small = CRATE.model_copy(update={"size": schema.Extents(x=1, y=1, z=0.001)})
-    with pytest.raises(InvalidArgument, match=r"allowed is 0\.01 m to 500 m") as caught:
-        await yard(api, solids=(schema.Solid(box=small),))
-    assert caught.value.field == "solids[0].box.size"
-    with pytest.raises(InvalidArgument, match="a scene needs ground"):
-        await yard(api, floors=())
-    bow = [vector(x, 0, z) for x, z in ((0, 0), (5, 5), (5, 0), (0, 5))]
-    with pytest.raises(InvalidArgument, match="may not cross") as caught:
-        await yard(api, floors=(schema.Floor(outline=bow),))
-    assert caught.value.field == "floors[0].outline"
-    with pytest.raises(InvalidArgument, match="from 1 to"):
-        await yard(api, lease_s=1e9)
-
-
 async def test_a_request_sent_twice_makes_one_scene(service, api):
     made = [await yard(api, request_id="r") for _ in range(2)]
     assert made[0] == made[1] and len(service.registry.infos()) == 1

@@ -3,7 +3,7 @@ import pytest
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import GOAL, called_by, caller, session, session_of_two
 from wayfarer.config.limits import Limits
-from wayfarer.errors import AlreadyExists, FailedPrecondition, InvalidArgument, ResourceExhausted
+from wayfarer.errors import AlreadyExists, InvalidArgument, ResourceExhausted
 from wayfarer.transport import schema
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.transport.edge.caller import Quota
@@ -53,11 +53,6 @@ async def test_a_log_is_replayed_in_the_basis_of_its_session(api):
     assert header.header.basis.metres_per_unit == 0.01 and len(header.header.bones) == 52
     assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1]
     assert len(batches[0].batch.added) == 1
-
-
-async def test_a_session_that_is_not_recorded_has_no_log(api):
-    with pytest.raises(FailedPrecondition, match="not recorded"):
-        await api.snapshots.export_log(await session(api))
 
 
 @pytest.mark.parametrize(

@@ -65,20 +65,6 @@ async def test_commands_are_answered_in_order_and_a_bad_one_ends_nothing(api):
     assert problems == [(10, ""), (3, "goal.position.x"), (5, ""), (3, "open"), (3, "payload")]
 
 
-async def test_motion_and_replies_share_the_connection(service, api):
-    session_id, (agent, _) = await session_of_two(api)
-    client = Client()
-    async with aclosing(await begun(api, client, session_id)) as messages:
-        service.emit(session_id)
-        assert len((await anext(messages)).motion.batch.chunks.aliases) == 2
-        client.send(command_id=1, clear_goal={"agent_id": agent.agent_id})
-        assert (await anext(messages)).reply.revision == 1
-        client.leave()  # no more requests: the stream continues
-        service.emit(session_id)
-        assert len((await anext(messages)).motion.batch.chunks.aliases) == 2
-    assert service.subscriptions[0].closed
-
-
 async def test_acknowledgements_reach_the_subscription(service, api):
     session_id, _ = await session_of_two(api)
     client = Client()

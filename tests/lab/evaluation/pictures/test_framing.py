@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from wayfarer.body.rotation import quaternion_from_rotvec
-from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation.pictures.framing import (
     calm_way,
-    check_view,
     close_up,
     following,
     way_heading,
@@ -71,8 +69,3 @@ def test_a_wide_camera_sees_every_way_from_sole_to_crown(act):
     seen = camera.project(np.concatenate([feet, feet + np.array([0, 0, 1.9])]))
     assert (seen[:, :2] >= 0).all() and (seen[:, :2] <= SIZE).all()
     assert np.ptp(seen[:, 0]) > 0.5 * SIZE[0], "people are not lost in the distance"
-
-
-def test_unknown_views_are_refused():
-    with pytest.raises(InvalidArgument, match="allowed: quarter, side, front, back, body"):
-        check_view("below")
