@@ -3,7 +3,7 @@
 from functools import cache
 
 from tests.world.fakes import BODIES, FakeEngine, start_poses
-from wayfarer.navigation.examples import rectangle
+from wayfarer.navigation.examples import rectangle, two_storeys
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionSpec
@@ -30,6 +30,12 @@ ISLANDS = (FIELD, Floor(rectangle(20.0, 0.0, 32.0, 12.0)))
 def field(*solids: Box) -> Scene:
     """The field, with solids on it."""
     return bake(SceneSpec((FIELD,), solids))
+
+
+@cache
+def storeys() -> Scene:
+    """The example with two storeys."""
+    return bake(two_storeys())
 
 
 @cache

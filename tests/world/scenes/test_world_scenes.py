@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import HIPS_HEIGHT, taken
-from tests.world.scenes.grounds import BOX, FIELD, WALL, enter, field, islands, world_in
+from tests.world.scenes.grounds import BOX, FIELD, WALL, enter, field, islands, storeys, world_in
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
-from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, SessionSpec
@@ -344,8 +343,7 @@ def test_goals_that_move_are_followed_on_new_ways():
 
 
 def test_a_storey_is_named_by_its_height():
-    both = bake(two_storeys())
-    world, _, _ = world_in(both)
+    world, _, _ = world_in(storeys())
     [below] = enter(world, (10.0, 5.0))
     [above] = enter(world, (10.0, 5.0), floor=3.0)
     assert below.position[2] == pytest.approx(HIPS_HEIGHT, abs=0.02)
@@ -362,7 +360,7 @@ def test_a_storey_is_named_by_its_height():
     [(0.0, 0.3), (0.0, 0.9), (0.0, 1.5), (0.0, -0.5), (3.0, 0.3), (3.0, 1.5), (3.0, -0.2)],
 )
 def test_a_goal_at_any_height_is_walked_to_on_the_ground_below_it(floor, z):
-    world, _, _ = world_in(bake(two_storeys()))
+    world, _, _ = world_in(storeys())
     [agent] = enter(world, (8.0, 5.0), floor=floor)
     world.give(agent.agent_id, goal(10.0, 6.0, floor + z), 0.0)
     tracks, arrived = walked(world, 8.0)
@@ -374,7 +372,7 @@ def test_a_goal_at_any_height_is_walked_to_on_the_ground_below_it(floor, z):
 
 
 def test_patrolled_places_too():
-    world, _, _ = world_in(bake(two_storeys()))
+    world, _, _ = world_in(storeys())
     [agent] = enter(world, (8.0, 5.0))
     places = (goal(10.0, 6.0, 0.9, speed=3.0), goal(8.0, 4.0, 1.6, speed=3.0))
     world.give(agent.agent_id, Patrol(places), 0.0)
