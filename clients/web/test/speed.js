@@ -1,5 +1,5 @@
 // CPU time of 64 agents: decoded, sampled and put on characters, at 60 pictures a second. node test/speed.js; in Chromium:
-// python -m tests.clients.page_speed
+// python -m benchmarks.page_speed
 
 import { MotionPlayer, Retarget, Rig, mapBones } from "../src/core/index.js";
 import { batch, header } from "./crowd.js";

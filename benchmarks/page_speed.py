@@ -1,4 +1,4 @@
-"""Times of the web client in Chromium: `python -m tests.clients.page_speed [DEMO]`.
+"""Times of the web client in Chromium: `python -m benchmarks.page_speed [DEMO]`.
 
 The core: 64 agents are decoded, sampled and put on characters, 60 pictures a second. With DEMO, a
 folder that `make demo` has written, also people who walk without a server: the time until they are
@@ -20,7 +20,7 @@ from pathlib import Path
 from tests.viewer.chromium import Page
 from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread, worker_threads
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 SECONDS = 20
 VISITS = 5
 THERE = (

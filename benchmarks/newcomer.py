@@ -1,4 +1,4 @@
-"""A newcomer's first ten seconds: `python -m tests.viewer.newcomer FOLDER [WIDTHxHEIGHT …]`.
+"""A newcomer's first ten seconds: `python -m benchmarks.newcomer FOLDER [WIDTHxHEIGHT …]`.
 
 With `--openings 20`, the page is only opened, 20 times, at the first size: median and 95th
 percentile of the seconds until each step.
@@ -17,7 +17,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-
 from tests.serving import Service
 from tests.viewer.chromium import Page
 from tests.viewer.stage import FIRST_SECONDS, FREE_SPOT, SIZES

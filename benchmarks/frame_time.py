@@ -1,4 +1,4 @@
-"""Time of a displayed frame of the page: `python -m tests.viewer.frame_time [PEOPLE [SCENE]]`.
+"""Time of a displayed frame of the page: `python -m benchmarks.frame_time [PEOPLE [SCENE]]`.
 
 In a real browser against a real server, with the best look (shadows, fine bodies) and names shown.
 The work of the graphics card is left out: draw calls are made, but nothing waits for them.
@@ -18,7 +18,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-
 from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page
 from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread
