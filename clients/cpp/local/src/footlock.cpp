@@ -13,7 +13,7 @@ constexpr double SETTLE = 0.25, DROP = 0.02, SOFTNESS = 0.006;
 
 double smooth(double value, const double (&ends)[2]) { return local::smooth(value, ends[0], ends[1]); }
 
-LegShare share_of(const std::string& marker) {
+LegShare share_of_leg(const std::string& marker) {
   static const std::map<std::string, LegShare> KNOWN{{"THI", {0.5, 0}}, {"KNE", {1, 0}}, {"KNI", {1, 0}},
                                                      {"SHN", {0.5, 0.5}}, {"CLF", {0.5, 0.5}}, {"ANK", {0, 1}},
                                                      {"HEE", {0, 1}}, {"TOE", {0, 1}}, {"MT1", {0, 1}},
@@ -81,7 +81,7 @@ std::vector<Feet<LegShare>> leg_shares(const std::vector<std::string>& markers) 
   std::vector<Feet<LegShare>> shares;
   for (const std::string& marker : markers) {
     const bool left = marker[0] == 'L', right = marker[0] == 'R';
-    shares.push_back({left ? share_of(marker) : LegShare{}, right ? share_of(marker) : LegShare{}});
+    shares.push_back({left ? share_of_leg(marker) : LegShare{}, right ? share_of_leg(marker) : LegShare{}});
   }
   return shares;
 }

@@ -11,6 +11,7 @@ namespace wayfarer::local {
 constexpr int FRAMES = 8, SEED = 2, JOINTS = 22, SOLES = 4, FPS = 40;  // SOLES: markers of a foot
 constexpr double STEP_SECONDS = double(FRAMES) / FPS;
 constexpr double PI = 3.14159265358979323846, DEGREE = PI / 180;
+constexpr std::size_t KNEES[] = {4, 5}, SPINE[] = {3, 6, 9};  // numbers of joints
 
 struct Point {
   double x = 0, y = 0;

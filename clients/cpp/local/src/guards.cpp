@@ -5,7 +5,7 @@
 namespace wayfarer::local {
 namespace {
 
-constexpr std::size_t KNEES[] = {4, 5}, SPINE[] = {3, 6, 9}, FIRST_OF_ARMS = 16;
+constexpr std::size_t FIRST_OF_ARMS = 16;
 constexpr double KNEE[] = {-5 * DEGREE, 150 * DEGREE};
 const double SIDEWAYS = std::pow(std::sin(15 * DEGREE), 2);  // of half the angle beside a knee's bend, squared
 constexpr double ARM_MOST = 60 * DEGREE;  // that a joint of an arm turns by while a body gets up

@@ -3,7 +3,7 @@
 namespace wayfarer::local {
 namespace {
 
-constexpr std::size_t HIPS[] = {1, 2}, KNEES[] = {4, 5}, ANKLES[] = {7, 8}, BALLS[] = {10, 11};
+constexpr std::size_t HIPS[] = {1, 2}, ANKLES[] = {7, 8}, BALLS[] = {10, 11};
 constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = PI / 45, FREE = 0.5;
 constexpr Vec3 LEFT{-1, 0, 0};
 

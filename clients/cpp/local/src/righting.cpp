@@ -8,13 +8,12 @@ namespace {
 constexpr double MOST = 14 * DEGREE, MOST_ON_THE_SPOT = 9 * DEGREE;  // lean of the spine that is left
 constexpr double SHARE = 0.35, TURN_MOST = 5 * DEGREE;               // of the lean beyond it, taken off in a step
 constexpr double PIVOT = 0.21;  // metres above the hips joint about which the spine bends as a whole
-constexpr std::size_t SPINE[] = {3, 6, 9};
 constexpr const char* BELOW[] = {"FWT", "BWT", "HIP", "THI", "KNE", "KNI", "SHN",
                                  "CLF", "ANK", "HEE", "TOE", "MT1", "MT5"};
 
 double ease(std::size_t frame) { return 0.5 - 0.5 * std::cos(PI * double(frame + 1) / FRAMES); }
 
-double share_of(const std::string& marker) {
+double share_of_lean(const std::string& marker) {
   const bool below = std::any_of(std::begin(BELOW), std::end(BELOW), [&](const char* name) { return marker.substr(1) == name; });
   if (below || marker.find("SOLE") != std::string::npos) return 0;
   if (marker.substr(1) == "NWST") return 0.5;
@@ -31,7 +30,7 @@ Quat turn_about(const Vec3& axis, double angle) {
 
 std::vector<double> shares_of(const std::vector<std::string>& markers) {
   std::vector<double> shares;
-  std::transform(markers.begin(), markers.end(), std::back_inserter(shares), share_of);
+  std::transform(markers.begin(), markers.end(), std::back_inserter(shares), share_of_lean);
   return shares;
 }
 
