@@ -375,12 +375,14 @@ class Sim:
     def check_found(self):
         """What this directory has known, and some node still has, is nowhere said not to exist."""
         for node in self.nodes.values():
+            lost = {*node.lease.lost, *node.lost}
             for name in self.living.intersection(node.moves.open):
                 known = node.lease.epoch(name) > self.directory._generation
-                lost = {*node.lease.lost, *node.lost}
-                waits = node.moves.frozen.get(name) or group_of(name) in lost
-                if known and not waits:
-                    assert self.directory._told_owner(group_of(name)), f"{name} is {node.name}'s"
+                if not known or node.moves.frozen.get(name):
+                    continue
+                group = group_of(name)
+                if group not in lost:
+                    assert self.directory._told_owner(group), f"{name} is {node.name}'s"
                     self.seen["found"] += 1
 
     def stepped(self):
