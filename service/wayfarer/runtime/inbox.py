@@ -53,7 +53,8 @@ class Inbox:
     """Bounded queue; closed until the motion thread opens it, and when that thread ends."""
 
     def __init__(self, size: int) -> None:
-        self._queue: queue.Queue[Command | None] = queue.Queue(size)
+        self._queue = queue.SimpleQueue[Command | None]()  # in C: a third of `Queue`'s time
+        self._size = size
         self._gate = Lock()  # so that nothing enters after the last drain
         self._refusal: Callable[[], WayfarerError] | None = partial(
             Unavailable, "the motion loop has not been started"
@@ -66,12 +67,9 @@ class Inbox:
         with self._gate:
             if self._refusal is not None:
                 raise self._refusal()
-            try:
-                self._queue.put_nowait(command)
-            except queue.Full:
-                raise Unavailable(
-                    f"{self._queue.maxsize} commands are waiting already; try again"
-                ) from None
+            if self._queue.qsize() >= self._size:
+                raise Unavailable(f"{self._size} commands are waiting already; try again")
+            self._queue.put(command)
         result: T = await command.future
         return result
 
@@ -92,7 +90,7 @@ class Inbox:
         """Ends a `serve` that waits."""
         with self._gate:
             if self._queue.empty():
-                self._queue.put_nowait(None)
+                self._queue.put(None)
 
     def serve(self, timeout: float) -> None:
         """Runs waiting commands; if there are none, waits up to `timeout` seconds for one."""
