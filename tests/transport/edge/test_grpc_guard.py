@@ -15,7 +15,6 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.transport.edge.caller import current_caller
 from wayfarer.transport.edge.grpc_guard import (
     OPEN_STREAMS,
-    ErrorInterceptor,
     GuardInterceptor,
     OpenStreamsInterceptor,
     address,
@@ -62,7 +61,6 @@ class Rig:
         }
         interceptors = [
             OpenStreamsInterceptor(),
-            ErrorInterceptor(),
             GuardInterceptor(guard, self.metrics, Tracing(), access_log=True),
         ]
         self.server = grpc.aio.server(interceptors=interceptors)

@@ -93,29 +93,11 @@ class OpenStreamsInterceptor(AroundInterceptor):
                 del self._open[name]
 
 
-class ErrorInterceptor(AroundInterceptor):
-    """Ends a call that raised with the status of errors.py; logs unexpected errors.
+class GuardInterceptor(AroundInterceptor):
+    """The guard. It ends a call that raised with the status of errors.py; logs unexpected errors.
 
     CancelledError and AbortError pass through.
     """
-
-    def _enter(self, method: str, handler: Any) -> Enter | None:
-        return partial(_translated, method) if method.startswith(OURS) else None
-
-
-@asynccontextmanager
-async def _translated(method: str, context: Any) -> AsyncIterator[None]:
-    try:
-        yield
-    except grpc.aio.AbortError:
-        raise
-    except Exception as error:
-        errors.log_unexpected(log, error, method)
-        await context.abort_with_status(errors.to_grpc(error))
-
-
-class GuardInterceptor(AroundInterceptor):
-    """The guard. It runs inside the interceptor that turns errors into statuses."""
 
     def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
         super().__init__()
@@ -141,9 +123,12 @@ class GuardInterceptor(AroundInterceptor):
         except (asyncio.CancelledError, GeneratorExit):
             code = "CANCELLED"
             raise
-        except BaseException as error:
+        except Exception as error:
             code = errors.code_of(error).grpc.name
-            raise
+            if isinstance(error, grpc.aio.AbortError):
+                raise
+            errors.log_unexpected(log, error, method)
+            await context.abort_with_status(errors.to_grpc(error))
         finally:
             self._note(method, handler, code, time.perf_counter() - started)
 

@@ -11,7 +11,7 @@ from wayfarer.config.limits import Limits
 from wayfarer.endpoint import bracketed
 from wayfarer.errors import Unavailable
 from wayfarer.transport.contract import FILES
-from wayfarer.transport.edge.grpc_guard import ErrorInterceptor, OpenStreamsInterceptor
+from wayfarer.transport.edge.grpc_guard import OpenStreamsInterceptor
 
 SERVICES: Final = tuple(
     service.full_name for file in FILES for service in file.DESCRIPTOR.services_by_name.values()
@@ -41,7 +41,7 @@ class GrpcServer:
         """
         size = limits.message_bytes
         self._server = server = grpc.aio.server(
-            interceptors=[OpenStreamsInterceptor(), ErrorInterceptor(), *interceptors],
+            interceptors=[OpenStreamsInterceptor(), *interceptors],
             maximum_concurrent_rpcs=CALLS + limits.streams,
             options=[
                 ("grpc.max_allowed_incoming_connections", connections),
