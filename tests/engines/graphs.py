@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wayfarer.engines.engine import LEFT_OUT
 from wayfarer.models import artifacts
 from wayfarer.models.artifacts import GRAPHS, METADATA_KEY, BodyIdentity
 from wayfarer.spec import (
@@ -48,6 +49,8 @@ STEP_OUTPUTS = {
     "terms": ["A", len(TERMS)],
     "choice": ["A"],
 }
+
+UNSCORED_OUTPUTS = {name: shape for name, shape in STEP_OUTPUTS.items() if name not in LEFT_OUT}
 
 
 def step_model(inputs: dict[str, list] = STEP_INPUTS, outputs: dict[str, list] = STEP_OUTPUTS):
@@ -101,7 +104,7 @@ def step_model(inputs: dict[str, list] = STEP_INPUTS, outputs: dict[str, list] =
 
 
 def write_folder(path: Path, name: str = "tiny", **changes: str) -> Path:
-    """A folder with both step graphs; `changes` are made to each contract's JSON before saving."""
+    """A folder with all step graphs; `changes` are made to each contract's JSON before saving."""
     path.mkdir()
     (path / "weights.bin").write_bytes(np.array([0, 0.2, 0], np.float32).tobytes())
     (path / artifacts.CARD).write_text("# A tiny model\n")
@@ -110,7 +113,8 @@ def write_folder(path: Path, name: str = "tiny", **changes: str) -> Path:
         text = artifacts.contract_to_json(contract)
         for old, new in changes.items():
             text = text.replace(old, new)
-        save(step_model(), path / file, text)
+        is_scored = GRAPHS[file].kind == "step"
+        save(step_model(outputs=STEP_OUTPUTS if is_scored else UNSCORED_OUTPUTS), path / file, text)
     artifacts.write_manifest(path, name, "stick")
     return path
 

@@ -3,7 +3,7 @@ import pytest
 
 from tests.engines.graphs import (
     IDENTITIES,
-    STEP_OUTPUTS,
+    UNSCORED_OUTPUTS,
     save,
     step_model,
     write_folder,
@@ -66,14 +66,16 @@ def test_a_world_runs_on_it(folder):
 
 
 def test_a_graph_with_other_outputs_is_refused(folder):
-    outputs = {name: shape for name, shape in STEP_OUTPUTS.items() if name != "contacts"}
-    contract = artifacts.contract_for("step_male.onnx", "tiny", IDENTITIES["male"])
+    outputs = {name: shape for name, shape in UNSCORED_OUTPUTS.items() if name != "contacts"}
+    contract = artifacts.contract_for("unscored_male.onnx", "tiny", IDENTITIES["male"])
     save(
-        step_model(outputs=outputs), folder / "step_male.onnx", artifacts.contract_to_json(contract)
+        step_model(outputs=outputs),
+        folder / "unscored_male.onnx",
+        artifacts.contract_to_json(contract),
     )
     artifacts.write_manifest(folder, "tiny", "stick")
     with pytest.raises(
-        ArtifactError, match=r"step_male.onnx: outputs: found .*, expected .*contacts"
+        ArtifactError, match=r"unscored_male.onnx: outputs: found .*, expected .*contacts"
     ):
         engine(folder)
 

@@ -29,7 +29,7 @@ from wayfarer.models.artifacts import (
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS
-from wayfarer_lab.onnx_files import WeightStore, externalise
+from wayfarer_lab.onnx_files import WeightStore, externalise, without_scores
 from wayfarer_lab.training.graphs import (
     ExportGraph,
     body_inputs,
@@ -131,6 +131,11 @@ def save_graph(graph: ExportGraph, path: Path, store: WeightStore, contract: str
     for node in model.graph.node:
         del node.metadata_props[:]  # stack traces of the exporter: a megabyte of them
         node.doc_string = ""
+    write_graph(model, path, contract)
+
+
+def write_graph(model: onnx.ModelProto, path: Path, contract: str) -> None:
+    """Writes one graph, whose weights are in its folder's store, with its contract."""
     del model.metadata_props[:]
     model.metadata_props.add(key=METADATA_KEY, value=contract)
     path.write_bytes(model.SerializeToString())
@@ -208,16 +213,20 @@ def write_models(
     shutil.rmtree(staging, ignore_errors=True)
     staging.mkdir(parents=True)
     store = WeightStore()
+
+    def contract(file: str) -> str:
+        whose = identity(body, GRAPHS[file].gender or GENDERS[0])
+        return contract_to_json(contract_for(file, name, whose, floor_origin))
+
     for file, graph in graphs.items():
-        gender = GRAPHS[file].gender or GENDERS[0]
-        save_graph(
-            graph,
-            staging / file,
-            store,
-            contract_to_json(contract_for(file, name, identity(body, gender), floor_origin)),
-        )
+        save_graph(graph, staging / file, store, contract(file))
     store.write(staging)
     differences = {file: check_graph(staging / file, graph) for file, graph in graphs.items()}
+    for file in (each for each in graphs if GRAPHS[each].kind == "step"):
+        scored, silent = staging / file, staging / file.replace("step", "unscored")
+        model = onnx.load(scored, load_external_data=False)
+        write_graph(without_scores(model), silent, contract(silent.name))
+        check_unscored(scored, silent)
     (staging / CARD).write_text(card)
     write_manifest(staging, name, body)
     shutil.rmtree(out, ignore_errors=True)
@@ -241,6 +250,17 @@ def check_graph(path: Path, graph: ExportGraph) -> float:
             if agents < 64:  # smaller batches of all rows take their time
                 check_rows(path, {name: values.numpy() for name, values in inputs.items()})
     return worst
+
+
+def check_unscored(scored: Path, silent: Path) -> None:
+    """Raises ArtifactError unless both graphs move one candidate alike, bit for bit."""
+    inputs = step_inputs(7, 1, torch.Generator().manual_seed(1))
+    given = {name: values.numpy() for name, values in inputs.items()}
+    one, other = (ort.InferenceSession(str(path)) for path in (scored, silent))
+    names = [output.name for output in other.get_outputs()]
+    for name, a, b in zip(names, one.run(names, given), other.run(names, given), strict=True):
+        if not np.array_equal(a, b):
+            raise ArtifactError(f"{silent.name}: output {name} differs from {scored.name}'s")
 
 
 def identity(body: str, gender: str) -> BodyIdentity:

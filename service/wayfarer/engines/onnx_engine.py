@@ -9,7 +9,6 @@ from typing import Final
 import onnxruntime
 
 from wayfarer.engines.engine import LEFT_OUT, EngineKind, StepInputs, StepOutputs, unscored
-from wayfarer.engines.onnx_graph import without_scores
 from wayfarer.engines.row_partitioner import LEAST, RowPartitioner
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import ArtifactError
@@ -93,17 +92,17 @@ class OnnxEngine(WarmEngine):
         self, gender: str, outputs: tuple[str, ...] = UNSCORED
     ) -> tuple[onnxruntime.InferenceSession, tuple[str, ...]]:
         """A session and its outputs."""
-        path = self._models.graph("step", gender, SEED_FRAMES)
+        kind = "step" if outputs == OUTPUTS else "unscored"
+        path = self._models.graph(kind, gender, SEED_FRAMES)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1  # see row_partitioner.py
         # each session's own would keep the most that any call has taken: 40 MB, and no faster
         options.enable_cpu_mem_arena = False
-        graph = None if outputs == OUTPUTS else without_scores(path.read_bytes())
-        session = open_session(path, options, graph)
-        for kind, found, expected in (
+        session = open_session(path, options)
+        for names, found, expected in (
             ("inputs", [i.name for i in session.get_inputs()], INPUTS),
             ("outputs", [o.name for o in session.get_outputs()], outputs),
         ):
             if set(found) != set(expected):
-                raise ArtifactError(f"{path}: {kind}: found {found}, expected {list(expected)}")
+                raise ArtifactError(f"{path}: {names}: found {found}, expected {list(expected)}")
         return session, outputs

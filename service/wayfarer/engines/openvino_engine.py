@@ -27,7 +27,7 @@ from wayfarer.engines.engine import (
     unscored,
     variant,
 )
-from wayfarer.engines.openvino_network import with_hidden_bfloat16, without_scores
+from wayfarer.engines.openvino_network import with_hidden_bfloat16
 from wayfarer.engines.padding import pad
 from wayfarer.engines.row_partitioner import RowPartitioner, give_way
 from wayfarer.engines.warm import WarmEngine
@@ -86,10 +86,9 @@ class OpenVinoEngine(WarmEngine):
         self.bfloat16 = capable if bfloat16 is None else bfloat16
         self.kind = "openvino-bf16" if self.bfloat16 else "openvino"
         self.name = models.path.resolve().name
-        self._paths = {g: models.graph("step", g, SEED_FRAMES) for g in GENDERS}
-        self.graphs = tuple(
-            variant(f"{self.kind} {BITS}", sha256_of(path)) for path in self._paths.values()
-        )
+        self._models = models
+        scored = [sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS]
+        self.graphs = tuple(variant(f"{self.kind} {BITS}", graph) for graph in scored)
         self._kept = CompiledNetworks(compiled)
         self._read_from: list[KeptNetwork] = []
         self._identity = (
@@ -163,21 +162,21 @@ class OpenVinoEngine(WarmEngine):
             "INFERENCE_NUM_THREADS": self._partitioner.count,
             "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
         }
-        make = partial(self._made, gender, rows, candidates, is_scored, options)
+        kind = "step" if is_scored else "unscored"
+        path = self._models.graph(kind, gender, SEED_FRAMES)
+        make = partial(self._made, path, rows, candidates, options)
         # A thread inherits the priority of its maker.
         with ThreadPoolExecutor(1, initializer=give_way) as pool:
             return pool.submit(make).result()
 
     def _made(
-        self, gender: str, rows: int, candidates: int, is_scored: bool, options: dict[str, Any]
+        self, path: Path, rows: int, candidates: int, options: dict[str, Any]
     ) -> "openvino.CompiledModel":
         """The network, read from its file or compiled; both let Python run meanwhile."""
-        about = (self._identity, gender, self.graphs, rows, candidates, is_scored, options)
+        about = (self._identity, self.kind, sha256_of(path), rows, candidates, options)
         if (kept := self._kept.find(*about)) and (found := self._imported(kept, options)):
             return found
-        compiled = self._core.compile_model(
-            self._read(gender, rows, candidates, is_scored), DEVICE, options
-        )
+        compiled = self._core.compile_model(self._read(path, rows, candidates), DEVICE, options)
         kept = self._kept.keep(compiled.export_model().getvalue(), *about)
         # A freshly compiled one takes 20 MB more than the same one from a file.
         return (kept and self._imported(kept, options)) or compiled
@@ -197,9 +196,8 @@ class OpenVinoEngine(WarmEngine):
         self._read_from.append(kept)
         return found
 
-    def _read(self, gender: str, rows: int, candidates: int, is_scored: bool) -> "openvino.Model":
-        """A step graph for this number of rows."""
-        path = self._paths[gender]
+    def _read(self, path: Path, rows: int, candidates: int) -> "openvino.Model":
+        """The step graph in `path` for this number of rows."""
         try:
             network = self._core.read_model(path)
         except RuntimeError as error:
@@ -214,7 +212,7 @@ class OpenVinoEngine(WarmEngine):
                 shape[1] = candidates
             shapes[tensor] = shape
         network.reshape(shapes)
-        return network if is_scored else without_scores(network, rows)
+        return network
 
 
 def batch_sizes(threads: int) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""How networks are changed before OpenVINO compiles them: bfloat16, and steps without scores.
+"""How networks are changed before OpenVINO compiles them: into bfloat16, where they may be.
 
 Hidden layers are computed in bfloat16, coordinates never. In bfloat16 a metre is exact to 4 mm, 20
 m to 8 cm. OpenVINO's own hint for bfloat16 is for all of a network, and its marks for exceptions
@@ -11,8 +11,6 @@ are not.
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-
-from wayfarer.engines.engine import LEFT_OUT
 
 if TYPE_CHECKING:
     from openvino import Model, Node, Output
@@ -104,25 +102,3 @@ def _is_row(value: "Output") -> bool:
         and width.is_static
         and (width.get_length() % HIDDEN == 0)
     )
-
-
-def without_scores(network: "Model", rows: int) -> "Model":
-    """The same network, changed in place: the first candidate is chosen, whatever it costs.
-
-    The operations that computed the terms are then unused and removed when the network is
-    compiled, which saves a twelfth of a step.
-    """
-    from openvino import opset13 as ops
-
-    for result in network.get_results():
-        chosen = result.input_value(0)
-        names = chosen.get_names()
-        if not names & set(LEFT_OUT):
-            continue
-        network.remove_result(result)
-        if "choice" in names:
-            first = ops.constant(np.zeros(rows, np.int64)).output(0)
-            for reader in list(chosen.get_target_inputs()):
-                reader.replace_source_output(first)
-    network.validate_nodes_and_infer_types()
-    return network

@@ -4,6 +4,8 @@
         manifest.json          name, body, card, SHA-256 of every other file
         step_male.onnx         the whole step, one graph per gender (what the service runs)
         step_female.onnx
+        unscored_{male,female}.onnx
+                               the same steps for one candidate, without terms and choice
         predictor_{1f,2f}.onnx, policy.onnx, regressor_{male,female}.onnx
                                the parts, for other engines
     pose_encoder.onnx, pose_decoder.onnx
@@ -43,7 +45,7 @@ CARD: Final = "CARD.md"
 class Graph:
     """The kind, gender and seed length of a file of the folder."""
 
-    kind: str  # "step", "predictor", "policy", "regressor", "pose_encoder", "pose_decoder"
+    kind: str  # "step", "unscored", "predictor", "policy", "regressor", "pose_encoder", …
     gender: str = ""  # "" when the graph serves both
     seed_frames: int = 0  # 0 when the graph takes single frames
 
@@ -51,6 +53,8 @@ class Graph:
 GRAPHS: Final[Mapping[str, Graph]] = {
     "step_male.onnx": Graph("step", "male", spec.SEED_FRAMES),
     "step_female.onnx": Graph("step", "female", spec.SEED_FRAMES),
+    "unscored_male.onnx": Graph("unscored", "male", spec.SEED_FRAMES),
+    "unscored_female.onnx": Graph("unscored", "female", spec.SEED_FRAMES),
     "predictor_1f.onnx": Graph("predictor", "", 1),
     "predictor_2f.onnx": Graph("predictor", "", 2),
     "policy.onnx": Graph("policy", "", spec.SEED_FRAMES),
@@ -61,7 +65,10 @@ GRAPHS: Final[Mapping[str, Graph]] = {
 }
 """Every graph that a folder may hold."""
 
-SERVED: Final = ("step_male.onnx", "step_female.onnx")
+SERVED: Final = (
+    *("step_male.onnx", "step_female.onnx"),
+    *("unscored_male.onnx", "unscored_female.onnx"),
+)
 """The graphs that the service needs."""
 
 
@@ -230,21 +237,11 @@ def read_contract(path: Path) -> Contract:
     return contract_from_json(metadata[METADATA_KEY], str(path))
 
 
-WEIGHTS_FOLDER: Final = "session.model_external_initializers_file_folder_path"
-"""Option of onnxruntime for a graph in memory whose weights are in a file."""
-
-
-def open_session(
-    path: Path, options: onnxruntime.SessionOptions, graph: bytes | None = None
-) -> onnxruntime.InferenceSession:
-    """Opens a graph on the CPU: the file, or `graph` in its place. Raises ArtifactError when
-    onnxruntime refuses it.
-    """
-    if graph is not None:
-        options.add_session_config_entry(WEIGHTS_FOLDER, str(path.parent))
+def open_session(path: Path, options: onnxruntime.SessionOptions) -> onnxruntime.InferenceSession:
+    """Opens a graph on the CPU. Raises ArtifactError when onnxruntime refuses it."""
     try:
         return onnxruntime.InferenceSession(
-            graph or str(path), sess_options=options, providers=["CPUExecutionProvider"]
+            str(path), sess_options=options, providers=["CPUExecutionProvider"]
         )
     except Exception as error:  # onnxruntime's own classes share no public base but Exception
         raise ArtifactError(f"{path}: onnxruntime cannot open it: {error}") from error

@@ -2,21 +2,32 @@
 
 from unittest.mock import patch
 
+import onnx
 import pytest
 import torch
 
 from wayfarer.body.library import load_body
+from wayfarer.engines.engine import LEFT_OUT
 from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
 from wayfarer.models.artifacts import contract_for, contract_to_json, read_contract
+from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.motion import regressor as motion_regressor
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer_lab.onnx_files import WeightStore
-from wayfarer_lab.training.export import TOLERANCE, check_graph, identity, round_to_half, save_graph
+from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore, without_scores
+from wayfarer_lab.training.export import (
+    TOLERANCE,
+    check_graph,
+    check_unscored,
+    identity,
+    round_to_half,
+    save_graph,
+    write_graph,
+)
 from wayfarer_lab.training.graphs import step_graph
 
 
@@ -58,3 +69,19 @@ def test_another_networks_file_is_refused(exported):
     _, path = exported
     with pytest.raises(ArtifactError, match=r"differ|alike"):
         check_graph(path, step_graph(small_step(1)))
+
+
+def test_a_graph_without_scores_moves_alike(tmp_path):
+    scored, shipped = (DEFAULT_MODEL / f"{kind}_male.onnx" for kind in ("step", "unscored"))
+    (tmp_path / WEIGHTS_FILE).write_bytes((DEFAULT_MODEL / WEIGHTS_FILE).read_bytes())
+    made = without_scores(onnx.load(scored, load_external_data=False))
+    assert {output.name for output in made.graph.output}.isdisjoint(LEFT_OUT)
+    write_graph(made, tmp_path / shipped.name, contract_to_json(read_contract(shipped)))
+    assert (tmp_path / shipped.name).read_bytes() == shipped.read_bytes()
+    check_unscored(scored, shipped)
+    last = next(node for node in made.graph.node if "translation" in node.output)
+    last.output[:] = ["place"]
+    made.graph.node.append(onnx.helper.make_node("Neg", ["place"], ["translation"]))
+    write_graph(made, tmp_path / shipped.name, "")
+    with pytest.raises(ArtifactError, match=r"output translation differs"):
+        check_unscored(scored, tmp_path / shipped.name)
