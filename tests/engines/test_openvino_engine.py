@@ -20,6 +20,7 @@ from wayfarer.engines.openvino_engine import (
 from wayfarer.engines.openvino_network import ON_ROWS
 from wayfarer.engines.padding import part
 from wayfarer.models.bundle import DEFAULT_MODEL, load_models
+from wayfarer.spec import SEED_FRAMES
 from wayfarer.terms import TERMS
 
 pytest.importorskip("openvino")
@@ -165,7 +166,7 @@ def test_alone_it_is_the_same_engine(mixed, inputs):
 
 
 def test_only_hidden_layers_are_in_bfloat16(models, mixed):
-    network = mixed._read(GENDER, 16, 1, True)
+    network = mixed._read(models.graph("step", GENDER, SEED_FRAMES), 16, 1)
     lowered = [
         (node.get_type_name(), [size.to_string() for size in node.output(0).get_partial_shape()])
         for node in network.get_ordered_ops()
