@@ -58,7 +58,7 @@ def maneuvers(
     ] = False,
     seeds: Annotated[
         int, typer.Option(help="Seeds of the two-sided figures, from --seed on.", min=1)
-    ] = 2,
+    ] = 8,
     check: Annotated[
         bool, typer.Option("--check", help="Exit with 1 if any bar is missed or not judged.")
     ] = False,

@@ -54,7 +54,7 @@ class Results:
     rows: list[dict[str, Any]] = field(default_factory=list)
     each: list[dict[str, Any]] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
-    two_sided: list[dict[str, Any]] = field(default_factory=list)  # by source and seed
+    two_sided: list[dict[str, Any]] = field(default_factory=list)  # by source
 
     def add(
         self,

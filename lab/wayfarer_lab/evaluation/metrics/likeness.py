@@ -26,7 +26,7 @@ def matched(one: Array, other: Array, random: np.random.Generator) -> tuple[Inde
     """Rows of two sets of speeds [N], [M], so that both have as many in each bin of 0.1 m/s."""
     bins = [np.floor(speeds / SPEED_BIN).astype(int) for speeds in (one, other)]
     chosen: tuple[list[Index], list[Index]] = ([], [])
-    for number in np.intersect1d(*bins):
+    for number in np.intersect1d(bins[0], bins[1]):
         rows = [np.flatnonzero(b == number) for b in bins]
         count = min(map(len, rows))
         for side, found in zip(chosen, rows, strict=True):

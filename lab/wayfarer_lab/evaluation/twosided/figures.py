@@ -26,9 +26,10 @@ Figures:
     arm_leg: correlation of how far ahead a wrist and the opposite ankle are, mean of both
     trunk_deg: forward tilt of the trunk, mean
     twist_deg: yaw of the chest against the pelvis, p95 − p5
-    power_6_10: mean square velocity of the 21 joints against the hips from 6 to 10 Hz, (cm/s)²: of
-        places, since most of the rotations' own is a thigh that turns about its axis, which
-        markers hardly tell and nobody sees
+    power_6_10: mean square velocity of knees, ankles, balls, elbows and wrists against the hips
+        from 6 to 10 Hz, (cm/s)²: of places, since most of the rotations' own is a thigh that turns
+        about its axis, which markers hardly tell and nobody sees; without the trunk, whose share
+        is the tremor of captures
     step_cm: length of a step, from strikes
     head_bob_cm: the head up and down: 2 √2 σ after the mean over a stride is subtracted
     head_pitch_deg: mean pitch of the head; negative: it looks down
@@ -78,7 +79,16 @@ from wayfarer_lab.evaluation.metrics import (
     stride,
 )
 from wayfarer_lab.evaluation.metrics.spectrum import BANDS, band_power
-from wayfarer_lab.evaluation.takes import ANKLES, ELBOWS, HEAD, JOINT, SHOULDERS, WRISTS, Take
+from wayfarer_lab.evaluation.takes import (
+    ANKLES,
+    ELBOWS,
+    HEAD,
+    JOINT,
+    LIMBS,
+    SHOULDERS,
+    WRISTS,
+    Take,
+)
 
 CHEST = JOINT["spine3"]
 FAST = BANDS.index((6.0, 10.0))
@@ -111,8 +121,8 @@ def slide(take: Take) -> Values:
 
 
 def fine(take: Take) -> Values:
-    """Power of all joints from 6 to 10 Hz."""
-    return {"power_6_10": 1e4 * float(band_power(take.joints[:, 1:] - take.joints[:, :1])[FAST])}
+    """Power of limbs from 6 to 10 Hz."""
+    return {"power_6_10": 1e4 * float(band_power(take.joints[:, LIMBS] - take.joints[:, :1])[FAST])}
 
 
 def yaw_of_head(take: Take, base: int) -> np.ndarray:

@@ -203,7 +203,7 @@ def _stray(part: Array) -> Text:
         (
             "1 triangle" if len(part) == 1 else f"{len(part):,} triangles",
             *_rounded(width, depth),
-            spot(part.mean((0, 1))),
+            spot(part.mean((0, 1)).tolist()),
         ),
     )
 

@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 
 from wayfarer.world.output.quaternion import bounded
-from wayfarer.world.rows import Float
+from wayfarer.world.rows import Array, Float
 
 
 def facing_of(hips: Float) -> Float:
@@ -32,7 +32,7 @@ def facing_at(heading: float) -> tuple[float, float]:
     return -sin(heading), cos(heading)
 
 
-def angle_between(a: Float, b: Float) -> Float:
+def angle_between(a: Array, b: Array) -> Float:
     """Radians [...], 0 … π, between unit vectors [..., 2]."""
     return np.asarray(
         np.arccos(bounded(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1], -1, 1)), np.float32
