@@ -6,6 +6,9 @@ import pytest
 from tests.world.scenes.grounds import enter, field, world_in
 from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
 from tests.world.scenes.test_world_scenes import goal, walked
+from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.making_way import Asks, Neighbours, find_asks, find_stops
+from wayfarer.world.scenes.people import Gathering
 
 
 @pytest.mark.parametrize("placed", [True, False])
@@ -103,3 +106,86 @@ def test_who_faces_a_heading_at_its_goal_does_not_make_way(heading):
     stays = heading is not None
     assert (walker.agent_id in arrived) != stays
     assert (max(off) < 0.1) == stays
+
+
+def around(*others: dict) -> Neighbours:
+    """Person 0 stands at (0, 0). The others come to it from the south, and ask, unless they say
+    otherwise.
+    """
+    count, people = 1 + len(others), People.empty(1 + len(others))
+    people.number[:] = np.arange(count)
+    stand = np.arange(count) == 0
+    first, last = np.zeros(count, np.int64), np.full(count, count)
+    for row, given in enumerate(others, 1):
+        people.position[row] = given.get("at", (0, -1))
+        people.velocity[row] = given.get("velocity", (0, 0))
+        people.height[row] = given.get("height", 0)
+        people.walks[row] = given.get("walks", True)
+        people.memory.waited[row] = given.get("waited", 3)
+        people.memory.preferred[row] = given.get("preferred", (0, 1.2))
+        people.aims.spot[row] = given.get("spot", (0, 9))
+        if given.get("stranger"):
+            first[row], last[:row] = row, row
+    places = np.arange(count)
+    return Neighbours.of(Gathering(people, places, (first, last), stand, places))
+
+
+def asked(them: Neighbours, aside: bool = False, stays: bool = True) -> Asks:
+    found = Asks.empty(1)
+    flags = np.array([stays]), np.array([aside])
+    find_asks(them, np.zeros(1, np.int64), np.zeros((1, 2), np.float32), *flags, found)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("others", "comes"),
+    [
+        ([{}], 1),
+        ([{"at": (0, -2)}, {"at": (0, -1.5)}], 2),
+        ([{"at": (0, -2.6)}], -1),  # it is far
+        ([{"at": (0, 1)}], -1),  # it has passed
+        ([{"at": (0.6, -1)}], -1),  # its way is free
+        ([{"spot": (0, -0.5)}], -1),  # it stops before
+        ([{"waited": 2}], -1),
+        ([{"height": 3}], -1),
+        ([{"stranger": True}], -1),
+    ],
+)
+def test_it_is_the_nearest_whose_way_a_person_closes_that_asks_it(others, comes):
+    found = asked(around(*others))
+    assert found.comes[0] == comes and found.touches[0] == -1
+    if comes >= 0:
+        assert found.way[0].tolist() == [0, 1] and found.left[0] == 0
+
+
+def test_a_person_aside_stays_there_for_everybody_that_comes():
+    them = around({"waited": 2})
+    assert asked(them, aside=True).comes[0] == 1
+    assert asked(them).comes[0] == -1
+
+
+@pytest.mark.parametrize(
+    ("others", "touches"),
+    [
+        ([{"at": (0.3, 0)}, {"at": (0, -0.2)}], 2),
+        ([{"at": (0.42, 0)}], -1),
+        ([{"at": (0.3, 0), "velocity": (0, 1)}], -1),
+        ([{"at": (0.3, 0), "walks": False}], -1),  # two stand, and this one has the lower number
+        ([{"at": (0.3, 0), "height": 3}], -1),
+    ],
+)
+def test_it_steps_out_of_the_nearest_that_waits_in_its_place(others, touches):
+    found = asked(around(*others))
+    assert found.touches[0] == touches
+    if touches >= 0:
+        assert found.comes[0] == -1, "nobody is looked for that it would step aside for otherwise"
+        assert found.way[0] == pytest.approx((1, 0)) and found.left[0] == pytest.approx(0.2)
+
+
+def test_those_near_a_person_or_its_place_are_seen_where_they_come_to_a_stand():
+    far = {"at": (4, -2), "velocity": (0, 1)}
+    them = around(far, {"at": (0.5, 0)}, {"at": (8, 0)}, {"at": (0, 0), "height": 3})
+    zero, home = np.zeros(2, np.float32), np.array([4, -1], np.float32)
+    stop, others = find_stops(them, 0, zero, home)
+    assert stop.tolist() == [0, 0]
+    assert others.tolist() == [[4, pytest.approx(-1.65)], [0.5, 0]]
