@@ -1,13 +1,23 @@
 """People who stand in the way make way. The fake engine walks them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tests.world.scenes.grounds import enter, field, world_in
 from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
 from tests.world.scenes.test_world_scenes import goal, walked
+from wayfarer.world.agents.slots import Gait
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.scenes.making_way import Asks, Neighbours, find_asks, find_stops
+from wayfarer.world.scenes.making_way import (
+    Asks,
+    MakingWay,
+    Neighbours,
+    are_stopped,
+    find_asks,
+    find_stops,
+)
 from wayfarer.world.scenes.people import Gathering
 
 
@@ -127,7 +137,11 @@ def around(*others: dict) -> Neighbours:
         if given.get("stranger"):
             first[row], last[:row] = row, row
     places = np.arange(count)
-    return Neighbours.of(Gathering(people, places, (first, last), stand, places))
+    gait = Gait.empty(count)
+    gait.stop_place[:] = people.position
+    for row, given in enumerate(others, 1):
+        gait.stop_place[row] = given.get("stands_at", people.position[row])
+    return Neighbours.of(Gathering(people, places, (first, last), stand, places), gait)
 
 
 def asked(them: Neighbours, aside: bool = False, stays: bool = True) -> Asks:
@@ -172,14 +186,64 @@ def test_a_person_aside_stays_there_for_everybody_that_comes():
         ([{"at": (0.3, 0), "velocity": (0, 1)}], -1),
         ([{"at": (0.3, 0), "walks": False}], -1),  # two stand, and this one has the lower number
         ([{"at": (0.3, 0), "height": 3}], -1),
+        ([{"at": (0.3, 0), "stands_at": (0.44, 0)}], 1),  # it waits
     ],
 )
 def test_it_steps_out_of_the_nearest_that_waits_in_its_place(others, touches):
-    found = asked(around(*others))
+    found = asked(them := around(*others))
     assert found.touches[0] == touches
     if touches >= 0:
         assert found.comes[0] == -1, "nobody is looked for that it would step aside for otherwise"
-        assert found.way[0] == pytest.approx((1, 0)) and found.left[0] == pytest.approx(0.2)
+        x, y = them.position[touches]
+        assert found.left[0] == pytest.approx(max(abs(x), abs(y)))
+        assert found.way[0] == pytest.approx(np.array([-y, x]) / found.left[0])
+
+
+@pytest.mark.parametrize(
+    ("at", "stands_at", "touches"),
+    [(0.3, 0.44, False), (0.44, 0.3, True), (0.3, 0.6, True)],  # the last one does not get there
+)
+def test_of_two_that_stay_the_places_around_which_they_sway_count(at, stands_at, touches):
+    them = around({"at": (at, 0), "stands_at": (stands_at, 0), "walks": False})
+    them.number[0] = 2
+    assert (asked(them).touches[0] == 1) == touches
+
+
+def step(*others: np.ndarray, touches: bool = False, wall: float = np.inf) -> np.ndarray | None:
+    """The step of a person at (0, 0), .2 m left of a way along y; a wall is at x = -`wall`."""
+    ground = SimpleNamespace(walls=lambda slot: (lambda places: places[:, 0] + wall, 0.3))
+    here, way = np.zeros(2), np.array([0.0, 1.0])
+    return MakingWay(None, ground, None)._step(0, here, way, 0.2, touches, here, np.array(others))
+
+
+def test_a_step_leads_where_nobody_stops_it():
+    zero, far = np.zeros(2), np.array([-9.0, 0.0])
+    first = step(far)
+    assert first[0] < 0, "the person is to the left of the way, and steps to the left"
+    second = step(far, 0.25 * first)
+    assert second @ first < 0.75
+    assert not are_stopped(zero, second[None], zero, 0.25 * first[None])[0]
+
+
+def test_beside_a_wall_a_person_steps_along_it_out_of_another_one():
+    other = np.array([0.2, 0.0])
+    assert step(other, wall=0.3) is None, "it cannot leave the way of a person that comes"
+    assert np.abs(step(other, touches=True, wall=0.3)) == pytest.approx((0, 1))
+
+
+@pytest.mark.parametrize(
+    ("other", "stopped"),
+    [
+        ((0.3, 0.2), True),
+        ((0.3, 0.4), False),  # its way is free
+        ((0.05, 0.2), False),  # it is beside
+        ((-0.3, 0.0), False),  # it is behind
+        ((0.5, 0.0), False),  # it is not near yet
+    ],
+)
+def test_people_that_stand_before_a_step_stop_it(other, stopped):
+    zero, place = np.zeros(2), np.array([[0.8, 0.0], [0.0, -0.8]])
+    assert are_stopped(zero, place, zero, np.array([other])).tolist() == [stopped, False]
 
 
 def test_those_near_a_person_or_its_place_are_seen_where_they_come_to_a_stand():

@@ -1,6 +1,7 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
 and returns when its place is free. If two agents stand or wait in each other, the
-one with the higher number steps aside, and a standing one always does so for a waiting one.
+one with the higher number steps aside, and a standing one always does so for a waiting one. A
+standing body shifts its weight: of two that stay, the places around which their hips sway count.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
@@ -15,7 +16,7 @@ import numpy as np
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Feeding, Mode, Motion, Slots
+from wayfarer.world.agents.slots import Feeding, Gait, Mode, Motion, Slots
 from wayfarer.world.avoidance.people import Memory, People
 from wayfarer.world.rows import Array, Flags, Float, Index, Int
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
@@ -34,9 +35,10 @@ CLOSES: Final = 0.5
 ASIDE: Final = 0.8
 """Metres of a step aside."""
 
-SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135])
+SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135, 0, 180])
 STEPS: Final = np.concatenate([s * np.stack([np.cos(SIDES), np.sin(SIDES)], 1) for s in (1, 0.6)])
-"""Such steps [S, 2], and shorter ones: along a way, and to the side on which the person stands."""
+"""Such steps [S, 2], and shorter ones: along a way, and to the side on which the person stands. The
+ones along the way leave it closed, but lead out of another one, beside a wall, too."""
 
 APART: Final = 0.46
 """Metres that a step leaves between two people."""
@@ -45,7 +47,10 @@ BODY, BESIDE = 0.37, 0.1
 """Metres beside the line of a step within which somebody stops it, and ahead from which."""
 
 TOUCH: Final = 0.4
-"""Metres between two standing people within which their bodies may be in each other."""
+"""Metres between the places of two standing people within which their bodies are in each other."""
+
+SWAYS: Final = 0.15
+"""Metres from its place within which a standing body sways: farther away it stands elsewhere."""
 
 RETURNS: Final = 1.0
 """Seconds for which people remain aside once their places are in nobody's way."""
@@ -65,6 +70,7 @@ class Neighbours(NamedTuple):
     last: Index
     number: Int
     position: Float
+    stance: Float  # where it stands, or is if it does not
     height: Float
     velocity: Float
     walks: Flags
@@ -74,13 +80,17 @@ class Neighbours(NamedTuple):
     spot: Float
 
     @classmethod
-    def of(cls, crowd: Gathering) -> "Neighbours":
-        """The people of a gathering."""
-        people = crowd.people
+    def of(cls, crowd: Gathering, gait: Gait) -> "Neighbours":
+        """The people of a gathering, of all slots' `gait`."""
+        people, slots = crowd.people, crowd.slots
+        place = gait.stop_place[slots]
+        stands = np.linalg.norm(place - people.position, axis=-1) < SWAYS
+        stands &= gait.mode[slots] == Mode.STANDING
         return cls(
             *crowd.own,
             people.number,
             people.position,
+            np.where(stands[:, None], place, people.position),
             people.height,
             people.velocity,
             people.walks,
@@ -127,7 +137,7 @@ class MakingWay:
         which = np.flatnonzero((stays | ~ahead.given) & self._may_step(rows, hips, start, ahead))
         mine, aside = crowd.places[rows[which]], stays[which] & (memory.yields[which] > 0)
         homes = np.where(aside[:, None], spots[which], hips[which])
-        asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd)
+        asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd, self._slots.planned.gait)
         find_asks(everybody, mine, homes, stays[which], aside, asks)
         is_asked = (asks.touches >= 0) | (asks.comes >= 0) & ~aside
         for at in np.flatnonzero(is_asked | aside).tolist():
@@ -135,7 +145,8 @@ class MakingWay:
             stop, others = find_stops(everybody, me, here, home)
             step = None
             if is_asked[at]:
-                step = self._step(int(rows[row]), here, asks.way[at], asks.left[at], others)
+                way = asks.way[at], asks.left[at], asks.touches[at] >= 0
+                step = self._step(int(rows[row]), here, *way, stop, others)
             if step is not None:
                 place, retreat = here + ASIDE * step, step + (here - home) / ASIDE
             elif not aside[at]:
@@ -147,7 +158,7 @@ class MakingWay:
                 needed = taken or asks.comes[at] >= 0
                 place = next_place(memory, row, here, spots[row], needed)
             if not stays[row] or memory.yields[row] > 0:
-                ahead.given[row] = not is_stopped(here, place, stop, others)
+                ahead.given[row] = not are_stopped(here, place[None], stop, others)[0]
                 ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
                 ahead.radius[row], ahead.speed[row] = 0.1, 0.8
                 ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
@@ -162,17 +173,28 @@ class MakingWay:
         may: Flags = free & slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
         return may
 
-    def _step(self, slot: int, here: Float, way: Array, left: float, others: Array) -> Array | None:
-        """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place.
+    def _step(
+        self,
+        slot: int,
+        here: Float,
+        way: Array,
+        left: float,
+        touches: bool,
+        stop: Array,
+        others: Array,
+    ) -> Array | None:
+        """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place to which
+        nobody stops it. One that `touches` another need not leave the way.
 
-        `others` [N, 2]: where its neighbours would come to a stand.
+        It would come to a stand at `stop` [2], its neighbours at `others` [N, 2].
         """
         clear, room = self._scenery.walls(slot)
         tried = STEPS * [1, 1 if left >= 0 else -1]
         steps = tried @ np.array([way, [-way[1], way[0]]])
         places = here + ASIDE * steps
-        free = (clear(places) >= room) & (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
+        free = touches | (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
         free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
+        free &= (clear(places) >= room) & ~are_stopped(here, places, stop, others)
         return steps[free.argmax()] if free.any() else None
 
 
@@ -216,9 +238,7 @@ def _toucher(them: Neighbours, me: int) -> int:
     """The nearest at rest that is still where person `me` stands, and goes first; or -1."""
     nearest, first = np.float32(TOUCH), -1
     for other in range(them.first[me], them.last[me]):
-        x = them.position[me, 0] - them.position[other, 0]
-        y = them.position[me, 1] - them.position[other, 1]
-        far = np.float32(sqrt(x * x + y * y))
+        far = _apart(them, me, other)
         if far >= nearest or not is_level(them, me, other):
             continue
         rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
@@ -226,6 +246,14 @@ def _toucher(them: Neighbours, me: int) -> int:
         if rests and (waits or them.number[other] < them.number[me]):
             nearest, first = far, other
     return first
+
+
+@inner
+def _apart(them: Neighbours, me: int, other: int) -> float:
+    """Metres between two people; if both stay, between the places around which they sway."""
+    places = them.position if them.walks[me] or them.walks[other] else them.stance
+    x, y = places[me, 0] - places[other, 0], places[me, 1] - places[other, 1]
+    return np.float32(sqrt(x * x + y * y))
 
 
 @inner
@@ -281,15 +309,17 @@ def find_stops(them: Neighbours, me: int, here: Float, home: Float) -> tuple[Flo
     return stops[0], stops[1:count].copy()
 
 
-def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
-    """Whether others [N, 2] stand before a person that steps from `here` [2] to a place [2].
+def are_stopped(here: Float, places: Array, stop: Float, others: Float) -> Flags:
+    """Whether others [N, 2] stand before a person that steps from `here` [2] to each place [P, 2].
 
     It would come to a stand at `stop` [2].
     """
-    gaps, step = others - stop, place - here
-    far, along = np.linalg.norm(gaps, axis=-1), (gaps * step).sum(-1)
-    along /= max(np.linalg.norm(step), 1e-6)
-    return bool(((along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)).any())
+    gaps, steps = others - stop, places - here
+    far = np.linalg.norm(gaps, axis=-1)
+    along = (gaps * steps[:, None]).sum(-1)  # [P, N]
+    along /= np.maximum(np.linalg.norm(steps, axis=-1, keepdims=True), 1e-6)
+    stopped: Flags = (along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)
+    return stopped.any(1)
 
 
 @cache
@@ -297,6 +327,6 @@ def prepare() -> None:
     """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     flags, one = (flag, flag, flag), place[0, :1]
-    them = Neighbours(row, row + 1, row, place, one, place, *flags, place, place)
+    them = Neighbours(row, row + 1, row, place, place, one, place, *flags, place, place)
     warm(find_asks, them, row, place, flag, flag, Asks.empty(1))
     warm(find_stops, them, row[0], place[0], place[0])
