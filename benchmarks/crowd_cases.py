@@ -35,6 +35,7 @@ class Case:
     goals: tuple[Goal | None, ...]
     seconds: float  # after which it is over
     door: float | None = None  # metres: width of an opening in the line y = 0
+    stream: float | None = None  # metres: width of a corridor along y in which all walk one way
     peer: bool = True  # JuPedSim can run it, too
     measures_skin: bool = False  # how deep skin is in walls, and bodies are in each other
     standing: tuple[int, ...] = field(default=())  # numbers of the people without a goal
@@ -253,6 +254,18 @@ def dense(density: float, seed: int) -> Case:
     return case(f"100 in a yard, {density:g} per m²", room(side, side), people, 20, seed)
 
 
+def stream(density: float, seed: int) -> Case:
+    """96 people, `density` per m², fill a corridor of 4 m, and all walk 30 m along it."""
+    width, across = 4.0, round(4.0 * density**0.5)
+    apart = across / (width * density)
+    x = (np.arange(across) - (across - 1) / 2) * width / across
+    starts = [np.array([x[k % across], -apart * (k // across) - 1]) for k in range(96)]
+    long = 2 * (apart * (96 // across) + 32)
+    people = [(start, start + np.array([0, 30])) for start in starts]
+    name = f"one way, {density:g} per m²"
+    return case(name, room(width, long), people, 10, seed, stream=width)
+
+
 Make = Callable[[int], Case]
 
 CASES: dict[str, Make] = {
@@ -289,6 +302,10 @@ CASES: dict[str, Make] = {
     "dense_1": lambda seed: dense(1.0, seed),
     "dense_2": lambda seed: dense(2.0, seed),
     "dense_3": lambda seed: dense(3.0, seed),
+    "stream_0.5": lambda seed: stream(0.5, seed),
+    "stream_1": lambda seed: stream(1.0, seed),
+    "stream_2": lambda seed: stream(2.0, seed),
+    "stream_3": lambda seed: stream(3.0, seed),
 }
 
 QUICK = ("one_way_1.2", "two_ways_1.2", "one_goal_6", "row_5", "three_rows", "blocked", "flat_2")

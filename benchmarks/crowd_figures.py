@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.bench import Row
-from benchmarks.crowd_cases import Case
+from benchmarks.crowd_cases import SPEED, Case
 from wayfarer_lab.evaluation.scenes.overlap import segment_distance
 
 Array = NDArray[np.float64]
@@ -54,6 +54,8 @@ def figures(case: Case, tracks: Tracks) -> Row:
     if case.door is not None:
         row |= door_figures(case.door, tracks.place[:, walkers])
     row["m/s"] = mean_speed(tracks.place[:, walkers], reached)
+    if case.stream is not None:
+        row |= stream_figures(case.stream, tracks.place[:, walkers])
     row["still_s"] = longest_still(tracks.place[:, walkers], reached)
     row["overlap_cm"], row["overlap_%"], row["deep_%"] = overlap(tracks)
     row["walked_on_m"] = walked_after(tracks.place[:, walkers], reached)
@@ -100,6 +102,22 @@ def mean_speed(place: Array, reached: Array) -> float | None:
     window = slice(3 * second, 15 * second)
     known = on[window] & np.isfinite(speed[window])
     return float(speed[window][known].mean()) if known.any() else None
+
+
+def stream_figures(width: float, place: Array) -> Row:
+    """People per m² and m/s of the middle half of a stream along y, from 4 s after the start on.
+
+    Its front disperses. Also the speed that Weidmann's fundamental diagram has at that density.
+    """
+    second, quarter = round(RATE), place.shape[1] // 4
+    densities, speeds = [], []
+    for now, then in zip(place[4 * second : -second], place[5 * second :], strict=True):
+        middle = now[:, 1].argsort()[quarter:-quarter]
+        densities.append((len(middle) - 1) / (width * np.ptp(now[middle, 1])))
+        speeds.append(np.linalg.norm(then[middle] - now[middle], axis=-1).mean())
+    density = float(np.mean(densities))
+    diagram = SPEED * (1 - np.exp(-1.913 * (1 / density - 1 / 5.4)))
+    return {"m/s": float(np.mean(speeds)), "per_m2": density, "diagram_m/s": float(diagram)}
 
 
 def longest(holds: Array) -> float:

@@ -13,10 +13,12 @@ so they block nobody. *flow*, *per_m*: people per second through the door, also 
 *still_s*: longest time for which a person on its way has not advanced by .3 m.
 *overlap_cm*: maximum overlap of two bodies (capsules of .42 by .22 m across their facing);
 *overlap_%*, *deep_%*: shares of bodies and times that overlap by more than 1 and 5 cm.
-*m/s*: mean speed of people on their way, 3 to 15 s after the start. *wall_cm*, *body_cm*: maximum
-depth of skin in a wall, and of a limb or trunk in another body (corridors). *walked_on_m*: maximum
-that a person walked later than 15 s after the first arrival. With several seeds the figures are the
-worst (of *there*, *all_s*, *still_s* …) or the mean (of flows).
+*m/s*: mean speed of people on their way, 3 to 15 s after the start; in a stream, in which all
+walk one way, of its middle half from 4 s on. *per_m2*, *diagram_m/s*: the density there, and the
+speed of Weidmann's fundamental diagram at it. *wall_cm*, *body_cm*: maximum depth of skin in a
+wall, and of a limb or trunk in another body (corridors). *walked_on_m*: maximum that a person
+walked later than 15 s after the first arrival. With several seeds the figures are the worst (of
+*there*, *all_s*, *still_s* …) or the mean (of flows).
 
 `--cost` instead measures the rule: microseconds of an agent and step at 1 and 3 people per m².
 """
@@ -51,6 +53,9 @@ EVERY = round(FPS / RATE)
 
 OVER = 16.0
 """Seconds for which a case continues after the last arrival."""
+
+MEANS = "flow", "per_m", "m/s", "per_m2", "diagram_m/s", "wall_s"
+"""Figures of which several seeds have the mean."""
 
 
 See = Callable[[int, MotionChunk], None]
@@ -129,7 +134,7 @@ def summed(rows: Sequence[Row]) -> Row:
                 words = text.split()
                 counts.update(dict(zip(words[::2], map(int, words[1::2]), strict=True)))
             found[name] = " ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
-        elif name in ("flow", "per_m", "m/s", "wall_s"):
+        elif name in MEANS:
             known = [value for value in values if value is not None]
             found[name] = float(np.mean(known)) if known else None
         elif name in ("all_s", "through_s") and None in values:

@@ -1,11 +1,24 @@
 """People who stand in the way make way. The fake engine walks them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tests.world.scenes.grounds import enter, field, world_in
 from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
 from tests.world.scenes.test_world_scenes import goal, walked
+from wayfarer.world.agents.slots import Gait
+from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.making_way import (
+    Asks,
+    MakingWay,
+    Neighbours,
+    are_stopped,
+    find_asks,
+    find_stops,
+)
+from wayfarer.world.scenes.people import Gathering
 
 
 @pytest.mark.parametrize("placed", [True, False])
@@ -103,3 +116,140 @@ def test_who_faces_a_heading_at_its_goal_does_not_make_way(heading):
     stays = heading is not None
     assert (walker.agent_id in arrived) != stays
     assert (max(off) < 0.1) == stays
+
+
+def around(*others: dict) -> Neighbours:
+    """Person 0 stands at (0, 0). The others come to it from the south, and ask, unless they say
+    otherwise.
+    """
+    count, people = 1 + len(others), People.empty(1 + len(others))
+    people.number[:] = np.arange(count)
+    stand = np.arange(count) == 0
+    first, last = np.zeros(count, np.int64), np.full(count, count)
+    for row, given in enumerate(others, 1):
+        people.position[row] = given.get("at", (0, -1))
+        people.velocity[row] = given.get("velocity", (0, 0))
+        people.height[row] = given.get("height", 0)
+        people.walks[row] = given.get("walks", True)
+        people.memory.waited[row] = given.get("waited", 3)
+        people.memory.preferred[row] = given.get("preferred", (0, 1.2))
+        people.aims.spot[row] = given.get("spot", (0, 9))
+        if given.get("stranger"):
+            first[row], last[:row] = row, row
+    places = np.arange(count)
+    gait = Gait.empty(count)
+    gait.stop_place[:] = people.position
+    for row, given in enumerate(others, 1):
+        gait.stop_place[row] = given.get("stands_at", people.position[row])
+    return Neighbours.of(Gathering(people, places, (first, last), stand, places), gait)
+
+
+def asked(them: Neighbours, aside: bool = False, stays: bool = True) -> Asks:
+    found = Asks.empty(1)
+    flags = np.array([stays]), np.array([aside])
+    find_asks(them, np.zeros(1, np.int64), np.zeros((1, 2), np.float32), *flags, found)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("others", "comes"),
+    [
+        ([{}], 1),
+        ([{"at": (0, -2)}, {"at": (0, -1.5)}], 2),
+        ([{"at": (0, -2.6)}], -1),  # it is far
+        ([{"at": (0, 1)}], -1),  # it has passed
+        ([{"at": (0.6, -1)}], -1),  # its way is free
+        ([{"spot": (0, -0.5)}], -1),  # it stops before
+        ([{"waited": 2}], -1),
+        ([{"height": 3}], -1),
+        ([{"stranger": True}], -1),
+    ],
+)
+def test_it_is_the_nearest_whose_way_a_person_closes_that_asks_it(others, comes):
+    found = asked(around(*others))
+    assert found.comes[0] == comes and found.touches[0] == -1
+    if comes >= 0:
+        assert found.way[0].tolist() == [0, 1] and found.left[0] == 0
+
+
+def test_a_person_aside_stays_there_for_everybody_that_comes():
+    them = around({"waited": 2})
+    assert asked(them, aside=True).comes[0] == 1
+    assert asked(them).comes[0] == -1
+
+
+@pytest.mark.parametrize(
+    ("others", "touches"),
+    [
+        ([{"at": (0.3, 0)}, {"at": (0, -0.2)}], 2),
+        ([{"at": (0.42, 0)}], -1),
+        ([{"at": (0.3, 0), "velocity": (0, 1)}], -1),
+        ([{"at": (0.3, 0), "walks": False}], -1),  # two stand, and this one has the lower number
+        ([{"at": (0.3, 0), "height": 3}], -1),
+        ([{"at": (0.3, 0), "stands_at": (0.44, 0)}], 1),  # it waits
+    ],
+)
+def test_it_steps_out_of_the_nearest_that_waits_in_its_place(others, touches):
+    found = asked(them := around(*others))
+    assert found.touches[0] == touches
+    if touches >= 0:
+        assert found.comes[0] == -1, "nobody is looked for that it would step aside for otherwise"
+        x, y = them.position[touches]
+        assert found.left[0] == pytest.approx(max(abs(x), abs(y)))
+        assert found.way[0] == pytest.approx(np.array([-y, x]) / found.left[0])
+
+
+@pytest.mark.parametrize(
+    ("at", "stands_at", "touches"),
+    [(0.3, 0.44, False), (0.44, 0.3, True), (0.3, 0.6, True)],  # the last one does not get there
+)
+def test_of_two_that_stay_the_places_around_which_they_sway_count(at, stands_at, touches):
+    them = around({"at": (at, 0), "stands_at": (stands_at, 0), "walks": False})
+    them.number[0] = 2
+    assert (asked(them).touches[0] == 1) == touches
+
+
+def step(*others: np.ndarray, touches: bool = False, wall: float = np.inf) -> np.ndarray | None:
+    """The step of a person at (0, 0), .2 m left of a way along y; a wall is at x = -`wall`."""
+    ground = SimpleNamespace(walls=lambda slot: (lambda places: places[:, 0] + wall, 0.3))
+    here, way = np.zeros(2), np.array([0.0, 1.0])
+    return MakingWay(None, ground, None)._step(0, here, way, 0.2, touches, here, np.array(others))
+
+
+def test_a_step_leads_where_nobody_stops_it():
+    zero, far = np.zeros(2), np.array([-9.0, 0.0])
+    first = step(far)
+    assert first[0] < 0, "the person is to the left of the way, and steps to the left"
+    second = step(far, 0.25 * first)
+    assert second @ first < 0.75
+    assert not are_stopped(zero, second[None], zero, 0.25 * first[None])[0]
+
+
+def test_beside_a_wall_a_person_steps_along_it_out_of_another_one():
+    other = np.array([0.2, 0.0])
+    assert step(other, wall=0.3) is None, "it cannot leave the way of a person that comes"
+    assert np.abs(step(other, touches=True, wall=0.3)) == pytest.approx((0, 1))
+
+
+@pytest.mark.parametrize(
+    ("other", "stopped"),
+    [
+        ((0.3, 0.2), True),
+        ((0.3, 0.4), False),  # its way is free
+        ((0.05, 0.2), False),  # it is beside
+        ((-0.3, 0.0), False),  # it is behind
+        ((0.5, 0.0), False),  # it is not near yet
+    ],
+)
+def test_people_that_stand_before_a_step_stop_it(other, stopped):
+    zero, place = np.zeros(2), np.array([[0.8, 0.0], [0.0, -0.8]])
+    assert are_stopped(zero, place, zero, np.array([other])).tolist() == [stopped, False]
+
+
+def test_those_near_a_person_or_its_place_are_seen_where_they_come_to_a_stand():
+    far = {"at": (4, -2), "velocity": (0, 1)}
+    them = around(far, {"at": (0.5, 0)}, {"at": (8, 0)}, {"at": (0, 0), "height": 3})
+    zero, home = np.zeros(2, np.float32), np.array([4, -1], np.float32)
+    stop, others = find_stops(them, 0, zero, home)
+    assert stop.tolist() == [0, 0]
+    assert others.tolist() == [[4, pytest.approx(-1.65)], [0.5, 0]]

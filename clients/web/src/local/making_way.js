@@ -4,16 +4,16 @@
 import { PATIENCE } from "./company.js";
 import { stop } from "./passages.js";
 import { FARTHEST } from "./spots.js";
-import { STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
+import { STANDING, STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
 
-const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, BESIDE = 0.1, TOUCH = 0.4, RETURNS = 1, HOME = 0.25;
-const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, BESIDE = 0.1, TOUCH = 0.4, SWAYS = 0.15, RETURNS = 1, HOME = 0.25;
+const SIDES = [75, 45, 105, 135, -75, -45, -105, -135, 0, 180].map((angle) => (angle * Math.PI) / 180);
 const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math.cos(turned), aside: size * Math.sin(turned) })));
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
-/** Somebody's way, and metres to the left of it of a place @typedef {{ way: Point, left: number }} Way */
+/** Somebody's way, and metres to the left of it of a place; `touches`: it is in that one @typedef {{ way: Point, left: number, touches?: boolean }} Way */
 
 export class MakingWay {
   /** @param {import("./scene.js").LocalScene | null} scene */
@@ -41,14 +41,14 @@ export class MakingWay {
     stepTo(row, place, others);
   }
 
-  /** A person's step to a free place, in `ASIDE`. @param {Row} row @param {Way} asks @param {Seen[]} others @returns {Point | undefined} */
-  #step({ hips }, { way, left }, others) {
+  /** A person's step, in `ASIDE`, to a free place to which nobody stops it. @param {Row} row @param {Way} asks @param {Seen[]} others @returns {Point | undefined} */
+  #step({ hips, self }, { way, left, touches }, others) {
     const side = left >= 0 ? 1 : -1;
     const sides = STEPS.map(({ x, aside }) => ({ x, y: side * aside }));
     return sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
       const place = plus(hips, times(ASIDE, step));
-      return Math.abs(left + ASIDE * y) >= CLOSES && (!this.scene || this.scene.distance(...place) >= this.scene.radius)
-        && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART);
+      return (touches || Math.abs(left + ASIDE * y) >= CLOSES) && (!this.scene || this.scene.distance(...place) >= this.scene.radius)
+        && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART) && !isStopped(hips, place, stop(self), others);
     })?.step;
   }
 }
@@ -81,13 +81,24 @@ function comer(others, self, home, aside) {
 
 /** Like `comer`, of the nearest that is still where a person stands: a way through it, past the person. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
 function toucher(others, self) {
-  const touches = others.filter(({ walks, number, velocity, position }) =>
-    !velocity[0] && !velocity[1] && ((walks && self.stands) || number < self.number) && Math.hypot(...minus(self.position, position)) < TOUCH,
-  ).map(({ position }) => {
-    const to = minus(self.position, position);
-    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to) };
+  const touches = others.filter((other) =>
+    !other.velocity[0] && !other.velocity[1] && ((other.walks && self.stands) || other.number < self.number) && apart(self, other) < TOUCH,
+  ).map((other) => {
+    const to = minus(self.position, other.position);
+    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to), far: apart(self, other), touches: true };
   });
-  return touches.length ? touches.reduce((a, b) => (b.left < a.left ? b : a)) : null;
+  return touches.length ? touches.reduce((a, b) => (b.far < a.far ? b : a)) : null;
+}
+
+/** Metres between two people; if both stay, between the places around which they sway. @param {Seen} one @param {Seen} other */
+function apart(one, other) {
+  const place = one.walks || other.walks ? (/** @type {Seen} */ { position }) => position : stance;
+  return Math.hypot(...minus(place(one), place(other)));
+}
+
+/** Where a standing person stands, around which its hips sway. @param {Seen} person @returns {Point} */
+function stance({ position, person: { planned: { gait: { mode, stopPlace } } } }) {
+  return mode === STANDING && Math.hypot(...minus(stopPlace, position)) < SWAYS ? stopPlace : position;
 }
 
 /** Whether others stand before a person that steps from here to a place. @param {Point} here @param {Point} place @param {Point} stands where it would come to a stand @param {Seen[]} others */

@@ -1,24 +1,28 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
 and returns when its place is free. If two agents stand or wait in each other, the
-one with the higher number steps aside, and a standing one always does so for a waiting one.
+one with the higher number steps aside, and a standing one always does so for a waiting one. A
+standing body shifts its weight: of two that stay, the places around which their hips sway count.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
 """
 
-from typing import Final
+from functools import cache
+from math import sqrt
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Feeding, Mode, Motion, Slots
+from wayfarer.world.agents.slots import Feeding, Gait, Mode, Motion, Slots
 from wayfarer.world.avoidance.people import Memory, People
-from wayfarer.world.rows import Array, Flags, Float, Index
+from wayfarer.world.rows import Array, Flags, Float, Index, Int
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import PATIENCE
 from wayfarer.world.scenes.passages import COASTS
-from wayfarer.world.scenes.people import SessionPeople
+from wayfarer.world.scenes.people import Gathering
 from wayfarer.world.scenes.spots import FARTHEST
 from wayfarer.world.scenes.world_scenes import WorldScenes
 
@@ -31,9 +35,10 @@ CLOSES: Final = 0.5
 ASIDE: Final = 0.8
 """Metres of a step aside."""
 
-SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135])
+SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135, 0, 180])
 STEPS: Final = np.concatenate([s * np.stack([np.cos(SIDES), np.sin(SIDES)], 1) for s in (1, 0.6)])
-"""Such steps [S, 2], and shorter ones: along a way, and to the side on which the person stands."""
+"""Such steps [S, 2], and shorter ones: along a way, and to the side on which the person stands. The
+ones along the way leave it closed, but lead out of another one, beside a wall, too."""
 
 APART: Final = 0.46
 """Metres that a step leaves between two people."""
@@ -42,7 +47,10 @@ BODY, BESIDE = 0.37, 0.1
 """Metres beside the line of a step within which somebody stops it, and ahead from which."""
 
 TOUCH: Final = 0.4
-"""Metres between two standing people within which their bodies may be in each other."""
+"""Metres between the places of two standing people within which their bodies are in each other."""
+
+SWAYS: Final = 0.15
+"""Metres from its place within which a standing body sways: farther away it stands elsewhere."""
 
 RETURNS: Final = 1.0
 """Seconds for which people remain aside once their places are in nobody's way."""
@@ -51,8 +59,62 @@ HOME: Final = 0.25
 """Metres from its place within which a person is back."""
 
 
-Asks = tuple[Array, float]
-"""The way of another one [2], and metres from it to a person, to the left."""
+NEIGHBOURS: Final = 1.5
+"""Metres from a person, its place and its stop within which others matter to its step."""
+
+
+class Neighbours(NamedTuple):
+    """Everybody of some sessions [N], for compiled rules."""
+
+    first: Index  # [N] first row and last of everybody's session
+    last: Index
+    number: Int
+    position: Float
+    stance: Float  # where it stands, or is if it does not
+    height: Float
+    velocity: Float
+    walks: Flags
+    stand: Flags
+    asks: Flags  # it is stuck
+    preferred: Float
+    spot: Float
+
+    @classmethod
+    def of(cls, crowd: Gathering, gait: Gait) -> "Neighbours":
+        """The people of a gathering, of all slots' `gait`."""
+        people, slots = crowd.people, crowd.slots
+        place = gait.stop_place[slots]
+        stands = np.linalg.norm(place - people.position, axis=-1) < SWAYS
+        stands &= gait.mode[slots] == Mode.STANDING
+        return cls(
+            *crowd.own,
+            people.number,
+            people.position,
+            np.where(stands[:, None], place, people.position),
+            people.height,
+            people.velocity,
+            people.walks,
+            crowd.stand,
+            is_stuck(people),
+            people.memory.preferred,
+            people.aims.spot,
+        )
+
+
+class Asks(NamedTuple):
+    """Whom some people [A] step aside for: a row of everybody, or -1."""
+
+    touches: Index  # the nearest at rest that is still where the person stands
+    comes: Index  # the nearest whose way the person closes at its place
+    way: Float  # [A, 2] unit vector: that one's way, or one through the first, past the person
+    left: Float  # [A] metres from that way to the person's place, to the left
+
+    @classmethod
+    def empty(cls, count: int) -> "Asks":
+        """Nobody."""
+        nobody = np.full(count, -1)
+        way, left = np.zeros((count, 2), np.float32), np.zeros(count, np.float32)
+        return cls(nobody, nobody.copy(), way, left)
 
 
 class MakingWay:
@@ -71,59 +133,68 @@ class MakingWay:
         """
         gait, memory, spots = start.gait, start.memory, start.aims.spot
         memory.yields[stays & (gait.mode == Mode.WALKING)] = 0.0  # it made way as it walked
+        crowd = self._avoidance.crowd
         which = np.flatnonzero((stays | ~ahead.given) & self._may_step(rows, hips, start, ahead))
-        for mine, them in self._avoidance.sessions(rows, which):
-            stops = them.people.position + COASTS * them.people.velocity
-            for row, me in zip(mine.tolist(), them.rows(rows[mine]).tolist(), strict=True):
-                here, level = hips[row], them.level(me)
-                aside = bool(stays[row] and memory.yields[row] > 0)
-                home, others = spots[row] if aside else here, stops[level]
-                touches = toucher(them, me)
-                comes = comer(them, me, home, aside) if aside or not touches else None
-                asks = touches or (comes if stays[row] and not aside else None)
-                step = self._step(int(rows[row]), here, *asks, others) if asks else None
+        mine, aside = crowd.places[rows[which]], stays[which] & (memory.yields[which] > 0)
+        homes = np.where(aside[:, None], spots[which], hips[which])
+        asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd, self._slots.planned.gait)
+        find_asks(everybody, mine, homes, stays[which], aside, asks)
+        is_asked = (asks.touches >= 0) | (asks.comes >= 0) & ~aside
+        for at in np.flatnonzero(is_asked | aside).tolist():
+            row, here, home, me = which[at], hips[which[at]], homes[at], mine[at]
+            stop, others = find_stops(everybody, me, here, home)
+            step = None
+            if is_asked[at]:
+                way = asks.way[at], asks.left[at], asks.touches[at] >= 0
+                step = self._step(int(rows[row]), here, *way, stop, others)
+            if step is not None:
+                place, retreat = here + ASIDE * step, step + (here - home) / ASIDE
+            elif not aside[at]:
+                continue
+            if stays[row]:
                 if step is not None:
-                    place, retreat = here + ASIDE * step, step + (here - home) / ASIDE
-                elif not aside:
-                    continue
-                if stays[row]:
-                    if step is not None:
-                        spots[row], memory.retreat[row] = home, retreat
-                    taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
-                    place = next_place(memory, row, here, spots[row], taken or comes is not None)
-                if not stays[row] or memory.yields[row] > 0:
-                    ahead.given[row] = not is_stopped(here, place, stops[me], others)
-                    ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
-                    ahead.radius[row], ahead.speed[row] = 0.1, 0.8
-                    ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
+                    spots[row], memory.retreat[row] = home, retreat
+                taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
+                needed = taken or asks.comes[at] >= 0
+                place = next_place(memory, row, here, spots[row], needed)
+            if not stays[row] or memory.yields[row] > 0:
+                ahead.given[row] = not are_stopped(here, place[None], stop, others)[0]
+                ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
+                ahead.radius[row], ahead.speed[row] = 0.1, 0.8
+                ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
 
     def _may_step(self, rows: Index, hips: Float, start: Motion, ahead: GoalColumns) -> Flags:
-        """Which of rows [A] at `hips` [A, 2] may step: they are aside, near an agent that asks, or
-        so near an agent at rest that their bodies overlap.
-
-        An agent that faces a heading, or is far from its goal, may not.
+        """Which of rows [A] at `hips` [A, 2] may step: they face no heading, and are near their
+        goal, if they have any.
         """
-        slots, crowd = self._slots, self._avoidance.crowd
-        asks = is_stuck(crowd.people)
+        slots = self._slots
         at_goal = np.linalg.norm(hips - start.aims.asked, axis=-1) < FARTHEST
         free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
-        free &= slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
-        may, still = start.memory.yields > 0, np.all(crowd.people.velocity == 0, -1)
-        may[free] |= crowd.near(rows[free], asks, SIGHT + CLOSES)
-        may[free] |= crowd.near(rows[free], still, TOUCH)
-        return free & may
+        may: Flags = free & slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
+        return may
 
-    def _step(self, slot: int, here: Float, way: Array, left: float, others: Array) -> Array | None:
-        """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place.
+    def _step(
+        self,
+        slot: int,
+        here: Float,
+        way: Array,
+        left: float,
+        touches: bool,
+        stop: Array,
+        others: Array,
+    ) -> Array | None:
+        """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place to which
+        nobody stops it. One that `touches` another need not leave the way.
 
-        `others` [N, 2]: where everybody else would come to a stand.
+        It would come to a stand at `stop` [2], its neighbours at `others` [N, 2].
         """
         clear, room = self._scenery.walls(slot)
         tried = STEPS * [1, 1 if left >= 0 else -1]
         steps = tried @ np.array([way, [-way[1], way[0]]])
         places = here + ASIDE * steps
-        free = (clear(places) >= room) & (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
+        free = touches | (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
         free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
+        free &= (clear(places) >= room) & ~are_stopped(here, places, stop, others)
         return steps[free.argmax()] if free.any() else None
 
 
@@ -135,43 +206,127 @@ def next_place(memory: Memory, row: int, here: Float, home: Float, needed: bool)
     return home if returns else home + ASIDE * memory.retreat[row]
 
 
-def comer(them: SessionPeople, me: int, home: Float, aside: bool) -> Asks | None:
-    """The nearest whose way person `me` closes at its place `home` [2]: the direction of that way
-    [2], and metres from it to `home`, to the left. It asks, unless `me` has stepped `aside`.
-    """
-    people = them.people
-    to, way = home - people.position, people.memory.preferred
-    way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-    on, left = (to * way).sum(-1), way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
-    goes = np.linalg.norm(people.aims.spot - people.position, axis=-1)
-    comes = people.walks & (aside | (is_stuck(people) & them.stand[me]))
-    comes &= (on > 0) & (on < np.minimum(SIGHT, goes)) & (np.abs(left) < CLOSES) & them.level(me)
-    first = int(np.where(comes, on, np.inf).argmin())
-    return (way[first], left[first]) if comes[first] else None
-
-
 def is_stuck(people: People) -> Flags:
     """Whether a walker asks others to make way: they close its way, or leave too little room."""
     return people.walks & (np.maximum(people.aims.barred, people.memory.waited) > PATIENCE)
 
 
-def toucher(them: SessionPeople, me: int) -> Asks | None:
-    """Like `comer`, of the nearest that is still where `me` stands: a way through it, past `me`."""
-    people = them.people
-    to = people.position[me] - people.position
-    far = np.linalg.norm(to, axis=-1)
-    touches = (far < TOUCH) & ~people.velocity.any(-1) & them.level(me)
-    touches &= (people.walks & them.stand[me]) | (people.number < people.number[me])
-    first = int(np.where(touches, far, np.inf).argmin())
-    way = np.array([to[first, 1], -to[first, 0]]) / max(float(far[first]), 1e-6)
-    return (way, float(far[first])) if touches[first] else None
+@compiled
+def find_asks(
+    them: Neighbours, mine: Index, homes: Float, stays: Flags, aside: Flags, found: Asks
+) -> None:
+    """Finds for whom people at rows `mine` [A], with places at `homes` [A, 2], step aside.
+
+    A person asks while it is stuck. A person that has stepped `aside` [A] stays there for everybody
+    that comes. One that does not `stays` [A] only steps out of another one.
+    """
+    for row in range(len(mine)):
+        me = mine[row]
+        touches = found.touches[row] = _toucher(them, me)
+        if aside[row] or (stays[row] and touches < 0):
+            found.comes[row] = _comer(them, me, homes, row, aside[row], found)
+        if touches >= 0:
+            x = them.position[me, 0] - them.position[touches, 0]
+            y = them.position[me, 1] - them.position[touches, 1]
+            far = np.float32(sqrt(x * x + y * y))
+            least = max(far, np.float32(1e-6))
+            found.way[row, 0], found.way[row, 1], found.left[row] = y / least, -x / least, far
 
 
-def is_stopped(here: Float, place: Float, stop: Float, others: Float) -> bool:
-    """Whether others [N, 2] stand before a person that steps from `here` [2] to a place [2].
+@inner
+def _toucher(them: Neighbours, me: int) -> int:
+    """The nearest at rest that is still where person `me` stands, and goes first; or -1."""
+    nearest, first = np.float32(TOUCH), -1
+    for other in range(them.first[me], them.last[me]):
+        far = _apart(them, me, other)
+        if far >= nearest or not is_level(them, me, other):
+            continue
+        rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
+        waits = them.walks[other] and them.stand[me]
+        if rests and (waits or them.number[other] < them.number[me]):
+            nearest, first = far, other
+    return first
+
+
+@inner
+def _apart(them: Neighbours, me: int, other: int) -> float:
+    """Metres between two people; if both stay, between the places around which they sway."""
+    places = them.position if them.walks[me] or them.walks[other] else them.stance
+    x, y = places[me, 0] - places[other, 0], places[me, 1] - places[other, 1]
+    return np.float32(sqrt(x * x + y * y))
+
+
+@inner
+def _comer(them: Neighbours, me: int, homes: Float, row: int, aside: bool, found: Asks) -> int:
+    """The nearest whose way person `me` closes at its place `homes[row]`, or -1. Writes the way."""
+    nearest, first = np.float32(SIGHT), -1
+    for other in range(them.first[me], them.last[me]):
+        comes = them.walks[other] and (aside or (them.asks[other] and them.stand[me]))
+        if not comes or not is_level(them, me, other):
+            continue
+        x, y = them.preferred[other, 0], them.preferred[other, 1]
+        long = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+        x, y = x / long, y / long
+        to_x = homes[row, 0] - them.position[other, 0]
+        to_y = homes[row, 1] - them.position[other, 1]
+        on, left = to_x * x + to_y * y, x * to_y - y * to_x
+        if on <= 0 or on >= nearest or abs(left) >= np.float32(CLOSES):
+            continue
+        goes_x = them.spot[other, 0] - them.position[other, 0]
+        goes_y = them.spot[other, 1] - them.position[other, 1]
+        if on < np.float32(sqrt(goes_x * goes_x + goes_y * goes_y)):
+            nearest, first = on, other
+            found.way[row, 0], found.way[row, 1], found.left[row] = x, y, left
+    return first
+
+
+@inner
+def is_level(them: Neighbours, me: int, other: int) -> bool:
+    """Whether another one is on the floor of person `me`."""
+    return other != me and abs(them.height[other] - them.height[me]) < np.float32(1.0)
+
+
+@compiled
+def find_stops(them: Neighbours, me: int, here: Float, home: Float) -> tuple[Float, Float]:
+    """Where person `me`, at `here` [2] with a place at `home` [2], would come to a stand [2], and
+    where others on its floor would that are near its stop, `here` or `home` [N, 2].
+    """
+    stops = np.empty((them.last[me] - them.first[me] + 1, 2), np.float32)
+    for k in range(2):
+        stops[0, k] = them.position[me, k] + np.float32(COASTS) * them.velocity[me, k]
+    count = 1
+    for other in range(them.first[me], them.last[me]):
+        if not is_level(them, me, other):
+            continue
+        x = them.position[other, 0] + np.float32(COASTS) * them.velocity[other, 0]
+        y = them.position[other, 1] + np.float32(COASTS) * them.velocity[other, 1]
+        near = (x - here[0]) ** 2 + (y - here[1]) ** 2
+        near = min(near, (x - home[0]) ** 2 + (y - home[1]) ** 2)
+        near = min(near, (x - stops[0, 0]) ** 2 + (y - stops[0, 1]) ** 2)
+        if near < NEIGHBOURS**2:
+            stops[count, 0], stops[count, 1] = x, y
+            count += 1
+    return stops[0], stops[1:count].copy()
+
+
+def are_stopped(here: Float, places: Array, stop: Float, others: Float) -> Flags:
+    """Whether others [N, 2] stand before a person that steps from `here` [2] to each place [P, 2].
 
     It would come to a stand at `stop` [2].
     """
-    gaps, step = others - stop, place - here
-    far, along = np.linalg.norm(gaps, axis=-1), gaps @ step / max(np.linalg.norm(step), 1e-6)
-    return bool(((along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)).any())
+    gaps, steps = others - stop, places - here
+    far = np.linalg.norm(gaps, axis=-1)
+    along = (gaps * steps[:, None]).sum(-1)  # [P, N]
+    along /= np.maximum(np.linalg.norm(steps, axis=-1, keepdims=True), 1e-6)
+    stopped: Flags = (along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)
+    return stopped.any(1)
+
+
+@cache
+def prepare() -> None:
+    """Compiles the rules, or loads them, before agents walk."""
+    row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
+    flags, one = (flag, flag, flag), place[0, :1]
+    them = Neighbours(row, row + 1, row, place, place, one, place, *flags, place, place)
+    warm(find_asks, them, row, place, flag, flag, Asks.empty(1))
+    warm(find_stops, them, row[0], place[0], place[0])

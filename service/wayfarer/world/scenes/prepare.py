@@ -20,6 +20,7 @@ from wayfarer.world.scenes import (
     around,
     collision_avoidance,
     lanes,
+    making_way,
     nearest_obstacles,
     people,
     routes,
@@ -29,7 +30,8 @@ from wayfarer.world.stepping import mirror, new_frames, noise, playback
 
 PARTS: Final = (
     new_frames, mirror, people, spots, around, nearest_obstacles, routes, lanes,
-    collision_avoidance, sampling, playback, noise, gait_rules, find, legs, twobone, avoid,
+    collision_avoidance, making_way, sampling, playback, noise, gait_rules, find, legs, twobone,
+    avoid,
 )  # fmt: skip
 """The rules that take longest are at both ends, so that the two processes rarely meet in one."""
 
