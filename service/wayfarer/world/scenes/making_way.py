@@ -249,7 +249,7 @@ def _toucher(them: Neighbours, me: int) -> int:
 
 
 @inner
-def _apart(them: Neighbours, me: int, other: int) -> float:
+def _apart(them: Neighbours, me: int, other: int) -> np.float32:
     """Metres between two people; if both stay, between the places around which they sway."""
     places = them.position if them.walks[me] or them.walks[other] else them.stance
     x, y = places[me, 0] - places[other, 0], places[me, 1] - places[other, 1]
