@@ -103,7 +103,6 @@ STEERING: Final[Mapping[str, tuple[str, str]]] = {
     "strafe_speed": ("m/s", "at most of people who face elsewhere than where they go"),
     "strafe_slowest": ("m/s", "at least of them: asked for less, a body glides"),
     "weight_shift": ("m", "a standing person is asked so far to either side, and shifts weight"),
-    "glance": ("rad", "a standing person without a heading is asked to look so far to either side"),
 }
 
 

@@ -302,8 +302,7 @@ def test_without_a_heading_it_goes_on_facing_as_it_did_when_it_stopped():
     now.speed[:], now.slow_seconds[:], now.arrived[:] = 0.0, 0.2, True
     now = STEERING.decide(now, at(0.3, heading=60), goal(0.2))  # it comes to rest
     now = STEERING.decide(now, at(0.3, heading=70), goal(0.2))
-    stare = replace(STEERING, glance=0.0)
-    faced = stare.targets(now, at(0.3, heading=70), goal(0.2)).facing[0]
+    faced = STEERING.targets(now, at(0.3, heading=70), goal(0.2)).facing[0]
     np.testing.assert_allclose(faced, facing(60), atol=1e-6)
 
 
@@ -358,26 +357,6 @@ def test_standing_it_shifts_its_weight_aside_and_neighbours_not_together():
     shifts = int((np.diff(ways[20:, 0] > 0)).sum())
     assert 8 <= shifts <= 24
     assert np.corrcoef(ways[:, 0], others[:, 0])[0, 1] < 0.8
-
-
-def test_standing_it_looks_to_both_sides_unless_it_shall_face_a_heading():
-    standing = [
-        gait(Mode.STANDING, slow_seconds=t, stop_place=(3.0, 1.0), stop_facing=facing(1.0))
-        for t in np.arange(0, 60, 0.2)
-    ]
-
-    def angles(asked):
-        faced = np.array([STEERING.targets(each, at(0), asked).facing[0] for each in standing])
-        assert np.allclose(np.linalg.norm(faced, axis=1), 1)
-        away = np.arctan2(faced[:, 0], faced[:, 1]) - np.arctan2(*facing(1.0))
-        return np.remainder(away + np.pi, 2 * np.pi) - np.pi
-
-    looks = angles(goal())
-    assert looks[0] == pytest.approx(0, abs=1e-6)
-    assert looks.min() < -0.6 and looks.max() > 0.6
-    assert np.abs(looks).max() <= STEERING.glance + 1e-6
-    assert np.allclose(angles(goal(3.0, heading=facing(1.0))), 0, atol=1e-6)
-    assert looks.tolist() == angles(goal(3.0)).tolist()
 
 
 @pytest.mark.parametrize(("aside", "passed"), [(0.45, True), (0.55, False)])

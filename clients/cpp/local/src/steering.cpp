@@ -1,6 +1,5 @@
 #include "steering.hpp"
 
-#include <array>
 #include <stdexcept>
 
 namespace wayfarer::local {
@@ -8,16 +7,14 @@ namespace {
 
 constexpr double TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3, GONE_BY = 0.2, FARTHER = 1.5;
 constexpr double PACE = 0.7;  // m/s: nobody who walks to a goal is slower before its end, unless that is asked
-using Periods = std::array<double, 2>;  // seconds
-constexpr Periods SHIFTS = {13, 21}, GLANCES = {9, 14};  // of a standing body's weight, and of where it looks
-constexpr double CALM = 4;  // seconds until it does both in full
+constexpr double SHIFTS[] = {13, 21}, CALM = 4;  // seconds: when a standing body shifts its weight, how soon in full
 
 double between(Point a, Point b) { return std::acos(bounded(dot(a, b), -1, 1)); }
 
-// how far to a side, from -1 (left) to 1 (right), a body is that stands
-double sways(Point place, double seconds, const Periods& periods) {
+// where its weight is, from -1 (left) to 1 (right), of a body that stands
+double leans(Point place, double seconds) {
   const double own = 10 * (place.x + 2 * place.y);
-  const double wave = std::sin(2 * PI * seconds / periods[0] + own) + std::sin(2 * PI * seconds / periods[1] + 3 * own);
+  const double wave = std::sin(2 * PI * seconds / SHIFTS[0] + own) + std::sin(2 * PI * seconds / SHIFTS[1] + 3 * own);
   return std::min(seconds / CALM, 1.0) * std::tanh(2 * wave);
 }
 
@@ -82,7 +79,6 @@ Steering::Steering(const std::map<std::string, double>& constants) {
   strafe_speed_ = read("strafe_speed");
   strafe_slowest_ = read("strafe_slowest");
   weight_shift_ = read("weight_shift");
-  glance_ = read("glance");
 }
 
 Gait Steering::advance(Gait gait, const GoalRow& goal) const {
@@ -151,11 +147,8 @@ Targets Steering::targets(const Gait& gait, const Start& start, const GoalRow& g
     return {gait.stop_place + turn_radius_ / std::max(length(arc), 0.1) * arc, gait.stop_facing, turn_speed_};
   }
   if (gait.mode != WALKING && gait.mode != STRAFING) {
-    const Point ahead = gait.stop_facing, right{ahead.y, -ahead.x};
-    if (gait.mode != STANDING) return {gait.stop_place, ahead, 0};
-    const double aside = weight_shift_ * sways(gait.stop_place, gait.slow_seconds, SHIFTS);
-    const double angle = goal.has_heading ? 0 : glance_ * sways(gait.stop_place, gait.slow_seconds, GLANCES);
-    return {gait.stop_place + aside * right, std::cos(angle) * ahead + std::sin(angle) * right, 0};
+    const double aside = gait.mode == STANDING ? weight_shift_ * leans(gait.stop_place, gait.slow_seconds) : 0;
+    return {gait.stop_place + aside * Point{gait.stop_facing.y, -gait.stop_facing.x}, gait.stop_facing, 0};
   }
   const double asked = goal.speed * (1 + gait.trim);
   const double speed = goal.strafe ? bounded(asked, strafe_slowest_, strafe_speed_) : asked;

@@ -8,8 +8,7 @@ export const STEP_SECONDS = 0.2;
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
 const GONE_BY = 0.2; // metres
 const FARTHER = 1.5; // factor on the way to a point that is passed: a body slows down before its goal
-const SHIFTS = [13, 21], GLANCES = [9, 14]; // seconds: periods of a standing body's weight, and of where it looks
-const CALM = 4; // seconds until it does both in full
+const SHIFTS = [13, 21], CALM = 4; // seconds: when a standing body shifts its weight, and how soon in full
 const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one is asked for
 
 /** @typedef {[number, number]} Point */
@@ -91,7 +90,6 @@ export class Steering {
     this.strafeSpeed = read("strafe_speed");
     this.strafeSlowest = read("strafe_slowest");
     this.weightShift = read("weight_shift");
-    this.glance = read("glance");
   }
 
   /** Sends a person that is done with a goal on to the next. @param {Gait} gait @param {GoalRow} goal @returns {Gait} */
@@ -150,12 +148,8 @@ export class Steering {
       return { place: plus(stopPlace, times(share, arc)), facing: stopFacing, speed: this.turnSpeed };
     }
     if (mode !== WALKING && mode !== STRAFING) {
-      if (mode !== STANDING) return { place: stopPlace, facing: stopFacing, speed: 0 };
-      const right = /** @type {Point} */ ([stopFacing[1], -stopFacing[0]]);
-      const aside = this.weightShift * sways(stopPlace, gait.slowSeconds, SHIFTS);
-      const angle = goal.heading ? 0 : this.glance * sways(stopPlace, gait.slowSeconds, GLANCES);
-      const facing = plus(times(Math.cos(angle), stopFacing), times(Math.sin(angle), right));
-      return { place: plus(stopPlace, times(aside, right)), facing, speed: 0 };
+      const aside = mode === STANDING ? this.weightShift * leans(stopPlace, gait.slowSeconds) : 0;
+      return { place: plus(stopPlace, times(aside, [stopFacing[1], -stopFacing[0]])), facing: stopFacing, speed: 0 };
     }
     /** @type {Point} */
     const facing = mode === STRAFING && goal.heading ? goal.heading : [0, 0];
@@ -179,13 +173,10 @@ export class Steering {
   }
 }
 
-/**
- * How far to a side, from -1 (left) to 1 (right), a body is that stands.
- * @param {Point} place @param {number} seconds @param {number[]} periods
- */
-function sways(place, seconds, periods) {
+/** Where its weight is, from -1 (left) to 1 (right), of a body that stands. @param {Point} place @param {number} seconds */
+function leans(place, seconds) {
   const own = 10 * (place[0] + 2 * place[1]);
-  const wave = Math.sin(2 * Math.PI * seconds / periods[0] + own) + Math.sin(2 * Math.PI * seconds / periods[1] + 3 * own);
+  const wave = Math.sin(2 * Math.PI * seconds / SHIFTS[0] + own) + Math.sin(2 * Math.PI * seconds / SHIFTS[1] + 3 * own);
   return Math.min(seconds / CALM, 1) * Math.tanh(2 * wave);
 }
 

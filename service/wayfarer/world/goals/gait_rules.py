@@ -38,11 +38,8 @@ walker leaves it behind: nobody turns back for so short a distance.
 SHIFTS: Final = (13.0, 21.0)
 """Seconds: periods whose sum says when a standing body shifts its weight, 6 to 9 times a minute."""
 
-GLANCES: Final = (9.0, 14.0)
-"""The same of looking to a side and back."""
-
 CALM: Final = 4.0
-"""Seconds of standing until it does both in full."""
+"""Seconds of standing until it shifts its weight in full."""
 
 STEADY: Final = 0.3
 """Share of the target speed. An agent with a larger error sets off or slows, and has no trim."""
@@ -76,7 +73,6 @@ class SteeringNumbers(NamedTuple):
     strafe_speed: float
     strafe_slowest: float
     weight_shift: float
-    glance: float
 
 
 class GaitArrays(NamedTuple):
@@ -117,14 +113,14 @@ def _faces(turns: Float, row: int) -> tuple[float, float]:
 
 
 @inner
-def _sways(x: float, y: float, seconds: float, periods: tuple[float, float]) -> float:
-    """How far to a side, from -1 (left) to 1 (right), a body is that stands for `seconds`.
+def _leans(x: float, y: float, seconds: float) -> float:
+    """Where its weight is, from -1 (left) to 1 (right), of a body that stands for `seconds`.
 
-    The place that it stands at says when it begins, so neighbours do not move together.
+    The place that it stands at says when it begins, so neighbours do not shift together.
     """
     own = 10 * (x + 2 * y)
-    first = sin(2 * pi * seconds / periods[0] + own)
-    wave = first + sin(2 * pi * seconds / periods[1] + 3 * own)
+    first = sin(2 * pi * seconds / SHIFTS[0] + own)
+    wave = first + sin(2 * pi * seconds / SHIFTS[1] + 3 * own)
     return min(seconds / CALM, 1.0) * tanh(2 * wave)
 
 
@@ -264,15 +260,9 @@ def aim_rows(
             place_x, place_y = place_x + wide * arc_x, place_y + wide * arc_y
             speed = limits.turn_speed
         elif mode == STANDING:
-            x, y, seconds = place_x, place_y, float(gait.slow_seconds[row])
-            aside = limits.weight_shift * _sways(x, y, seconds, SHIFTS)
-            place_x, place_y = x + aside * facing_y, y - aside * facing_x
-            head_x, head_y = goals.heading[row, 0], goals.heading[row, 1]
-            if not (goals.given[row] and (head_x != 0 or head_y != 0)):
-                glance = limits.glance * _sways(x, y, seconds, GLANCES)
-                ahead_x, ahead_y = facing_x, facing_y
-                facing_x = ahead_x * cos(glance) + ahead_y * sin(glance)
-                facing_y = ahead_y * cos(glance) - ahead_x * sin(glance)
+            leans = _leans(place_x, place_y, float(gait.slow_seconds[row]))
+            place_x += limits.weight_shift * leans * facing_y
+            place_y -= limits.weight_shift * leans * facing_x
         found.place[row, 0], found.place[row, 1], found.speed[row] = place_x, place_y, speed
         found.facing[row, 0], found.facing[row, 1] = facing_x, facing_y
 

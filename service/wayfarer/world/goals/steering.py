@@ -110,7 +110,6 @@ class Steering:
     strafe_speed: float = 1.2  # maximum speed of side steps and steps backward
     strafe_slowest: float = 0.8  # minimum speed of these: with less, a body glides
     weight_shift: float = 0.1  # metres to either side where a standing body is asked to be
-    glance: float = radians(45)  # to either side, where it is asked to face unless it has a heading
 
     def with_search(
         self,
