@@ -304,7 +304,12 @@ def test_a_claim_needs_owner_and_epoch_as_they_are():
     new = directory.claim(group, "n0", epoch, "n1")
     assert new > epoch
     assert directory.claim(group, "n0", epoch, "n1") == new, "the answer was lost"
-    with pytest.raises(Aborted):  # it has not heard that n1 has taken it
+    with pytest.raises(Unavailable, match="on its way to n1"):
+        directory.claim(group, "n0", epoch, "n0")
+    bench.present["n1"] = {group}
+    bench.nodes["n1"].decided(group, new)
+    bench.beat("n1")
+    with pytest.raises(Aborted):  # n1 has heard that it has it
         directory.claim(group, "n0", epoch, "n0")
     assert directory.counters["moved"] == 1
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.cluster import virtual_time
-from tests.cluster.nodes import Bench, info
+from tests.cluster.nodes import LEASE, Bench, info
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import NodeOrder
 from wayfarer.cluster.node_agent import NodeAgent
@@ -114,10 +114,21 @@ class Pair:
     def move(self):
         epoch = self.bench.nodes["n1"].epoch(self.name)
         order = NodeOrder(kind="move", group=self.group, epoch=epoch, to="n2")
-        virtual_time.run(self.agents["n1"]._move(order))
-        for name in ("n1", "n2"):  # for `Bench.beat`
-            self.bench.present[name] = self.moves[name].groups
-        self.bench.later(5, "n1", "n2")
+
+        async def moving():
+            beating = asyncio.create_task(self.beating())
+            await self.agents["n1"]._move(order)
+            await asyncio.sleep(5)
+            beating.cancel()
+
+        virtual_time.run(moving())
+
+    async def beating(self):
+        while True:
+            await asyncio.sleep(0.25)
+            for name in ("n1", "n2"):
+                self.bench.present[name] = self.moves[name].groups
+            self.bench.later(0.25, "n1", "n2")
 
     @property
     def owner(self):
@@ -135,7 +146,7 @@ class Pair:
     [
         ([], "n2", ["n2"]),
         (["question", "answer", "answer"], "n2", ["n2"] * 4),
-        (["answer", "taken"], "n2", ["n2", "n2", "n1"]),
+        (["answer", "taken"], "n2", ["n2", "n2", "n1", "n1"]),
         (["taken", "question"], "n2", ["n2", "n1", "n1"]),
         (["take"], "n1", ["n1"]),
         (["take", "question", "answer"], "n1", ["n1"] * 3),
@@ -145,6 +156,29 @@ def test_whatever_is_lost_during_a_move_one_node_has_the_session(losses, owner, 
     pair = Pair(losses)
     pair.move()
     assert (pair.owner, pair.asked, pair.losses) == (owner, asked, [])
+
+
+def test_who_has_given_a_group_away_keeps_it_until_its_new_node_has_heard_so():
+    """The directory ends before its answer has come there; the next one knows of no gift."""
+    pair, taking, seen = Pair(["answer"] * 4), [], []
+    bench = pair.bench
+
+    async def peer(node, verb, *told, seconds=0):
+        taking.append(asyncio.create_task(getattr(pair.agents[node.name], verb)(*told)))
+        asyncio.get_running_loop().call_later(0.6, restart)
+        await asyncio.sleep(0.2)
+        raise Unavailable("deadline")
+
+    def restart():
+        seen.append(bench.owner(pair.group))
+        seen.extend(dict(moves.frozen) for moves in pair.moves.values())
+        generation = bench.directory._epoch + 1000
+        bench.directory = Directory(LeaseRules(LEASE), generation, lambda: bench.now)
+
+    pair.agents["n1"]._nodes.call = peer
+    pair.move()
+    assert seen == ["n2", {pair.name: True}, {pair.name: True}]
+    assert pair.owner == "n1" and isinstance(taking[0].exception(), Aborted)
 
 
 def test_what_cannot_be_known_stays_frozen_and_the_owner_may_move_it_again():

@@ -12,7 +12,8 @@ rules, on which "never two owners" rests:
   the new node, which asks for the group once it has everything, and resumes it after the answer.
   An owner that does not hear from the new node asks to keep the group. The first of these two
   questions to arrive decides. Each node asks until it is answered, and keeps the group frozen
-  meanwhile; the same question always has the same answer.
+  meanwhile; the same question always has the same answer. The owner is told that it has lost the
+  group only once the new node has named the group: until then the owner's state and its copy stay.
 - A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
   tell it what they hold, and of what they keep replicas. Between two that claim one group the
   greater epoch is right. Replicas are adopted if their owner does not come for another lease.
@@ -86,6 +87,7 @@ class _Entry:
     epoch: int
     before: tuple[str, int] | None = None  # its owner before, with that epoch, if it came from one
     keepers: tuple[str, ...] | None = None  # being adopted: who else may have a replica, in order
+    named: bool = False  # by its owner, with this epoch: an answer to `claim` has arrived there
 
 
 class Directory:
@@ -163,6 +165,8 @@ class Directory:
                 self._own(group, told.name, known)
             if not self._has(told.name, group, epoch):
                 lost.append(group)
+            elif epoch == self._groups[group].epoch:
+                self._groups[group].named = True
         if whole is not None:
             self._has_told(told.name)
         # an adoption that the node had been asked for continues
@@ -300,9 +304,11 @@ class Directory:
         is_its = is_its or self._had(entry, owner, epoch)
         if entry is None:  # an earlier directory's answer was lost; its giver has named the replica
             is_its = to in {one for _, one in self._kept.get(group, {}).values()}
-        if entry is not None and owner == to and not is_its and self._is_adopted(group):
-            # it is its own if there is no replica
-            raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
+        if entry is not None and owner == to and not is_its:
+            if self._is_adopted(group):  # it is its own if there is no replica
+                raise Unavailable(f"group {group} is being adopted by {entry.owner}; ask again")
+            if entry.before == (owner, epoch) and not entry.named:  # this directory may end before
+                raise Unavailable(f"group {group} is on its way to {entry.owner}; ask again")
         if not is_its:
             raise self._not_its(group, owner, epoch)
         if source is not None and not target.is_like(source):

@@ -60,6 +60,7 @@ class NodeLease:
         self._coming: dict[str, Iterable[str]] = {}
         """Ids of what comes, for groups that have not come yet."""
         self._freed: set[str] = set()  # the directory does not know that yet
+        self._given: set[str] = set()  # nor that its answer has come: the giver waits for that
 
     # ---- Ownership
 
@@ -150,6 +151,8 @@ class NodeLease:
             self._freed.add(group)
         self._count += 1
         named = share_of(self._held, self._count)
+        self._given &= self._held.keys()
+        named.update(self._given)
         named.update(group for group, epoch in self._held.items() if not epoch)
         held = {group: self._held[group] for group in sorted(named - self._frozen)}
         comes = not self.registered
@@ -174,6 +177,7 @@ class NodeLease:
             return False
         self.registered = True
         self._freed -= set(told.freed)
+        self._given -= told.held.keys()
         # the answer does not cover changes after the renewal was sent
         same = {group for group, epoch in told.held.items() if self._held.get(group) == epoch}
         lost = same.intersection(answer.lost)
@@ -226,6 +230,7 @@ class NodeLease:
         self._frozen.discard(group)
         if epoch:
             self._held[group] = epoch
+            self._given.add(group)
         else:
             self._held.pop(group, None)
             self._coming.pop(group, None)
