@@ -318,8 +318,9 @@ def are_stopped(here: Float, places: Array, stop: Float, others: Float) -> Flags
     far = np.linalg.norm(gaps, axis=-1)
     along = (gaps * steps[:, None]).sum(-1)  # [P, N]
     along /= np.maximum(np.linalg.norm(steps, axis=-1, keepdims=True), 1e-6)
-    stopped: Flags = (along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)
-    return stopped.any(1)
+    stop_it = (along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)
+    stopped: Flags = stop_it.any(1)
+    return stopped
 
 
 @cache
