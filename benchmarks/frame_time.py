@@ -11,6 +11,7 @@ messages, the frame, garbage collection. The wall time is printed too; it includ
 processes.
 """
 
+import argparse
 import os
 import sys
 import tempfile
@@ -96,4 +97,8 @@ def main(people: int, scene: str) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100, sys.argv[2] if len(sys.argv) > 2 else "")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("people", type=int, nargs="?", default=100)
+    parser.add_argument("scene", nargs="?", default="", help="an example scene, as town_square")
+    asked = parser.parse_args()
+    main(asked.people, asked.scene)

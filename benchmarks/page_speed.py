@@ -6,6 +6,7 @@ there at the first visit and at later ones, from the browser's cache, and the lo
 them. Except for the visits, CPU time of the page's threads is counted; nothing is drawn.
 """
 
+import argparse
 import functools
 import os
 import sys
@@ -138,4 +139,6 @@ def main(folder: Path | None) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("demo", type=Path, nargs="?", help="a folder that `make demo` has written")
+    main(parser.parse_args().demo)

@@ -12,8 +12,8 @@ rules, on which "never two owners" rests:
   the new node, which asks for the group once it has everything, and resumes it after the answer.
   An owner that does not hear from the new node asks to keep the group. The first of these two
   questions to arrive decides. Each node asks until it is answered, and keeps the group frozen
-  meanwhile; the same question always has the same answer. The owner is told that it has lost the
-  group only once the new node has named the group: until then the owner's state and its copy stay.
+  meanwhile; the same question always has the same answer. An owner that asks hears of
+  its loss only after the new node has named the group. Its state and its copy stay until then.
 - A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
   tell it what they hold, and of what they keep replicas. Between two that claim one group the
   greater epoch is right. Replicas are adopted if their owner does not come for another lease.

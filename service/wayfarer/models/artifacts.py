@@ -45,7 +45,7 @@ CARD: Final = "CARD.md"
 class Graph:
     """The kind, gender and seed length of a file of the folder."""
 
-    kind: str  # "step", "unscored", "predictor", "policy", "regressor", "pose_encoder", …
+    kind: str  # the file's name without gender and seed length
     gender: str = ""  # "" when the graph serves both
     seed_frames: int = 0  # 0 when the graph takes single frames
 

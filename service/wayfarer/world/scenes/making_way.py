@@ -184,7 +184,7 @@ class MakingWay:
         others: Array,
     ) -> Array | None:
         """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place to which
-        nobody stops it. One that `touches` another need not leave the way.
+        nobody stops it. A person that `touches` another need not leave the way.
 
         It would come to a stand at `stop` [2], its neighbours at `others` [N, 2].
         """
@@ -218,7 +218,7 @@ def find_asks(
     """Finds for whom people at rows `mine` [A], with places at `homes` [A, 2], step aside.
 
     A person asks while it is stuck. A person that has stepped `aside` [A] stays there for everybody
-    that comes. One that does not `stays` [A] only steps out of another one.
+    that comes. If it does not stay (`stays` [A]), it only steps out of another one.
     """
     for row in range(len(mine)):
         me = mine[row]
@@ -238,6 +238,8 @@ def _toucher(them: Neighbours, me: int) -> int:
     """The nearest at rest that is still where person `me` stands, and goes first; or -1."""
     nearest, first = np.float32(TOUCH), -1
     for other in range(them.first[me], them.last[me]):
+        if abs(them.position[other, 0] - them.position[me, 0]) > TOUCH + 2 * SWAYS:
+            continue  # so are most, in a large session
         far = _apart(them, me, other)
         if far >= nearest or not is_level(them, me, other):
             continue
