@@ -13,11 +13,10 @@ import argparse
 import asyncio
 import json
 import sys
-import tempfile
 from pathlib import Path
 
 from tests.fuzz.campaign import SETTINGS, Report, run
-from tests.fuzz.server import served
+from tests.serving import Service
 
 SURFACES = ("gRPC", "WebSocket", "HTTP", "gRPC port", "HTTP port")
 SAY_EVERY = 10_000
@@ -81,10 +80,9 @@ def show(report: Report) -> None:
 async def main() -> int:
     """Runs it; returns 0 if all is well."""
     asked = arguments()
-    with tempfile.TemporaryDirectory() as folder:
-        async with served(Path(folder) / "log", settings=SETTINGS) as server:
-            report = await run(server.target, asked.inputs, asked.seed, asked.agents, Progress())
-            found = faults(report, server.errors)
+    with Service(settings=SETTINGS) as server:
+        report = await run(server.target, asked.inputs, asked.seed, asked.agents, Progress())
+        found = faults(report, server.errors)
     show(report)
     for fault in found:
         print(f"FAULT {fault}")

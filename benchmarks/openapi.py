@@ -11,9 +11,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.fuzz import campaign
 from tests.fuzz.openapi import SETTINGS, schemathesis
-from tests.fuzz.server import served
+from tests.serving import Service
 
 
 async def main() -> int:
@@ -22,12 +21,9 @@ async def main() -> int:
     parser.add_argument("--examples", type=int, default=20, help="per operation and phase")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        settings = campaign.SETTINGS | SETTINGS
-        async with served(folder / "log", settings=settings) as server:
-            outcome = await schemathesis(server.target.http, asked.examples, asked.seed, folder)
-            errors = server.errors
+    with tempfile.TemporaryDirectory() as name, Service(settings=SETTINGS) as server:
+        outcome = await schemathesis(server.url, asked.examples, asked.seed, Path(name))
+        errors = server.errors
     print(outcome.text)
     print(f"{outcome.cases} cases, {outcome.failures} failures, {len(errors)} errors logged")
     for error in errors[:10]:

@@ -10,11 +10,9 @@ Ends with 1 when a healthy reader lost a chunk or got one after its time, or whe
 import argparse
 import asyncio
 import sys
-import tempfile
-from pathlib import Path
 
 from tests.fuzz import streams
-from tests.fuzz.server import served
+from tests.serving import Service
 
 HEALTHY = 63
 SESSIONS = 8
@@ -36,21 +34,20 @@ async def main() -> int:
     parser.add_argument("--cycles", type=int, default=1000)
     asked = parser.parse_args()
     faults = []
-    with tempfile.TemporaryDirectory() as folder:
-        for kind in streams.STALLS:
-            async with served(Path(folder) / "log", settings=streams.SETTINGS) as server:
-                stall = await streams.stall(
-                    server.target, asked.seconds, SESSIONS, AGENTS, HEALTHY, kind, WARM_UP_S
-                )
-                found = streams.summary(stall)
-                print(f"stalled {kind} reader, {asked.seconds:g} s: {found}")
-                if found["lost"] or found["lateness_ms"]["p100"] > SHOWN_MS:
-                    faults.append(f"{kind}: healthy readers were disturbed")
-                faults += grown(*stall.megabytes, f"{kind} stall") + server.errors
-        async with served(Path(folder) / "log", settings=streams.SETTINGS) as server:
-            before, after, stats = await streams.cycles(server.target, asked.cycles, seed=1)
-            print(f"{asked.cycles} cycles: {before:.1f} → {after:.1f} MB, {stats}")
-            faults += grown(before, after, "cycles") + server.errors
+    for kind in streams.STALLS:
+        with Service(settings=streams.SETTINGS) as server:
+            stall = await streams.stall(
+                server.target, asked.seconds, SESSIONS, AGENTS, HEALTHY, kind, WARM_UP_S
+            )
+            found = streams.summary(stall)
+            print(f"stalled {kind} reader, {asked.seconds:g} s: {found}")
+            if found["lost"] or found["lateness_ms"]["p100"] > SHOWN_MS:
+                faults.append(f"{kind}: healthy readers were disturbed")
+            faults += grown(*stall.megabytes, f"{kind} stall") + server.errors
+    with Service(settings=streams.SETTINGS) as server:
+        before, after, stats = await streams.cycles(server.target, asked.cycles, seed=1)
+        print(f"{asked.cycles} cycles: {before:.1f} → {after:.1f} MB, {stats}")
+        faults += grown(before, after, "cycles") + server.errors
     for fault in faults:
         print(f"FAULT {fault}")
     return 1 if faults else 0

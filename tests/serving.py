@@ -3,6 +3,7 @@
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -12,13 +13,19 @@ from types import TracebackType
 from typing import Self
 
 import httpx
+import psutil
 import pytest
+
+from wayfarer_lab.load.target import Target
 
 HAS_RAY = find_spec("ray") is not None
 # `make test` installs it for all Pythons for which there is one: there it is never left out
 assert HAS_RAY or not (os.environ.get("CI") and sys.version_info < (3, 15)), "no Ray"
 needs_ray = pytest.mark.skipif(not HAS_RAY, reason="pip install '.[cluster]'")
-FREE_PORTS = ("--http-port", "0", "--grpc-port", "0")
+COMMAND = (sys.executable, "-m", "wayfarer", "serve", "--log-format", "json")
+ANY_PORTS = ("--http-port", "0", "--grpc-port", "0")
+ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith("WAYFARER_")}
+START_S = 300.0  # on a machine with other work
 LIGHT = {
     "WAYFARER_CANDIDATES": "2",
     "WAYFARER_ADMISSION": "false",  # tests share a small machine
@@ -42,16 +49,15 @@ class Service:
         self,
         *options: str,
         before: Sequence[str] = (),
-        environment: Mapping[str, str] = os.environ,
+        settings: Mapping[str, str] = LIGHT,
+        environment: Mapping[str, str] = ENVIRONMENT,
     ) -> None:
-        """`options`: further ones of `wayfarer serve`; `before`: a command that runs it.
-
-        Raises RuntimeError with what it said.
+        """`options`: further ones of `wayfarer serve`; `before`: a command that runs it;
+        `settings`: variables beside those of `environment`. Raises RuntimeError with what it said.
         """
-        command = [sys.executable, "-m", "wayfarer", "serve", "--log-format", "json"]
         self.process = subprocess.Popen(
-            [*before, *command, *FREE_PORTS, *options],
-            env={**environment, **LIGHT},
+            [*before, *COMMAND, *ANY_PORTS, *options],
+            env={**environment, **settings},
             stderr=subprocess.PIPE,
             text=True,
         )
@@ -59,8 +65,12 @@ class Service:
         ready: queue.Queue[dict[str, str] | None] = queue.Queue()
         self._listener = threading.Thread(target=self._listen, args=(ready,), daemon=True)
         self._listener.start()
-        found = ready.get(timeout=300)  # on a machine with other work
+        try:
+            found = ready.get(timeout=START_S)
+        except queue.Empty:
+            found = None
         if found is None:
+            self.stop(signal.SIGKILL)
             raise RuntimeError("the service did not start:\n" + "".join(self.said[-20:]))
         self.url, self.grpc_address = found["http"], found["grpc"]
 
@@ -73,15 +83,36 @@ class Service:
                 ready.put(json.loads(line))
         ready.put(None)
 
-    def stop(self) -> None:
-        """As SIGTERM does. Safe to call twice."""
-        self.process.terminate()
+    @property
+    def log(self) -> list[dict]:
+        """What it said, all of which has to be lines of its log."""
+        return [json.loads(line) for line in self.said]
+
+    @property
+    def errors(self) -> list[str]:
+        """Logged events that should not have happened."""
+        lines = [json.loads(line) for line in self.said if line.startswith("{")]
+        return [str(line)[:2000] for line in lines if line["level"] in ("error", "critical")]
+
+    @property
+    def target(self) -> Target:
+        """Its addresses and process for the load generator."""
+        return Target(self.grpc_address, self.url, (), psutil.Process(self.process.pid))
+
+    def stop(self, how: signal.Signals = signal.SIGTERM) -> int:
+        """Its exit code after this signal. Safe to call twice."""
+        self.process.send_signal(how)
+        return self.ended()
+
+    def ended(self, seconds: float = 20) -> int:
+        """Its exit code, once it has ended; after these seconds it is killed."""
         try:
-            self.process.wait(timeout=20)
+            self.process.wait(timeout=seconds)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
         self._listener.join(timeout=20)  # its children have ended, too
+        return self.process.returncode
 
     def __enter__(self) -> Self:
         return self

@@ -4,13 +4,10 @@ happen to each of them, and their end.
 
 import asyncio
 import contextlib
-import json
 import os
 import re
 import signal
-import subprocess
 import sys
-import threading
 import time
 from concurrent.futures import Future
 from types import SimpleNamespace
@@ -22,7 +19,7 @@ import pytest
 from tests.certificates import Authority
 from tests.cluster.local import listening, lives, processes
 from tests.programs import run_program
-from tests.serving import LIGHT, needs_ray
+from tests.serving import LIGHT, Service, needs_ray
 from wayfarer import errors
 from wayfarer.cluster.messages import SILENT_S
 from wayfarer_client import AgentSpec, Client, Unavailable
@@ -32,38 +29,14 @@ pytestmark = [pytest.mark.slow, needs_ray]
 NODES = 2
 LOCAL_ADDRESS = "127.0.0.2"  # of Ray, on one machine
 AGENTS = re.compile("ray::(RuntimeEnv|Dashboard)Agent")
-ONE_THREAD = {"WAYFARER_ENGINE": "onnxruntime", "WAYFARER_THREADS": "1"}
 
 
-class Command:
+class Command(Service):
     """`wayfarer serve --workers`, once it is ready."""
 
     def __init__(self, *options, **more):
         """`more`: variables of the environment."""
-        self.said = []
-        free = ("--http-port", "0", "--grpc-port", "0", "--log-format", "json")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "wayfarer", "serve", *free, *options],
-            env={**os.environ, **LIGHT, **ONE_THREAD, **more},
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-        )
-        self._killer = threading.Timer(400, self.process.kill)
-        self._killer.start()
-        for line in self.process.stderr:
-            self.said.append(line)
-            if line.startswith("{") and json.loads(line)["event"] == "ready":
-                break
-        else:
-            pytest.fail("it did not start:\n" + "".join(self.said))
-        self._listening = threading.Thread(target=self._listen, daemon=True)
-        self._listening.start()
-        self.ready = json.loads(self.said[-1])
-        self.url, self.grpc = self.ready["http"], self.ready["grpc"]
-
-    def _listen(self):
-        self.said.extend(self.process.stderr)
+        super().__init__(*options, settings={**LIGHT, "WAYFARER_THREADS": "1", **more})
 
     def processes(self, name=""):
         """Processes of Ray or of nodes; see `processes`."""
@@ -118,21 +91,19 @@ class Command:
         self.process.send_signal(signal.SIGINT)
         time.sleep(1)
         self.process.send_signal(signal.SIGINT)
-        assert self.process.wait(60) == 0
+        assert self.ended(60) == 0
         assert not [one for one in psutil.wait_procs(theirs, 1)[1] if lives(one)]
-        self._listening.join(10)
         told = "".join(self.said)
         assert "Traceback" not in told, told
         assert "did not end" not in told, told
 
     def close(self):
-        self._killer.cancel()
         left = self.processes()
         self.process.kill()
-        self.process.wait()
         for one in left:  # which had no chance to end
             if one.is_running():
                 one.kill()
+        self.ended()
 
 
 @pytest.fixture
@@ -199,7 +170,7 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
     told = {f"WAYFARER_PEER_TLS__{name}": path for name, path in given.items()}
     options = "--workers", str(NODES), "--state-dir", str(tmp_path / "state")
     command = start(*options, **told)
-    async with Client(command.grpc, timeout=60) as client:
+    async with Client(command.grpc_address, timeout=60) as client:
         scene = await client.scenes.example("corridor")
         everybody = [await Follower.of(client, command, where) for where in (scene, "", "", "")]
         homes = {one.session.session_id: command.home(one.session) for one in everybody}
@@ -238,7 +209,7 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
     assert not psutil.wait_procs(below, timeout=120)[1], "nodes outlive their parent"
 
     command = start(*options, **told)
-    async with Client(command.grpc, timeout=60) as client:
+    async with Client(command.grpc_address, timeout=60) as client:
         back = {one.session_id: one for one in await client.sessions()}
         assert {name: command.home(one) for name, one in back.items()} == homes
         assert len(await client.scenes.all()) == 1
@@ -254,7 +225,7 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
 async def test_sessions_outlive_a_node_that_ends_with_the_directory(start):
     """Nobody else knows whose they are; the other node has their copies."""
     command = start("--workers", str(NODES))
-    async with Client(command.grpc, timeout=60) as client:
+    async with Client(command.grpc_address, timeout=60) as client:
         everybody = [await Follower.of(client, command) for _ in range(4)]
         homes = {one: command.home(one.session) for one in everybody}
         assert set(homes.values()) == set(range(NODES)), "they are spread"
@@ -288,7 +259,7 @@ async def the_head_dies(command, everybody):
     figures = (await asyncio.to_thread(httpx.get, command.url + "/metrics")).text
     assert "wayfarer_cluster_directory_up 0.0" in figures
     await command.until(lambda: command.health()[1]["head"] is False, "its end is reported")
-    async with Client(command.grpc, timeout=10) as other:
+    async with Client(command.grpc_address, timeout=10) as other:
         with pytest.raises(Unavailable, match="directory"):
             await other.create_session()
         for one in everybody:  # its node waits once its lease has ended

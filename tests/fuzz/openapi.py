@@ -6,15 +6,15 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.fuzz import campaign
+from tests.fuzz.http_calls import LEFT_OUT
+
 CONFIGURATION = Path(__file__).with_name("schemathesis.toml")
 PHASES = "examples,coverage,fuzzing,stateful"
-LEFT_OUT = ("/v1/admin/drain", "/v1/events")
-"""The server's shutdown, and an endless stream."""
-
-SETTINGS = {
+SETTINGS = campaign.SETTINGS | {
     "WAYFARER_LIMITS__CLIP_S": "1",  # otherwise it would spend its time walking
 }
-"""Settings of the server, in addition to those of `campaign`."""
+"""Settings of the server."""
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,15 @@
 import asyncio
 
 from tests.fuzz.campaign import SETTINGS, run
-from tests.fuzz.server import served
-from tests.serving import LIGHT
+from tests.serving import LIGHT, Service
 
 INPUTS = 1000
 
 
-async def test_hostile_inputs_do_no_harm(tmp_path):
-    async with asyncio.timeout(300), served(tmp_path / "log", settings=LIGHT | SETTINGS) as server:
-        report = await run(server.target, INPUTS, seed=7, healthy_agents=2)
+async def test_hostile_inputs_do_no_harm():
+    with Service(settings=LIGHT | SETTINGS) as server:
+        async with asyncio.timeout(300):
+            report = await run(server.target, INPUTS, seed=7, healthy_agents=2)
         assert report.answers.inputs >= INPUTS
         assert report.answers.failures == []
         assert server.errors == []

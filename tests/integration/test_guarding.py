@@ -6,8 +6,6 @@ import signal
 import ssl
 import time
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import grpc
@@ -16,8 +14,9 @@ import pytest
 import websockets
 
 from tests.certificates import Authority
-from tests.integration.test_process import ANY_PORTS, COMMAND, ENVIRONMENT, Process, refused, serve
+from tests.integration.test_process import refused
 from tests.programs import run_program
+from tests.serving import ANY_PORTS, COMMAND, ENVIRONMENT, Service
 from tests.transport.auth.issuer import AUDIENCE, ISSUER, Issuer
 from wayfarer.transport.auth.keys import new_key
 from wayfarer.v1 import (
@@ -56,15 +55,8 @@ def keys(tmp_path) -> Keys:
     return Keys(tmp_path / "keys.toml", ada="read control", bob="read", root="read control admin")
 
 
-@contextmanager
-def guarded(keys: Keys, *options: str) -> Iterator[Process]:
-    with serve(*ANY_PORTS, "--keys-file", str(keys.path), *options) as service:
-        yield service
-
-
-def everything_logged(service: Process) -> str:
-    service.stop(signal.SIGTERM)
-    return json.dumps(service.log)
+def guarded(keys: Keys, *options: str) -> Service:
+    return Service("--keys-file", str(keys.path), *options)
 
 
 def test_keys_tokens_scopes_keys_taken_back_and_nothing_secret_in_the_log(keys, tmp_path):
@@ -81,7 +73,7 @@ def test_keys_tokens_scopes_keys_taken_back_and_nothing_secret_in_the_log(keys, 
     shown = [good, expired, wrong, *keys.keys.values()]
 
     with guarded(keys, "--config", str(file), "--log-level", "debug") as service:
-        with httpx.Client(base_url=service.http) as http:
+        with httpx.Client(base_url=service.url) as http:
 
             def status(path: str, *, method: str = "GET", **headers: str) -> int:
                 return http.request(method, path, headers=headers).status_code
@@ -106,15 +98,16 @@ def test_keys_tokens_scopes_keys_taken_back_and_nothing_secret_in_the_log(keys, 
         asyncio.run(_the_same_over_a_socket(service, keys, session_id, wrong))
         asyncio.run(_take_back(service, keys))
         _read_again(service, keys)
-        log = everything_logged(service)
+        service.stop()
+    log = json.dumps(service.log)
     for secret in shown:
         assert secret not in log and secret.rpartition(".")[2] not in log
     assert "key:ada" in log and "jwt:ada" in log and "request_id" in log
     assert "streams of revoked keys ended" in log
 
 
-async def _the_same_over_grpc(service: Process, keys: Keys, bad: list[str]) -> None:
-    async with grpc.aio.insecure_channel(service.grpc) as channel:
+async def _the_same_over_grpc(service: Service, keys: Keys, bad: list[str]) -> None:
+    async with grpc.aio.insecure_channel(service.grpc_address) as channel:
         sessions = session_pb2_grpc.SessionServiceStub(channel)
         assert await sessions.ListSessions(LISTED, metadata=keys.grpc("bob"))
         for metadata in ((), *((("authorization", f"Bearer {secret}"),) for secret in bad)):
@@ -128,9 +121,9 @@ async def _the_same_over_grpc(service: Process, keys: Keys, bad: list[str]) -> N
 
 
 async def _the_same_over_a_socket(
-    service: Process, keys: Keys, session_id: str, wrong: str
+    service: Service, keys: Keys, session_id: str, wrong: str
 ) -> None:
-    url = f"{service.http.replace('http', 'ws')}/v1/stream?session={session_id}"
+    url = f"{service.url.replace('http', 'ws')}/v1/stream?session={session_id}"
     async with websockets.connect(url, additional_headers=keys.http("ada")) as socket:
         assert motion_pb2.StreamMotionResponse.FromString(await socket.recv()).header.session_id
     async with websockets.connect(f"{url}&token={wrong}") as socket:
@@ -139,9 +132,9 @@ async def _the_same_over_a_socket(
     assert closed.value.rcvd.code == 4401
 
 
-async def _take_back(service: Process, keys: Keys) -> None:
+async def _take_back(service: Service, keys: Keys) -> None:
     """Streams end when their key is revoked; others continue."""
-    async with grpc.aio.insecure_channel(service.grpc) as channel:
+    async with grpc.aio.insecure_channel(service.grpc_address) as channel:
         stub = motion_pb2_grpc.MotionServiceStub(channel)
 
         async def followed(name: str) -> tuple[str, grpc.aio.UnaryStreamCall]:
@@ -155,7 +148,7 @@ async def _take_back(service: Process, keys: Keys) -> None:
 
         session_id, revoked = await followed("ada")
         _, good = await followed("root")
-        url = f"{service.http.replace('http', 'ws')}/v1/stream?session={session_id}"
+        url = f"{service.url.replace('http', 'ws')}/v1/stream?session={session_id}"
         async with websockets.connect(url, additional_headers=keys.http("ada")) as socket:
             assert await socket.recv()
             text = keys.path.read_text()
@@ -173,13 +166,13 @@ async def _take_back(service: Process, keys: Keys) -> None:
             assert (await good.read()) is not grpc.aio.EOF
 
 
-def _read_again(service: Process, keys: Keys) -> None:
+def _read_again(service: Service, keys: Keys) -> None:
     """A signal makes the server read the file at once."""
     old = keys.http("root")
     Keys(keys.path, eve="read")
     service.process.send_signal(signal.SIGHUP)
     deadline = time.monotonic() + 10
-    while httpx.get(f"{service.http}/v1/info", headers=old).status_code == 200:
+    while httpx.get(f"{service.url}/v1/info", headers=old).status_code == 200:
         assert time.monotonic() < deadline
         time.sleep(0.05)
 
@@ -190,14 +183,14 @@ def test_tls_and_client_certificates(tmp_path):
     ada = authority.issue("ada")
     eve = Authority(tmp_path / "evil").issue("eve")
     options = ("--tls-cert", cert, "--tls-key", key, "--tls-client-ca", authority.path)
-    with serve(*ANY_PORTS, *map(str, options)) as service:
-        assert service.http.startswith("https://127.0.0.1:")
+    with Service(*map(str, options)) as service:
+        assert service.url.startswith("https://127.0.0.1:")
 
         def client(certificate: tuple[Path, Path] | None) -> httpx.Client:
             context = ssl.create_default_context(cafile=str(authority.path))
             if certificate:
                 context.load_cert_chain(*certificate)
-            return httpx.Client(base_url=service.http, verify=context)
+            return httpx.Client(base_url=service.url, verify=context)
 
         with client(ada) as http:
             assert http.get("/v1/info").status_code == 200
@@ -210,15 +203,15 @@ def test_tls_and_client_certificates(tmp_path):
         with client(eve) as http, pytest.raises(httpx.TransportError):
             http.get("/v1/health/live")
         with pytest.raises(httpx.TransportError):
-            httpx.get(service.http.replace("https", "http") + "/v1/health/live")
+            httpx.get(service.url.replace("https", "http") + "/v1/health/live")
         asyncio.run(_certificates_over_grpc(service, authority.path, ada, eve))
 
 
-async def _certificates_over_grpc(service: Process, ca: Path, ada: tuple, eve: tuple) -> None:
+async def _certificates_over_grpc(service: Service, ca: Path, ada: tuple, eve: tuple) -> None:
     async def names(*certificate: Path) -> int:
         chain = [path.read_bytes() for path in reversed(certificate)] or [None, None]
         credentials = grpc.ssl_channel_credentials(ca.read_bytes(), *chain)
-        async with grpc.aio.secure_channel(service.grpc, credentials) as channel:
+        async with grpc.aio.secure_channel(service.grpc_address, credentials) as channel:
             stub = session_pb2_grpc.SessionServiceStub(channel)
             answer = await stub.ListSessions(LISTED, timeout=10)
             return len(answer.sessions)
@@ -252,14 +245,13 @@ def test_check_config(tmp_path):
 def test_drain_tells_streams_refuses_new_work_and_ends(keys, how):
     with guarded(keys) as service:
         asyncio.run(_drain(service, keys, how))
-        service.log += [json.loads(line) for line in service.process.stderr]
-        assert service.process.wait(15) == 0
+        assert service.ended() == 0
         assert [line["event"] for line in service.log[-2:]] == ["draining", "stopped"]
 
 
-async def _drain(service: Process, keys: Keys, how: str) -> None:
+async def _drain(service: Service, keys: Keys, how: str) -> None:
     own = keys.grpc("root")
-    async with grpc.aio.insecure_channel(service.grpc) as channel:
+    async with grpc.aio.insecure_channel(service.grpc_address) as channel:
         sessions = session_pb2_grpc.SessionServiceStub(channel)
         made = await sessions.CreateSession(session_pb2.CreateSessionRequest(), metadata=own)
         request = motion_pb2.StreamMotionRequest(session_id=made.session.session_id)
@@ -286,9 +278,9 @@ def test_a_second_signal_ends_at_once(keys, tmp_path):
     file = tmp_path / "wayfarer.toml"
     file.write_text("drain_s = 300")
 
-    async def hold(service: Process) -> None:
+    async def hold(service: Service) -> None:
         """A call under way, so that the drain has something to wait for."""
-        _, writer = await asyncio.open_connection("127.0.0.1", int(service.http[-5:]))
+        _, writer = await asyncio.open_connection("127.0.0.1", int(service.url[-5:]))
         head = "POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n"
         key = keys.keys["ada"]  # without one it would be answered at once
         writer.write(f"{head}Content-Type: application/json\r\nX-Api-Key: {key}\r\n\r\n{{".encode())

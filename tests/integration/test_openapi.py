@@ -2,16 +2,14 @@
 
 import asyncio
 
-from tests.fuzz import campaign
 from tests.fuzz.openapi import SETTINGS, schemathesis
-from tests.fuzz.server import served
-from tests.serving import LIGHT
+from tests.serving import LIGHT, Service
 
 
 async def test_the_service_does_what_its_document_says(tmp_path):
-    settings = LIGHT | campaign.SETTINGS | SETTINGS
-    async with asyncio.timeout(300), served(tmp_path / "log", settings=settings) as server:
-        outcome = await schemathesis(server.target.http, 1, 7, tmp_path, "examples,fuzzing")
+    with Service(settings=LIGHT | SETTINGS) as server:
+        async with asyncio.timeout(300):
+            outcome = await schemathesis(server.url, 1, 7, tmp_path, "examples,fuzzing")
         assert (outcome.failures, outcome.errors) == (0, 0), outcome.text
         assert outcome.cases > 30
         assert server.errors == []

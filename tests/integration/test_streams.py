@@ -3,19 +3,16 @@
 import asyncio
 
 import pytest
-import pytest_asyncio
 
 from tests.fuzz import streams
-from tests.fuzz.server import served
-from tests.serving import LIGHT
+from tests.serving import LIGHT, Service
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
 
 
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def server(tmp_path_factory):
-    log = tmp_path_factory.mktemp("streams") / "log"
-    async with served(log, settings=LIGHT | streams.SETTINGS) as server:
+@pytest.fixture(scope="module")
+def server():
+    with Service(settings=LIGHT | streams.SETTINGS) as server:
         yield server
         assert server.errors == []
 
