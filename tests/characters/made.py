@@ -2,8 +2,6 @@
 other people's files.
 """
 
-import json
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -160,10 +158,3 @@ def lifted(rig: Rig, height: float, but: tuple[str, ...] = ()) -> Rig:
         above = places[node.parent] if node.parent >= 0 else np.zeros(3)
         nodes.append(replace(node, position=(places[k] - above).tolist()))
     return Rig(tuple(nodes))
-
-
-def chunk(data: bytes) -> dict[str, Any]:
-    """The document of a GLB."""
-    (size,) = struct.unpack_from("<I", data, 12)
-    found: dict[str, Any] = json.loads(data[20 : 20 + size])
-    return found

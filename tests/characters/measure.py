@@ -22,6 +22,7 @@ from unittest.mock import patch
 import numpy as np
 
 from tests.characters.made import person
+from tests.played import Played
 from wayfarer.characters.character import Character
 from wayfarer.clips import generate as command
 from wayfarer.clips.clip import Clip
@@ -41,86 +42,17 @@ PERSON = 0.85
 """Metres from a person's thigh joints to the ankles: lengths are scaled with it."""
 SIZES = (0.62, 0.66, 0.75, 0.93, 1.0, 1.5, 2.1, 5.0)
 """Sizes of the characters of a live session: 1 to 8 m."""
-KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 Array = np.ndarray
-Json = dict[str, Any]
 
 
-def accessor(document: Json, binary: bytes, number: int) -> Array:
-    """[N, C] of an accessor of the binary chunk, tightly packed or strided."""
-    found = document["accessors"][number]
-    view = document["bufferViews"][found["bufferView"]]
-    kind, width = np.dtype(KINDS[found["componentType"]]), WIDTHS[found["type"]]
-    start = view.get("byteOffset", 0) + found.get("byteOffset", 0)
-    stride = view.get("byteStride", kind.itemsize * width)
-    rows = np.lib.stride_tricks.as_strided(
-        np.frombuffer(binary, kind, offset=start, count=1),
-        (found["count"], width),
-        (stride, kind.itemsize),
-    )
-    return rows.astype(float if kind.kind == "f" else int)
-
-
-def matrices(turns: Array) -> Array:
-    """[..., 3, 3] of quaternions x, y, z, w."""
-    x, y, z, w = np.moveaxis(turns / np.linalg.norm(turns, axis=-1, keepdims=True), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
-
-
-class Played:
-    """A GLB at each frame of its first animation."""
+class PlayedCharacter(Played):
+    """A character at each frame of its first animation."""
 
     def __init__(self, data: bytes) -> None:
         character = Character.read(data)
-        self.document, self.binary = character.document, character.binary
+        super().__init__(character.document, character.binary)
         self.bones = {bone: character.numbers[node] for bone, node in character.bones.bones.items()}
-        self.channels: dict[tuple[int, str], Array] = {}
-        self.frames = 1
-        if self.document.get("animations"):
-            animation = self.document["animations"][0]
-            for channel in animation["channels"]:
-                values = self._read(animation["samplers"][channel["sampler"]]["output"])
-                target = channel["target"]
-                self.channels[target["node"], target["path"]] = values
-                self.frames = max(self.frames, len(values))
-        self.world = self._worlds()
-
-    def _read(self, number: int) -> Array:
-        return accessor(self.document, self.binary, number)
-
-    def _worlds(self) -> dict[int, Array]:
-        """[F, 4, 4] of every node of the scene."""
-        nodes, found = self.document["nodes"], {}
-        top = np.broadcast_to(np.eye(4), (self.frames, 4, 4))
-        scene = self.document["scenes"][self.document.get("scene", 0)]
-        waiting = [(number, top) for number in scene["nodes"]]
-        for number, above in waiting:
-            found[number] = above @ self._local(number, nodes[number])
-            waiting += [(child, found[number]) for child in nodes[number].get("children", [])]
-        return found
-
-    def _local(self, number: int, node: Json) -> Array:
-        if "matrix" in node:
-            return np.array(node["matrix"], float).reshape(4, 4).T
-        values = {
-            path: self.channels.get((number, path), np.array([node.get(path, rest)], float))
-            for path, rest in (
-                ("translation", [0, 0, 0]),
-                ("rotation", [0, 0, 0, 1]),
-                ("scale", [1, 1, 1]),
-            )
-        }
-        local = np.broadcast_to(np.eye(4), (self.frames, 4, 4)).copy()
-        local[:, :3, :3] = matrices(values["rotation"]) * values["scale"][:, None, :]
-        local[:, :3, 3] = values["translation"]
-        return local
 
     def place(self, bone: str) -> Array:
         """[F, 3] of a joint."""
@@ -135,20 +67,20 @@ class Played:
                 continue
             skin = self.document["skins"][node["skin"]]
             joints = np.array(skin["joints"])
-            bind = self._read(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+            bind = self.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
             moves = np.stack([self.world[k] for k in joints], 1) @ bind
             for primitive in self.document["meshes"][node["mesh"]]["primitives"]:
                 attributes = primitive["attributes"]
-                bound = self._read(attributes["POSITION"])
-                which = self._read(attributes["JOINTS_0"])
-                weights = self._read(attributes["WEIGHTS_0"]).astype(float)
+                bound = self.values(attributes["POSITION"])
+                which = self.values(attributes["JOINTS_0"])
+                weights = self.values(attributes["WEIGHTS_0"]).astype(float)
                 weights /= weights.sum(1, keepdims=True)  # bytes count as shares of 255
                 upright = np.pad(bound, ((0, 0), (0, 1)), constant_values=1.0)
                 posed = np.zeros((self.frames, len(bound), 3))
                 for k in range(4):
                     moved = np.einsum("fvij,vj->fvi", moves[:, which[:, k]], upright)[..., :3]
                     posed += weights[None, :, k, None] * moved
-                faces = self._read(primitive["indices"]).reshape(-1, 3)
+                faces = self.values(primitive["indices"]).reshape(-1, 3)
                 edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
                 yield posed, bound, joints[which], weights, edges
 
@@ -186,7 +118,7 @@ class Figures:
 
 def figures(data: bytes, contacts: Array) -> Figures:
     """Measures a file with motion; `contacts` [F, 2] are the person's standing feet."""
-    played = Played(data)
+    played = PlayedCharacter(data)
     turns = [v for (_, path), v in played.channels.items() if path == "rotation" and len(v) > 1]
     turn = max(float(_angles(v).max()) for v in turns)
     feet = {side: _foot_nodes(played, side) for side in ("left", "right")}
@@ -230,7 +162,7 @@ def _angles(turns: Array) -> Array:
     return np.degrees(2 * np.arccos(np.minimum(1.0, dots)))
 
 
-def _foot_nodes(played: Played, side: str) -> set[int]:
+def _foot_nodes(played: PlayedCharacter, side: str) -> set[int]:
     return played.below(played.bones[f"{side}_ankle"])
 
 
@@ -253,7 +185,7 @@ def _slide(foot: Array, stands: Array, size: float) -> float:
     return 100 * most / size
 
 
-def _backward(played: Played) -> float:
+def _backward(played: PlayedCharacter) -> float:
     bent = np.zeros(played.frames, bool)
     for side in ("left", "right"):
         hip, knee, ankle = (played.place(f"{side}_{bone}") for bone in ("hip", "knee", "ankle"))
@@ -266,14 +198,14 @@ def _backward(played: Played) -> float:
     return float(bent.mean())
 
 
-def _ahead(played: Played) -> Array:
+def _ahead(played: PlayedCharacter) -> Array:
     """[F, 3] where the character faces, by its thigh joints."""
     left = played.place("left_hip") - played.place("right_hip")
     ahead = np.cross(left, [0, 1.0, 0])
     return _unit(ahead)
 
 
-def _facing(played: Played) -> float:
+def _facing(played: PlayedCharacter) -> float:
     """The cosine, by the toes of the foot that stands, or by the thigh joints without toes.
 
     A foot that swings in high heels hangs past the vertical, and its toes point back.
@@ -292,7 +224,7 @@ def _facing(played: Played) -> float:
     return float(((way / np.maximum(fast, 1e-9)[:, None]) * ahead).sum(1)[moving].mean())
 
 
-def _lean(played: Played) -> float:
+def _lean(played: PlayedCharacter) -> float:
     top = next((b for b in ("head", "neck", "spine3") if b in played.bones), None)
     if top is None:
         return 0.0
@@ -300,7 +232,7 @@ def _lean(played: Played) -> float:
     return float(np.median(np.degrees(np.arccos(np.clip(trunk[:, 1], -1, 1)))))
 
 
-def _knee(played: Played) -> float:
+def _knee(played: PlayedCharacter) -> float:
     bends = []
     for side in ("left", "right"):
         hip, knee, ankle = (played.place(f"{side}_{bone}") for bone in ("hip", "knee", "ankle"))

@@ -12,7 +12,7 @@ from tests.characters.made import MIXAMO, Made, Shoe, lifted, moved, number, of,
 from tests.characters.measure import (
     CASES,
     Figures,
-    Played,
+    PlayedCharacter,
     figures,
     recorded,
     retargeted,
@@ -219,7 +219,7 @@ def test_a_giant_covers_the_way_in_a_giants_time(tmp_path: Path) -> None:
     file = tmp_path / "giant.glb"
     file.write_bytes(person(2.0).data())
     data, _ = walked(file, 7.0, ("0,5",))
-    hips = Played(data).place("pelvis")[:, [0, 2]]
+    hips = PlayedCharacter(data).place("pelvis")[:, [0, 2]]
     assert np.linalg.norm(hips[-1] - [0, 5]) < 1.0
     paces = [
         np.quantile(np.linalg.norm(np.diff(way, axis=0), axis=1) * 40, 0.8)

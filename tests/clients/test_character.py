@@ -1,7 +1,5 @@
 """A user's own character: its GLB with an agent's motion in it, read back as a player does."""
 
-import json
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +8,8 @@ import pytest
 from tests.clients.test_retarget import FRAMES, GLTF, OFFSETS
 from tests.golden.rigs import foreign_rigs
 from tests.navigation.meshes.glb_files import glb
+from tests.played import Played, parts
 from wayfarer_client import Character, InvalidArgument, Retarget, map_bones
-from wayfarer_client.quaternions import multiply, rotate
 from wayfarer_client.rig import BONES
 
 HIPS = np.array([hips for hips, _, _ in FRAMES])
@@ -45,40 +43,6 @@ def document_of(rig, humanoid=None, vrm=1, shift=3) -> dict:
     return found
 
 
-def parse(data: bytes) -> tuple[dict, bytes]:
-    (size,) = struct.unpack_from("<I", data, 12)
-    assert struct.unpack_from("<I", data, 8) == (len(data),)
-    return json.loads(data[20 : 20 + size]), data[28 + size :]
-
-
-def world_of(document, binary, frame) -> dict[str, np.ndarray]:
-    """Places of all nodes, with the first animation at a frame."""
-    nodes = json.loads(json.dumps(document["nodes"]))
-    animation = document["animations"][0]
-    for channel in animation["channels"]:
-        accessor = document["accessors"][animation["samplers"][channel["sampler"]]["output"]]
-        view = document["bufferViews"][accessor["bufferView"]]
-        width = {"VEC3": 3, "VEC4": 4}[accessor["type"]]
-        values = np.frombuffer(binary, "<f4", accessor["count"] * width, view["byteOffset"])
-        key = channel["target"]["path"]
-        nodes[channel["target"]["node"]][key] = values.reshape(-1, width)[frame].tolist()
-    found = {}
-
-    def visit(number, place, turn, scale):
-        node = nodes[number]
-        local = np.array(node.get("translation", [0, 0, 0]), float)
-        place = place + rotate(turn, scale * local)
-        turn = multiply(turn, np.array(node.get("rotation", [0, 0, 0, 1]), float))
-        scale = scale * np.array(node.get("scale", [1, 1, 1]), float)
-        found[node["name"]] = place
-        for child in node.get("children", []):
-            visit(child, place, turn, scale)
-
-    for number in document["scenes"][0]["nodes"]:
-        visit(number, np.zeros(3), np.array([0, 0, 0, 1.0]), np.ones(3))
-    return found
-
-
 @pytest.mark.parametrize("name", RIGS)
 def test_bones_are_where_retargeting_puts_them(name):
     rig, humanoid = RIGS[name]
@@ -86,12 +50,15 @@ def test_bones_are_where_retargeting_puts_them(name):
     character = Character.read(data)
     assert character.bones.found_by == map_bones(rig, humanoid).found_by
     made = character.animate(HIPS[:12], TURNS[:12], OFFSETS, fps=30, title="walk")
-    document, binary = parse(made)
+    played = Played(*parts(made))
+    document = played.document
     assert document["animations"][0]["name"] == "walk"
     retarget = Retarget(map_bones(rig, humanoid), OFFSETS)
     for frame in (0, 5, 11):
         pose = retarget.pose(HIPS[frame], TURNS[frame])
-        found = world_of(document, binary, frame)
+        found = {
+            document["nodes"][k]["name"]: world[frame, :3, 3] for k, world in played.world.items()
+        }
         # both in the character's own axes: distance of each bone from the hips
         hips = found[rig.nodes[retarget.nodes[0]].name]
         for bone, place in pose.places.items():
@@ -111,7 +78,7 @@ def test_the_rest_of_the_file_stays():
         "animations": [{"name": "idle", "channels": [], "samplers": []}],
         "materials": [{"name": "cloth"}],
     }
-    made, data = parse(Character.read(glb(document, binary)).animate(HIPS[:3], TURNS[:3], OFFSETS))
+    made, data = parts(Character.read(glb(document, binary)).animate(HIPS[:3], TURNS[:3], OFFSETS))
     assert data[:22] == binary[:22]
     assert [animation["name"] for animation in made["animations"]] == ["motion", "idle"]
     for key in ("nodes", "scenes", "materials"):
@@ -130,7 +97,7 @@ def test_a_matrix_becomes_what_can_be_animated():
     place = node.pop("translation")
     del node["rotation"], node["scale"]
     node["matrix"] = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, *place, 1]
-    made, _ = parse(Character.read(glb(document)).animate(HIPS[:2], TURNS[:2], OFFSETS))
+    made, _ = parts(Character.read(glb(document)).animate(HIPS[:2], TURNS[:2], OFFSETS))
     assert "matrix" not in made["nodes"][number]
     assert made["nodes"][number]["translation"] == pytest.approx(place)
 

@@ -1,7 +1,5 @@
 """Files of motion from a real server, by the Python client and over HTTP."""
 
-import json
-import struct
 import time
 
 import httpx
@@ -9,6 +7,7 @@ import numpy as np
 import pytest
 
 import wayfarer_client as wf
+from tests.played import parts
 from wayfarer.clips.npz import read_npz
 
 GOALS = [wf.Goal((0, 0, 3))]
@@ -18,12 +17,6 @@ GOALS = [wf.Goal((0, 0, 3))]
 def client(real_server):
     with wf.SyncClient(real_server.grpc_address) as connected:
         yield connected
-
-
-def document(data: bytes) -> dict:
-    magic, version, length, size, kind = struct.unpack_from("<4sIIII", data)
-    assert (magic, version, length, kind) == (b"glTF", 2, len(data), 0x4E4F534A)
-    return json.loads(data[20 : 20 + size])
 
 
 def test_a_clip_as_any_file(client, tmp_path):
@@ -49,7 +42,7 @@ def test_a_clip_as_any_file(client, tmp_path):
 def test_a_loop_is_a_cycle(client):
     options = wf.MotionFile(loop=True, root="in_place", fps=30, detail="low")
     data = client.generate_file(wf.AgentSpec(seed=5), [wf.Goal((0, 0, 12))], 7.0, options)
-    gltf = document(data)
+    gltf = parts(data)[0]
     times = gltf["accessors"][gltf["animations"][0]["samplers"][0]["input"]]
     assert 0.7 < times["max"][0] < 2.5
     with pytest.raises(wf.InvalidArgument, match="no cycle was found"):
@@ -69,7 +62,7 @@ def test_people_who_come_and_go_are_recorded_with_their_scene(client):
         (ada,) = session.create_agents(wf.AgentSpec(name="Ada"))
         session.create_agents(wf.AgentSpec(name="Bob", gender="male", position=(-2, 0, 0)))
         session.set_goal(ada, (1, 0, 2))
-        gltf = document(session.export_motion(1.0, low))
+        gltf = parts(session.export_motion(1.0, low))[0]
         with pytest.raises(wf.InvalidArgument, match="bvh holds one person, not 2"):
             session.export_motion(0.4, wf.MotionFile("bvh"))
         with pytest.raises(wf.FailedPrecondition, match="record"):
@@ -91,7 +84,7 @@ def test_a_recorded_session_from_its_beginning(client):
         time.sleep(1.0)
         session.create_agents(wf.AgentSpec(name="Bob", gender="male", position=(-2, 0, 0)))
         time.sleep(1.0)
-        first, later = starts(document(session.export_motion(0, wf.MotionFile(detail="low"))))
+        first, later = starts(parts(session.export_motion(0, wf.MotionFile(detail="low")))[0])
     assert first == 0.0 and 0.5 < later < 3.0
 
 
@@ -109,7 +102,7 @@ def test_over_http(real_server):
     made = httpx.post(f"{url}/clips", json=request)
     assert made.headers["content-type"] == "model/gltf-binary"
     assert made.headers["content-disposition"] == 'attachment; filename="A_b.vrma"'
-    assert "VRMC_vrm_animation" in document(made.content)["extensionsUsed"]
+    assert "VRMC_vrm_animation" in parts(made.content)[0]["extensionsUsed"]
     session = httpx.post(f"{url}/sessions", json={"record": True}).json()["session_id"]
     httpx.post(f"{url}/sessions/{session}/agents", json={"agents": [{}]})
     time.sleep(0.5)

@@ -13,7 +13,7 @@ import pytest
 from tests.clients.fake_server import Refusal
 from tests.clients.test_retarget import GLTF
 from tests.golden.rigs import foreign_rigs
-from wayfarer_client.quaternions import multiply, rotate
+from tests.played import Played
 
 pytest.importorskip("motionmcp", reason="needs motionmcp-sdk")
 
@@ -81,41 +81,11 @@ def test_it_says_what_it_can(model):
 
 
 def world(document, sample=0) -> tuple[list[str], np.ndarray]:
-    """Names of the joints, and their places [N, J, 3], by the rules of glTF alone."""
-    nodes, above = document["nodes"], {}
-    for k, node in enumerate(nodes):
-        above |= dict.fromkeys(node.get("children", []), k)
-    buffers = [base64.b64decode(b["uri"].partition(",")[2]) for b in document["buffers"]]
-
-    def values(number):
-        accessor = document["accessors"][number]
-        view = document["bufferViews"][accessor["bufferView"]]
-        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
-        at = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        count = accessor["count"] * width
-        return np.frombuffer(buffers[view["buffer"]], "<f4", count, at).reshape(-1, width)
-
-    animation = document["animations"][sample]
-    moved, turned = {}, {}
-    for channel in animation["channels"]:
-        into = {"translation": moved, "rotation": turned}[channel["target"]["path"]]
-        into[channel["target"]["node"]] = values(
-            animation["samplers"][channel["sampler"]]["output"]
-        )
-    joints = sorted(turned)
-    count = len(next(iter(turned.values())))
-    found = np.zeros((count, len(nodes), 3))
-    for frame in range(count):
-        turns = {}
-        for k in joints:  # parents first
-            node = nodes[k]
-            place = moved[k][frame] if k in moved else np.array(node.get("translation", [0, 0, 0]))
-            turn = turned[k][frame]
-            if k in above and above[k] in turns:
-                place = found[frame, above[k]] + rotate(turns[above[k]], place)
-                turn = multiply(turns[above[k]], turn)
-            found[frame, k], turns[k] = place, turn
-    return [nodes[k]["name"] for k in joints], found[:, joints]
+    """Names of the joints, and their places [N, J, 3]."""
+    (buffer,) = document["buffers"]
+    played = Played(document, base64.b64decode(buffer["uri"].partition(",")[2]), sample)
+    joints = sorted(node for node, path in played.channels if path == "rotation")
+    return [document["nodes"][k]["name"] for k in joints], played.places(joints)
 
 
 def made(url, body) -> dict:
