@@ -155,6 +155,7 @@ def play(worlds, data, most=None):
         ("tracks.0.spec", None),
         ("tracks.0.spec.gender", "none"),
         ("tracks.0.record", {}),
+        ("tracks.0.restarts", [{}]),
     ],
 )
 def test_logs_are_checked_field_by_field(path, value):

@@ -1,7 +1,7 @@
 """A command log as bytes, and back: what ExportLog gives and Replay takes.
 
 A container (container.py): a JSON header, and for each agent one row of raw arrays for its start,
-unless that was a spec and not a place in mid-motion, and one for each of its restarts.
+unless that was a spec and not a place in mid-motion.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -95,7 +95,8 @@ class TrackPart:
     end: int
     spec: AgentSpec | None = None
     record: AgentPart | None = None
-    restarts: tuple[AgentPart, ...] = ()
+    restarts: tuple[()] = ()
+    """Always empty. Servers before 2026-11-28 wrote logs with more, which are refused."""
 
 
 class LogHeader(BaseModel):
@@ -156,8 +157,7 @@ def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int
 
 def _poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
     """The objects with rows in the arrays, in their order."""
-    starts = (start for track in tracks for start in (track.start, *track.restarts))
-    return [start for start in starts if isinstance(start, AgentRecord)]
+    return [track.start for track in tracks if isinstance(track.start, AgentRecord)]
 
 
 def _track_part(track: AgentTrack) -> TrackPart:
@@ -172,7 +172,6 @@ def _track_part(track: AgentTrack) -> TrackPart:
         end=track.end,
         spec=start if isinstance(start, AgentSpec) else None,
         record=agent_part(start) if isinstance(start, AgentRecord) else None,
-        restarts=tuple(map(agent_part, track.restarts)),
     )
 
 
@@ -215,12 +214,6 @@ def _track(part: TrackPart, rows: Iterator[AgentRows], limits: Limits, where: st
         all(isfinite(s.at) and abs(s.at) < MAX_TIME for s in part.schedules), where, "schedules"
     )
     _require(all(first <= e.seq <= part.end for e in part.entries), where, "entries")
-    restarts = [
-        _record(kept, rows, limits, f"{where}.restarts[{number}]")
-        for number, kept in enumerate(part.restarts)
-    ]
-    seqs = [first, *(record.seq for record in restarts)]
-    _require(all(a < b for a, b in pairwise(seqs)) and seqs[-1] <= part.end, where, "restarts")
     return AgentTrack(
         agent_id=part.agent_id,
         alias=part.alias,
@@ -231,7 +224,6 @@ def _track(part: TrackPart, rows: Iterator[AgentRows], limits: Limits, where: st
         schedules=list(part.schedules),
         planned=part.end,
         end=part.end,
-        restarts=restarts,
     )
 
 
@@ -243,19 +235,15 @@ def _start(
             check_spec(spec, f"{where}.spec")
             return spec
         case None, AgentPart() as kept:
-            return _record(kept, rows, limits, f"{where}.record")
+            row = next(rows, None)
+            if row is None:
+                raise InvalidArgument("log has no motion for it to start from", f"{where}.record")
+            record = join_agent(kept, row)
+            check_agent_record(record, limits, f"{where}.record")
+            check_body(record, f"{where}.record")
+            return record
         case _:
             raise InvalidArgument("needs a spec or a record to start from, and not both", where)
-
-
-def _record(kept: AgentPart, rows: Iterator[AgentRows], limits: Limits, where: str) -> AgentRecord:
-    row = next(rows, None)
-    if row is None:
-        raise InvalidArgument("log has no motion for it to start from", where)
-    record = join_agent(kept, row)
-    check_agent_record(record, limits, where)
-    check_body(record, where)
-    return record
 
 
 def _entry(part: EntryPart, where: str) -> LogEntry:

@@ -26,9 +26,6 @@ from wayfarer.world.stepping.due import Due
 SAME_TIME: Final = 1e-6
 """Seconds: chunks within this of their schedule are on time, except for rounding."""
 
-RESTART_COST: Final = 16
-"""Entries that a restart counts for, beside the goals of its path: it holds a pose."""
-
 Told = GoalCommand | AgentChange
 
 
@@ -78,8 +75,6 @@ class AgentTrack:
     schedules: list[Schedule] = field(default_factory=list)
     planned: int = 0  # = seq of the next chunk to plan
     end: int = 0  # = seq of the next chunk to send
-    restarts: list[AgentRecord] = field(default_factory=list)
-    """Records from which it resumed at that chunk. Only servers before 2026-11-28 wrote such."""
 
     @property
     def first(self) -> int:
@@ -90,8 +85,7 @@ class AgentTrack:
     def size(self) -> int:
         """Entries that it takes of a log."""
         commands = sum(cost(entry.command) for entry in self.entries)
-        restarts = sum(RESTART_COST + len(record.path) for record in self.restarts)
-        return 1 + commands + len(self.runs) + len(self.schedules) + restarts
+        return 1 + commands + len(self.runs) + len(self.schedules)
 
     def copy(self) -> "AgentTrack":
         """A track that does not change any more."""
@@ -100,7 +94,6 @@ class AgentTrack:
             entries=self.entries.copy(),
             runs=self.runs.copy(),
             schedules=self.schedules.copy(),
-            restarts=self.restarts.copy(),
         )
 
     def enter(self, entry: LogEntry) -> None:

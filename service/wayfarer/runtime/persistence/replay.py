@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition
@@ -53,24 +53,18 @@ Played = tuple[MotionChunk, AgentInfo | None]
 
 
 def _play(session_id: str, track: AgentTrack, make_world: Callable[[], World]) -> Iterator[Played]:
-    """Plays from its start, and from each restart on in another world."""
-    introduced: AgentInfo | None = None
-    starts = [track.start, *track.restarts]
-    firsts = [track.first, *(record.seq for record in track.restarts), track.end]
-    for start, (first, end) in zip(starts, pairwise(firsts), strict=True):
-        world = make_world()
-        info = _enter(world, start)
-        if first == track.first:
-            introduced = replace(
-                info,
-                agent_id=track.agent_id,
-                alias=track.alias,
-                session_id=session_id,
-                created_at=track.created_at,
-            )
-        for chunk in _chunks(world, info.agent_id, track, first, end):
-            yield chunk, introduced
-            introduced = None
+    world = make_world()
+    info = _enter(world, track.start)
+    introduced: AgentInfo | None = replace(
+        info,
+        agent_id=track.agent_id,
+        alias=track.alias,
+        session_id=session_id,
+        created_at=track.created_at,
+    )
+    for chunk in _chunks(world, info.agent_id, track):
+        yield chunk, introduced
+        introduced = None
 
 
 def _enter(world: World, start: Start) -> AgentInfo:
@@ -81,12 +75,9 @@ def _enter(world: World, start: Start) -> AgentInfo:
     return world.get_agent(world.members.put_agent(SESSION, start, 0.0).agent_id)
 
 
-def _chunks(
-    world: World, agent_id: str, track: AgentTrack, first: int, end: int
-) -> Iterator[MotionChunk]:
-    entries = [entry for entry in track.entries if first <= entry.seq < end]
-    orders, changes = _orders(entries), _changes(entries)
-    for seq in range(first, end):
+def _chunks(world: World, agent_id: str, track: AgentTrack) -> Iterator[MotionChunk]:
+    orders, changes = _orders(track.entries), _changes(track.entries)
+    for seq in range(track.first, track.end):
         now = world.next_event()
         assert now is not None  # there is an agent
         while orders and orders[0][0] <= seq:
