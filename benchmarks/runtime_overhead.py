@@ -21,13 +21,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-import uvloop
-
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer.body.library import SHIPPED
 from wayfarer.config.limits import Limits
+from wayfarer.process.event_loop import run
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
@@ -207,8 +206,7 @@ def main() -> None:
         clocked.wrap(*part)
     rows = []
     for reader in asked.readers:
-        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            rows += runner.run(measure(asked, reader, clocked))
+        rows += run(measure(asked, reader, clocked))
     bench.finish(asked, rows, agents=asked.agents, sessions=asked.sessions)
 
 

@@ -6,9 +6,10 @@ from typing import Any
 
 from benchmarks.bench import Row
 from wayfarer.errors import InvalidArgument
+from wayfarer.process import event_loop
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.rings import LoadRing, parse_rings
-from wayfarer_lab.load.run import on_loop, run
+from wayfarer_lab.load.run import run
 from wayfarer_lab.load.target import SERVE, own_server, room
 
 Summary = dict[str, Any]
@@ -68,4 +69,4 @@ def loaded(
             summary, _ = await run(target, plan)
             return summary
 
-    return on_loop(whole())
+    return event_loop.run(whole())

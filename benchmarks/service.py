@@ -28,11 +28,12 @@ from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, add_rings, loaded, ring_rows, ringed, settings
 from wayfarer.commands.serve import share_heaps
 from wayfarer.engines.engine import Engine
+from wayfarer.process import event_loop
 from wayfarer.process.processor import cores
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import find_knee, in_time
 from wayfarer_lab.load.plan import TRANSPORTS, LoadPlan
-from wayfarer_lab.load.run import on_loop, run
+from wayfarer_lab.load.run import run
 from wayfarer_lab.load.target import SERVE, own_server
 
 P99_MS = 50.0
@@ -146,7 +147,7 @@ def main() -> None:
         del engine
         short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, SHORT_WARM_UP, **ringed(asked))
         room = settings(replace(short, agents=asked.most), candidates=candidates)
-        agents = asked.agents or on_loop(search(short, asked.most, command, room))
+        agents = asked.agents or event_loop.run(search(short, asked.most, command, room))
         for transport in asked.transports:
             each = max(agents // SESSIONS, 1)
             plan = LoadPlan(SESSIONS, each, seconds, WARM_UP, transport, **ringed(asked))

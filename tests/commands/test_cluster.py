@@ -16,7 +16,7 @@ actors = pytest.importorskip("wayfarer.cluster.actors", exc_type=ImportError)
 ENDS = """
 import asyncio, time
 from wayfarer.cluster.actors import on_daemon
-from wayfarer.commands.serve import run
+from wayfarer.process.event_loop import run
 
 async def work():
     asked = asyncio.create_task(on_daemon(lambda: time.sleep(600)))

@@ -12,12 +12,13 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wayfarer import __version__
+from wayfarer.process import event_loop
 from wayfarer.process.processor import cores
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.rings import parse_rings
-from wayfarer_lab.load.run import on_loop, run
+from wayfarer_lab.load.run import run
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target, own_server, room
 
@@ -104,7 +105,7 @@ def load(
         viewpoint_speed=viewpoint_speed,
         area=area,
     )
-    on_loop(_load(plan, target, http, tuple(serve or ()), knee, p99_ms, json))
+    event_loop.run(_load(plan, target, http, tuple(serve or ()), knee, p99_ms, json))
 
 
 async def _load(

@@ -7,27 +7,13 @@ import asyncio
 import random
 import time
 from collections.abc import Callable, Coroutine
-from typing import Any, TypeVar
+from typing import Any
 
 from wayfarer_lab.load.client import SimulatedClient
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
 from wayfarer_lab.load.wire import Connection, StreamError, followed
-
-T = TypeVar("T")
-
-
-def on_loop(work: Coroutine[Any, Any, T]) -> T:
-    """The result of `work` on its own event loop: uvloop's, if installed, so that the generator
-    takes little CPU from the server.
-    """
-    try:
-        import uvloop
-    except ImportError:  # Windows has none
-        return asyncio.run(work)
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        return runner.run(work)
 
 
 async def run(

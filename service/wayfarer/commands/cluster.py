@@ -14,10 +14,11 @@ from wayfarer.assembly import model_folder, with_engine
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.cluster.ray_environment import encrypt_ray
-from wayfarer.commands.serve import NODE, given_options, run, warn_if_open, with_options
+from wayfarer.commands.serve import NODE, given_options, warn_if_open, with_options
 from wayfarer.config import sources
 from wayfarer.config.settings import Settings
 from wayfarer.errors import InvalidArgument, Unavailable
+from wayfarer.process.event_loop import run
 from wayfarer.process.logs import configure_logging
 from wayfarer.transport.edge.tls import peer_tls
 

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -31,6 +31,7 @@ from wayfarer.config.page import as_toml
 from wayfarer.config.settings import Settings
 from wayfarer.errors import Unavailable
 from wayfarer.ownership import Ownership, SingleNode
+from wayfarer.process.event_loop import run
 from wayfarer.process.logs import configure_logging
 from wayfarer.process.processor import cores
 from wayfarer.runtime.live import steady_clock
@@ -276,15 +277,3 @@ def serve_command(
     with on_ray() as ray:
         run(run_workers(ray, settings, plans, NODE, ready))
     log.info("stopped")
-
-
-def run(work: Coroutine[Any, Any, None]) -> None:
-    """Runs on its own event loop."""
-    try:
-        import uvloop
-    except ImportError:  # Windows has none
-        factory = None
-    else:
-        factory = uvloop.new_event_loop
-    with asyncio.Runner(loop_factory=factory) as runner:
-        runner.run(work)
