@@ -82,7 +82,7 @@ class Entry:
         """
         operation = ServerOptions.from_settings(settings)
         host, tls, limits = settings.host, operation.tls, settings.limits
-        self.finder = NodeFinder(directory)
+        self._directory, self.finder = directory, NodeFinder(directory)
         calls = calls_to_all(nodes, self.finder.all_nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(
@@ -206,7 +206,7 @@ class Entry:
         """Asks a node to give its sessions to others and to end."""
         current_caller().require(Scope.ADMIN)
         name = request.path_params["name"]
-        await self.finder.drain(name)
+        await self._directory.call("drain", name)
         log.info("node is to drain", node=name)
         return Response(status_code=202)
 

@@ -141,10 +141,6 @@ class NodeFinder:
             await asyncio.sleep(AGAIN_S)
             await self._look()
 
-    async def drain(self, name: str) -> None:
-        """See `Directory.drain`."""
-        await self._directory.call("drain", name)
-
     def targets(self, host: str) -> list[dict[str, object]]:
         """Returns where the nodes' metrics are, in the format of Prometheus's HTTP service
         discovery. `host`: the one at which the entry was called.
