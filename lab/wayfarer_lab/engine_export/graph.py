@@ -6,6 +6,7 @@ and choice are left out, and what then is constant is computed once.
 """
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final
@@ -66,10 +67,7 @@ def engine_graph(source: Path, candidates: int, about: dict[str, Any]) -> onnx.M
 
 def operators(model: onnx.ModelProto) -> dict[str, int]:
     """How often each operator occurs, by name."""
-    count: dict[str, int] = {}
-    for node in model.graph.node:
-        count[node.op_type] = count.get(node.op_type, 0) + 1
-    return dict(sorted(count.items()))
+    return dict(sorted(Counter(node.op_type for node in model.graph.node).items()))
 
 
 def shape_of(value: onnx.ValueInfoProto) -> list[int | str]:
