@@ -3,30 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.world.fakes import motion_chunk
 from wayfarer.clips.clip import join_chunks
 from wayfarer.errors import InvalidArgument
-from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
+from wayfarer.world.agents.agent import AgentSpec
 
 
-def chunk(seq, first_frame):
-    return MotionChunk(
-        agent_id="a",
-        alias=1,
-        seq=seq,
-        first_frame=first_frame,
-        scheduled_at=first_frame / 40,
-        goal_revision=0,
-        flags=ChunkFlag.NONE,
-        state=AgentState.WALKING,
-        translation=np.full((8, 3), seq, np.float32),
-        rotations=np.tile(np.array([0, 0, 0, 1], np.float32), (8, 22, 1)),
-        contacts=np.ones((8, 2), bool),
-    )
+def chunk(seq):
+    return motion_chunk(seq, translation=np.full((8, 3), seq, np.float32))
 
 
 def test_chunks_become_a_clip_in_order_of_seq():
     spec = AgentSpec(gender="male", betas=(0.5,) * 10)
-    clip = join_chunks([chunk(1, 8), chunk(0, 0)], spec)
+    clip = join_chunks([chunk(1), chunk(0)], spec)
     assert clip.frames == 16
     assert clip.seconds == pytest.approx(0.4)
     assert clip.translation[[0, 8], 0].tolist() == [0, 1]
@@ -35,7 +24,7 @@ def test_chunks_become_a_clip_in_order_of_seq():
 
 def test_a_gap_between_chunks_is_refused():
     with pytest.raises(InvalidArgument, match="missing before chunk 2"):
-        join_chunks([chunk(0, 0), chunk(2, 16)], AgentSpec())
+        join_chunks([chunk(0), chunk(2)], AgentSpec())
     with pytest.raises(InvalidArgument, match="no chunk"):
         join_chunks([], AgentSpec())
 

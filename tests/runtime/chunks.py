@@ -2,9 +2,7 @@
 
 from collections import Counter
 
-import numpy as np
-
-from tests.world.fakes import ManualClock
+from tests.world.fakes import ManualClock, motion_chunk
 from wayfarer.config.limits import Limits
 from wayfarer.runtime.streams.publications import Publication, StreamOptions
 from wayfarer.runtime.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
@@ -12,8 +10,6 @@ from wayfarer.world.agents.agent import (
     AgentInfo,
     AgentSpec,
     AgentState,
-    ChunkFlag,
-    MotionChunk,
     MotionChunks,
 )
 from wayfarer.world.agents.goal import Goal
@@ -52,18 +48,9 @@ class KeepingMeter:
 
 
 def chunk(seq, agent="a", at=None, **values):
-    given = {"goal_revision": 0, "flags": ChunkFlag.NONE, "state": AgentState.STANDING, **values}
-    return MotionChunk(
-        agent_id=agent,
-        alias=ord(agent),
-        seq=seq,
-        first_frame=8 * seq,
-        scheduled_at=STEP * seq if at is None else at,
-        translation=np.zeros((8, 3), np.float32),
-        rotations=np.zeros((8, 22, 4), np.float32),
-        contacts=np.zeros((8, 2), np.bool_),
-        **given,
-    )
+    when = STEP * seq if at is None else at
+    given = {"state": AgentState.STANDING, "scheduled_at": when, **values}
+    return motion_chunk(seq, agent_id=agent, alias=ord(agent), **given)
 
 
 def together(*chunks):

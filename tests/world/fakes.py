@@ -7,9 +7,23 @@ from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.persistence.capture import capture_session
 from wayfarer.runtime.persistence.snapshot import join_agent
-from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
+from wayfarer.spec import (
+    BETAS,
+    GENDERS,
+    JOINTS,
+    MARKERS,
+    NEW_FRAMES,
+    POSED_JOINTS,
+    STEP_SECONDS,
+)
 from wayfarer.terms import TERMS
-from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.agent import (
+    AgentSpec,
+    AgentState,
+    ChunkFlag,
+    MotionChunk,
+    SessionSpec,
+)
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
@@ -155,6 +169,26 @@ def people(count: int, **values: object) -> list[AgentSpec]:
         )
         for i in range(count)
     ]
+
+
+def motion_chunk(seq: int = 0, **changes: object) -> MotionChunk:
+    """A chunk of a body that walks at the origin in the T-pose; `changes`: of its fields."""
+    rotations = np.zeros((NEW_FRAMES, POSED_JOINTS, 4), np.float32)
+    rotations[..., 3] = 1
+    values = {
+        "agent_id": "a",
+        "alias": 1,
+        "seq": seq,
+        "first_frame": NEW_FRAMES * seq,
+        "scheduled_at": STEP_SECONDS * seq,
+        "goal_revision": 0,
+        "flags": ChunkFlag.NONE,
+        "state": AgentState.WALKING,
+        "translation": np.zeros((NEW_FRAMES, 3), np.float32),
+        "rotations": rotations,
+        "contacts": np.zeros((NEW_FRAMES, 2), bool),
+    }
+    return MotionChunk(**values | changes)
 
 
 class ManualClock:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk
+from tests.world.fakes import motion_chunk
+from wayfarer.spec import NEW_FRAMES
+from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer_lab.evaluation.scenes.measures import WORST, Depths, Gaps, ProgressWatch
 
 
@@ -37,18 +38,11 @@ def test_gaps_are_magnitudes() -> None:
 
 
 def chunk(number: int, x: float, revision: int = 1, waypoint: int = 0, arrived: bool = False):
-    return MotionChunk(
-        agent_id="a",
-        alias=1,
-        seq=number,
-        first_frame=NEW_FRAMES * number,
-        scheduled_at=STEP_SECONDS * number,
+    return motion_chunk(
+        number,
         goal_revision=revision,
         flags=ChunkFlag.ARRIVED if arrived else ChunkFlag.NONE,
-        state=AgentState.WALKING,
         translation=np.tile(np.float32([x, 0, 1]), (NEW_FRAMES, 1)),
-        rotations=np.zeros((NEW_FRAMES, 22, 4), np.float32),
-        contacts=np.zeros((NEW_FRAMES, 2), bool),
         waypoint=waypoint,
     )
 

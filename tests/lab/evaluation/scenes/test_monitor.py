@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.people import ANNY
+from tests.world.fakes import motion_chunk
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
-from wayfarer.spec import FPS, NEW_FRAMES, POSED_JOINTS
-from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
+from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.world.agents.agent import AgentSpec, MotionChunk
 from wayfarer_lab.evaluation.scenes.monitor import SceneMonitor
 
 HIPS = float(ANNY["female"].rest_joints(np.zeros(10))[0, 2])
@@ -19,19 +20,11 @@ def scene(*boxes: Box) -> Scene:
 
 
 def chunk(agent: str, number: int, at: tuple[float, float, float]) -> MotionChunk:
-    rotations = np.zeros((NEW_FRAMES, POSED_JOINTS, 4), np.float32)
-    rotations[..., 3] = 1
-    return MotionChunk(
+    return motion_chunk(
+        number,
         agent_id=agent,
-        alias=1,
-        seq=number,
-        first_frame=NEW_FRAMES * number,
-        scheduled_at=NEW_FRAMES * number / FPS,
         goal_revision=1,
-        flags=ChunkFlag.NONE,
-        state=AgentState.WALKING,
         translation=np.tile(np.float32(at) + np.float32([0, 0, HIPS]), (NEW_FRAMES, 1)),
-        rotations=rotations,
         contacts=np.ones((NEW_FRAMES, 2), bool),
     )
 
