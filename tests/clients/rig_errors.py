@@ -55,6 +55,7 @@ class Walk:
     @classmethod
     def of_clip(cls, path: Path) -> "Walk":
         """A clip of `wayfarer generate`."""
+        from tests.wire_poses import quaternions_to_wire
         from wayfarer.body.library import load_body
         from wayfarer.clips.npz import read_npz
         from wayfarer.transport.conversion.basis import Basis
@@ -66,7 +67,7 @@ class Walk:
         return cls(
             np.asarray(axes.points_to_wire(offsets))[: len(BONES)],
             np.asarray(axes.points_to_wire(clip.translation)),
-            np.asarray(axes.quaternions_to_wire(clip.rotations)),
+            np.asarray(quaternions_to_wire(axes, clip.rotations)),
             np.asarray(clip.contacts),
         )
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from tests.golden.rigs import BONES, Case, cases, refused, shoes_of
 from tests.golden.vectors import congruential, draw
+from tests.wire_poses import quaternions_to_core, quaternions_to_wire
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer_client.bases import BASES
 from wayfarer_client.bone_map import map_bones
@@ -148,7 +149,7 @@ def walk_in(basis: Basis) -> dict[str, Any]:
         gltf, axes = Basis.GLTF.axes, basis.axes
         if width == 3:
             return [rounded(row) for row in axes.points_to_wire(gltf.points_to_core(core))]
-        return [rounded(row) for row in axes.quaternions_to_wire(gltf.quaternions_to_core(core))]
+        return [rounded(row) for row in quaternions_to_wire(axes, quaternions_to_core(gltf, core))]
 
     return {
         "rest_offsets": convert(WALK["rest_offsets"], 3),

@@ -7,6 +7,7 @@ import pytest
 
 from tests.golden import gait, homes, messages, rules, tiers, vectors, words
 from tests.golden.vectors import FILE, FIRST_FRAME, FOLDER, Vector
+from tests.wire_poses import quaternions_to_core
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer_client.poses import PoseLayout
@@ -109,7 +110,7 @@ def test_a_person_drawn_by_his_root_walks_as_he_does(case):
     frames = 2 * tiers.CHUNKS
     hips = axes.points_to_core(np.array(root["hips"]).reshape(-1, 3)[:frames])
     drawn = np.array(root["rotations"]).reshape(-1, 22, 4)[:frames]
-    drawn = axes.quaternions_to_core(drawn)
+    drawn = quaternions_to_core(axes, drawn)
     walk = [made for chunk in tiers.chunks() for made in chunk]
     real = np.concatenate([made.rotations[::4] for made in walk])
     places = np.concatenate([made.translation[::4] for made in walk])

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 
 from tests.golden.vectors import congruential, draw
+from tests.wire_poses import quaternions_to_core
+from tests.world.fakes import motion_chunk
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.runtime.streams.root_tracks import RootTracks
 from wayfarer.transport.codec import PoseEncoder, PoseEncoding, PoseFormat, PoseProfile
 from wayfarer.transport.codec.root import ROOT_FRAME
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import common_pb2, motion_pb2
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
+from wayfarer.world.agents.agent import MotionChunks
 from wayfarer_client.poses import layouts_of
 
 FILE = Path(__file__).parent / "tiers.json"
@@ -38,22 +40,15 @@ def chunks() -> list[MotionChunks]:
     axes = Basis.GLTF.axes
     hips = axes.points_to_core(doubled(np.array(walk["hips"])))
     rotations = doubled(np.array(walk["rotations"]).reshape(-1, 22, 4))
-    rotations = axes.quaternions_to_core(rotations)
+    rotations = quaternions_to_core(axes, rotations)
     return [
         MotionChunks.of(
             [
-                MotionChunk(
+                motion_chunk(
+                    k,
                     agent_id="golden",
-                    alias=1,
-                    seq=k,
-                    first_frame=8 * k,
-                    scheduled_at=0.2 * k,
-                    goal_revision=0,
-                    flags=ChunkFlag.NONE,
-                    state=AgentState.WALKING,
                     translation=hips[8 * k :][:8],
                     rotations=rotations[8 * k :][:8],
-                    contacts=np.zeros((8, 2), bool),
                 )
             ]
         )

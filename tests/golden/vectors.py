@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from tests.wire_poses import quaternions_to_wire
+from tests.world.fakes import motion_chunk
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.transport import codec
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile
 from wayfarer.transport.conversion.basis import Basis
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
+from wayfarer.world.agents.agent import MotionChunk, MotionChunks
 
 FOLDER = Path(__file__).parent
 FILE = FOLDER / "vectors.json"
@@ -112,15 +114,9 @@ def core_motion() -> dict[str, Any]:
 
 def motion_of(core: dict[str, Any]) -> MotionChunk:
     """The runtime's chunk of a `core_motion`."""
-    return MotionChunk(
+    return motion_chunk(
         agent_id="golden",
-        alias=1,
-        seq=0,
         first_frame=FIRST_FRAME,
-        scheduled_at=0.0,
-        goal_revision=0,
-        flags=ChunkFlag.NONE,
-        state=AgentState.WALKING,
         translation=np.array(core["translation"], np.float32),
         rotations=np.array(core["rotations"], np.float32),
         contacts=np.array(core["contacts"], bool),
@@ -133,7 +129,7 @@ def in_basis(core: dict[str, Any], basis: Basis) -> dict[str, Any]:
     rotations = np.array(core["rotations"], np.float32)
     return {
         "translation": basis.axes.points_to_wire(translation).tolist(),
-        "rotations": basis.axes.quaternions_to_wire(rotations).tolist(),
+        "rotations": quaternions_to_wire(basis.axes, rotations).tolist(),
     }
 
 

@@ -9,7 +9,7 @@ from grpc_status import rpc_status
 
 from tests.runtime.running import until
 from tests.transport.rig import others_are_undisturbed
-from wayfarer.transport import codec
+from tests.wire_poses import decode
 from wayfarer.transport.conversion.basis import Basis
 from wayfarer.v1 import (
     agent_pb2,
@@ -41,7 +41,7 @@ async def test_grpc_from_session_to_frames(rig):
     assert list(chunks.flags) == [motion_pb2.CHUNK_FLAG_FIRST]
     assert (list(chunks.waypoints), list(chunks.candidates)) == ([5], [4])
     assert list(chunks.states) == [agent_pb2.AGENT_STATE_STANDING]
-    translation, rotations, contacts = codec.decode(chunks.poses, chunks.contacts, Basis.ROS)
+    translation, rotations, contacts = decode(chunks.poses, chunks.contacts, Basis.ROS)
     np.testing.assert_allclose(translation, sent.translation, atol=1e-6)
     np.testing.assert_array_equal(rotations, sent.rotations)
     np.testing.assert_array_equal(contacts, sent.contacts)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.wire_poses import quaternions_to_wire
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
 from wayfarer.transport.codec.root import ROOT_FRAME
@@ -116,7 +117,7 @@ def test_bases(basis):
     core = {"x": 2.0, "y": 3.0, "z": 5.0, "w": 7.0}
     for cell, found in (
         (row[5], axes.points_to_wire(np.array([2.0, 3.0, 5.0]))),
-        (row[6], axes.quaternions_to_wire(np.array([2.0, 3.0, 5.0, 7.0]))),
+        (row[6], quaternions_to_wire(axes, np.array([2.0, 3.0, 5.0, 7.0]))),
     ):
         scale = 100 if cell.startswith("100") else 1
         parts = re.findall(r"(−?)([xyzw])", cell)

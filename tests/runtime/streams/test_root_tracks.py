@@ -9,6 +9,7 @@ import pytest
 
 from tests.runtime.chunks import chunk, together
 from tests.runtime.streams.stage import Stage, take
+from tests.wire_poses import quaternions_to_core
 from wayfarer.runtime.streams.root_tracks import RootTracks
 from wayfarer.transport.conversion.basis import Basis
 
@@ -65,7 +66,7 @@ def test_the_phase_is_that_of_the_legs():
     """A walk sent by a server: strikes show in the contacts."""
     axes = Basis.GLTF.axes
     hips = axes.points_to_core(doubled(np.array(WALK["hips"])))
-    rotations = axes.quaternions_to_core(doubled(np.array(WALK["rotations"]).reshape(-1, 22, 4)))
+    rotations = quaternions_to_core(axes, doubled(np.array(WALK["rotations"]).reshape(-1, 22, 4)))
     parts = [
         replace(chunk(k), translation=hips[8 * k :][:8], rotations=rotations[8 * k :][:8])
         for k in range(15)

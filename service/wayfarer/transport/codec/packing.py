@@ -1,15 +1,13 @@
-"""Chunks of the runtime ↔ packed frames."""
+"""Chunks of the runtime → packed frames."""
 
 from functools import cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import InvalidArgument
 from wayfarer.process.compiled import compiled, warm
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
-from wayfarer.transport.codec import smallest_three
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
 from wayfarer.transport.codec.smallest_three import pack_one
 from wayfarer.transport.conversion.basis import Basis
@@ -30,14 +28,6 @@ class PackedPoses(NamedTuple):
     contacts: bytes
 
 
-class DecodedPoses(NamedTuple):
-    """Frames in the core basis: metres, Z up."""
-
-    translation: NDArray[np.float32]  # [F, 3]
-    rotations: NDArray[np.float32]  # [F, B, 4] of the bones of the format, unit length
-    contacts: NDArray[np.bool_]  # [F, 2] left, right
-
-
 def encode(
     chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()
 ) -> PackedPoses:
@@ -56,26 +46,6 @@ def encode(
     pack(rotations, stride, pose_format.posed, *axes.quaternion_parts, packed["rotations"])
     contacts = (chunks.contacts[:, ::stride] * FOOT_BITS).sum(-1, dtype=np.uint8)
     return PackedPoses(packed.reshape(-1).view(np.uint8).data, contacts.tobytes())
-
-
-def decode(
-    poses: bytes, contacts: bytes, basis: Basis, pose_format: PoseFormat = PoseFormat()
-) -> DecodedPoses:
-    """The inverse of `encode` for one chunk. Raises InvalidArgument if the lengths do not fit."""
-    if len(poses) != pose_format.frame_bytes * len(contacts):
-        raise InvalidArgument(
-            f"{len(poses)} bytes of poses for {len(contacts)} frames of "
-            f"{pose_format.frame_bytes} bytes",
-            "poses",
-        )
-    packed = np.frombuffer(poses, pose_format.frame)
-    rotations = basis.axes.quaternions_to_core(_unpack(packed["rotations"], pose_format.encoding))
-    bits = np.frombuffer(contacts, np.uint8)
-    return DecodedPoses(
-        basis.axes.points_to_core(packed["translation"]),
-        rotations,
-        (bits[:, None] & FOOT_BITS).astype(bool),
-    )
 
 
 @compiled
@@ -133,9 +103,3 @@ def prepare() -> None:
         out = np.empty((1, NEW_FRAMES), PoseFormat(encoding).frame)["rotations"]
         parts = Basis.GLTF.axes.quaternion_parts
         warm(pack, turns, 1, PoseFormat().posed, *parts, out)
-
-
-def _unpack(rotations: NDArray[Any], encoding: PoseEncoding) -> NDArray[np.float32]:
-    if encoding is PoseEncoding.SMALLEST_THREE:
-        return smallest_three.unpack(rotations)
-    return rotations.astype(np.float32)

@@ -13,7 +13,6 @@ count 16383 is exactly 0. Three little-endian 16-bit words hold
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.process.compiled import compiled, inner
 
@@ -27,9 +26,6 @@ WORST_ERROR_DEG: Final = 0.0086
 """Maximum angle between a rotation and its decoded value: half a step in each of three components,
 with all four at 1/2, is 4 √3 · (1/2) / (16383 √2) rad; float32 adds less than 0.0001°.
 """
-
-OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-"""Index of the omitted component → indices of the three that are sent."""
 
 
 @compiled
@@ -59,16 +55,3 @@ def _count(component: float) -> int:
 @inner
 def _word(count: int) -> int:
     return min(max(count, -MIDDLE), MIDDLE) + MIDDLE
-
-
-def unpack(words: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Words [..., 3] → unit quaternions x, y, z, w [..., 4]."""
-    flat = words.reshape(-1, 3)
-    largest = (flat[:, 0] >> 15) | (flat[:, 1] >> 15 << 1)
-    others = ((flat & 0x7FFF).astype(np.int32) - MIDDLE) / STEPS_PER_ONE
-    squares = (others**2).sum(axis=1)
-    quaternions = np.empty((len(flat), 4))
-    rows = np.arange(len(flat))
-    quaternions[rows, largest] = np.sqrt(np.maximum(0.0, 1.0 - squares))
-    quaternions[rows[:, None], OTHERS[largest]] = others
-    return quaternions.astype(np.float32).reshape(*words.shape[:-1], 4)

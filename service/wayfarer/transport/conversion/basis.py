@@ -66,13 +66,9 @@ class Axes:
         return _columns(self.matrix / self.metres_per_unit)
 
     @cached_property
-    def _quaternion_columns(self) -> tuple[tuple[int, float], ...]:
-        return _columns(self.quaternion_matrix)
-
-    @cached_property
     def quaternion_parts(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """For x, y, z, w of this basis: indices of the core's components [4], and signs [4]."""
-        sources, signs = zip(*self._quaternion_columns, strict=True)
+        sources, signs = zip(*_columns(self.quaternion_matrix), strict=True)
         return np.array(sources), np.array(signs, np.float32)
 
     @property
@@ -86,20 +82,18 @@ class Axes:
         return self.matrix @ (0.0, 1.0, 0.0)
 
     def points_to_wire(self, points: Array, out: Array | None = None) -> Array:
-        """Core points or offsets [..., 3], metres → this basis and its unit; into `out`."""
-        return _permuted(points, self._point_columns, out)
+        """Core points or offsets [..., 3], metres → this basis and its unit; into `out`.
+
+        It goes column by column, which is exact and faster than a product with so small a matrix.
+        """
+        out = np.empty_like(points) if out is None else out
+        for column, (source, factor) in enumerate(self._point_columns):
+            np.multiply(points[..., source], factor, out=out[..., column])
+        return out
 
     def points_to_core(self, points: Array) -> Array:
         """The inverse of `points_to_wire`."""
         return points @ (self.matrix * self.metres_per_unit).astype(points.dtype)
-
-    def quaternions_to_wire(self, quaternions: Array, out: Array | None = None) -> Array:
-        """Core quaternions x, y, z, w [..., 4] → the same rotations in this basis; into `out`."""
-        return _permuted(quaternions, self._quaternion_columns, out)
-
-    def quaternions_to_core(self, quaternions: Array) -> Array:
-        """The inverse of `quaternions_to_wire`."""
-        return quaternions @ self.quaternion_matrix.astype(quaternions.dtype)
 
     def heading_to_wire(self, heading: float) -> float:
         """Core heading → angle about this basis's up axis from its forward axis (own inverse)."""
@@ -120,17 +114,6 @@ def _columns(matrix: Array) -> tuple[tuple[int, float], ...]:
     """Column and factor of the only nonzero number in each row."""
     sources = np.abs(matrix).argmax(-1)
     return tuple((int(k), float(row[k])) for k, row in zip(sources, matrix, strict=True))
-
-
-def _permuted(values: Array, columns: tuple[tuple[int, float], ...], out: Array | None) -> Array:
-    """The product of values [..., N] with the matrix that `columns` describes.
-
-    It goes column by column, which is exact and faster than a product with so small a matrix.
-    """
-    out = np.empty_like(values) if out is None else out
-    for column, (source, factor) in enumerate(columns):
-        np.multiply(values[..., source], factor, out=out[..., column])
-    return out
 
 
 TABLE: Final = {
