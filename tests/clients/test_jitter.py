@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.world.fakes import ManualClock
 from wayfarer_client import Agent, Batch, Flag, Frames, JitterBuffer
 from wayfarer_client.quaternions import slerp
 
@@ -50,12 +51,9 @@ def frames(seq: int, alias: int = 1, start: float = START, state: str = "walking
     )
 
 
-class Clock:
-    def __init__(self, offset: float = 0.0) -> None:
-        self.now = START + offset
-
-    def __call__(self) -> float:
-        return self.now
+class Clock(ManualClock):
+    offset = 0.0
+    """Of the viewer's clock from the server's."""
 
 
 def arrive(buffer: JitterBuffer, clock: Clock, *chunks: Frames, late: float = 0.0) -> None:
@@ -67,9 +65,7 @@ def arrive(buffer: JitterBuffer, clock: Clock, *chunks: Frames, late: float = 0.
 
 @pytest.fixture
 def clock():
-    made = Clock()
-    made.offset = 0.0
-    return made
+    return Clock(START)
 
 
 DELAY = 0.35  # of a stream without history
@@ -77,8 +73,7 @@ DELAY = 0.35  # of a stream without history
 
 @given(st.floats(0.0, 0.2))
 def test_plays_delayed_and_between_frames(elapsed):
-    clock = Clock()
-    clock.offset = 0.0
+    clock = Clock(START)
     buffer = JitterBuffer(clock=clock)
     for seq in range(3):
         arrive(buffer, clock, frames(seq))

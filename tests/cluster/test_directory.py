@@ -6,6 +6,7 @@ import pytest
 
 from tests.cluster import virtual_time
 from tests.cluster.nodes import LEASE, Bench, coming, info, named, owner, renewal
+from tests.world.fakes import ManualClock
 from wayfarer.cluster.directory import AWAY_S, DRIFT, SHARES, Directory, LeaseRules
 from wayfarer.cluster.group_map import GroupMap
 from wayfarer.cluster.messages import ADOPTED, SILENT_S, Answer, NodeLoad
@@ -445,10 +446,10 @@ def restarted(seconds, **ages):
     """A directory, and a view of it, this long after its start; nodes came with replicas, of these
     ages, of what n0 had.
     """
-    now = [0.0]
-    directory, view = Directory(LeaseRules(LEASE), 1000, lambda: now[0]), GroupMap()
+    clock, view = ManualClock(0.0), GroupMap()
+    directory = Directory(LeaseRules(LEASE), 1000, clock)
     for count in range(1, round(seconds * 4) + 1):
-        now[0] += 0.25
+        clock.now += 0.25
         for name, age in ages.items():
             directory.renew(coming(name, kept={ORPHAN: ("n0", age)}, count=count))
         view.take(directory.look(view.seen)[1])

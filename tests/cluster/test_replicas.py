@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.world.fakes import ManualClock
 from wayfarer.cluster import replicas
 from wayfarer.cluster.group_map import GroupMap
 from wayfarer.cluster.messages import ADOPTED, Changes
@@ -31,21 +32,21 @@ def test_a_scene_comes_with_its_content_and_its_sessions():
 
 
 def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with_its_scene():
-    now = [0.0]
-    kept = Replicas(lambda: now[0])
+    clock = ManualClock(0.0)
+    kept = Replicas(clock)
     kept.keep("a", SCENE + CONTENT, b"content")
     kept.keep("a", SESSION, b"1")
     kept.keep("b", OTHER, b"2")
-    now[0] = KEPT_S - 1
+    clock.now = KEPT_S - 1
     kept.renew("a", {SCENE})
     assert len(kept) == 2, "the session has ended"
     for _ in range(9):
-        now[0] += KEPT_S
+        clock.now += KEPT_S
         kept.renew("a", {SCENE})
         kept.age(view())
     assert len(kept) == 2, "nobody had a lease meanwhile"
     for _ in range(round(KEPT_S)):
-        now[0] += 1
+        clock.now += 1
         kept.renew("a", {SCENE})
         kept.age(view())
     assert list(kept.of("00ff")) == [SCENE + CONTENT] and len(kept) == 1
@@ -53,14 +54,14 @@ def test_what_its_owner_does_not_have_any_more_is_dropped_and_content_stays_with
 
 def test_they_get_older_where_nobody_sends_any_more():
     """Otherwise a node that was away would keep the youngest ones."""
-    now = [0.0]
-    kept = Replicas(lambda: now[0])
+    clock = ManualClock(0.0)
+    kept = Replicas(clock)
     kept.keep("a", SESSION, b"1")
     for _ in range(round(KEPT_S)):
-        now[0] += 1.0
+        clock.now += 1.0
         kept.age(view())
-        assert kept.ages() == {"00ff": ("a", now[0])}
-    now[0] += 1.0
+        assert kept.ages() == {"00ff": ("a", clock.now)}
+    clock.now += 1.0
     kept.age(view())
     assert not len(kept)
 
@@ -76,13 +77,13 @@ def test_they_get_older_where_nobody_sends_any_more():
     ],
 )
 def test_what_has_ended_or_has_another_owner_is_dropped(told, is_kept):
-    now = [0.0]
-    kept = Replicas(lambda: now[0])
+    clock = ManualClock(0.0)
+    kept = Replicas(clock)
     kept.keep("a", SESSION, b"1")
     kept.age(view(**told))
     assert len(kept), "the directory may not have heard of it when it answered"
     for _ in range(2):
-        now[0] += QUIET_S
+        clock.now += QUIET_S
         kept.age(view(**told))
     assert len(kept) == is_kept
 
