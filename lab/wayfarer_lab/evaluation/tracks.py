@@ -13,6 +13,7 @@ from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import GENDERS, MARKERS
 from wayfarer_lab.evaluation.gait import Windows
+from wayfarer_lab.evaluation.metrics.feet import runs
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset
 
 Array = NDArray[np.floating[Any]]
@@ -98,5 +99,4 @@ class Recorded:
     def used(self, clip: ClipRange, *uses: int) -> list[slice]:
         """Runs of frames whose `use` is one of `uses`; slices count from the clip's start."""
         wanted = np.isin(self.data.use[clip.start : clip.stop], uses)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(np.int8)))
-        return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        return runs(wanted)

@@ -11,6 +11,7 @@ from wayfarer.errors import DataError, InvalidArgument
 from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options
+from wayfarer_lab.evaluation.commands.shared import write_figures
 from wayfarer_lab.evaluation.paper.page import page
 from wayfarer_lab.evaluation.paper.results import ResultsFolder
 from wayfarer_lab.evaluation.report import console
@@ -67,16 +68,11 @@ def figures(
         found["policy, shipped"] = (shipped, 1.0)
     starts = prior_poses(parts.pose_prior, 2 * SHOWN_POSES, np.random.default_rng(seed))[0]
     made = {
-        "figures": {
-            "fig_4": methods(found, seed),
-            "fig_s1": seeded_primitives(parts, seed),
-            "fig_s2": corner_cases(parts, starts, seed),
-        },
-        "meta": report.meta({"seed": seed, "models": str(models)}),
+        "fig_4": methods(found, seed),
+        "fig_s1": seeded_primitives(parts, seed),
+        "fig_s2": corner_cases(parts, starts, seed),
     }
-    json.parent.mkdir(parents=True, exist_ok=True)
-    json.write_text(json_module.dumps(made, separators=(",", ":"), allow_nan=False) + "\n")
-    console.print(f"wrote {json}", highlight=False)
+    write_figures(json, made, {"seed": seed, "models": str(models)})
 
 
 @app.command(short_help="The paper's tables and figures beside ours, as a page.")

@@ -1,6 +1,5 @@
 """Tables of open rollouts: random motion from a start pose."""
 
-import json as json_module
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -16,7 +15,7 @@ from wayfarer.models.bundle import DEFAULT_MODEL
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import options
-from wayfarer_lab.evaluation.commands.shared import finish, origin
+from wayfarer_lab.evaluation.commands.shared import finish, origin, write_figures
 from wayfarer_lab.evaluation.tracks import Recorded
 
 if TYPE_CHECKING:  # these load torch, which `wayfarer eval --help` must not
@@ -113,11 +112,7 @@ def failures(
             name: least_usual(list(zip(starts, own, strict=True)), bench.pose_score, count)
             for name, own in made.items()
         }
-    about = origin(models, runs, data, split, seed)
-    text = json_module.dumps({"figures": found, "meta": report.meta(about)}, allow_nan=False)
-    json.parent.mkdir(parents=True, exist_ok=True)
-    json.write_text(text + "\n")
-    typer.echo(f"{json}: {', '.join(found)}")
+    write_figures(json, found, origin(models, runs, data, split, seed))
 
 
 @app.command(short_help="Influence of body shape and start pose (Sec. A.2).")

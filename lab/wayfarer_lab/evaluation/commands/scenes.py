@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
-from rich.progress import Progress, TaskID
 
 from wayfarer.models.bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation.commands import options
-from wayfarer_lab.evaluation.commands.shared import finish, origin
-from wayfarer_lab.evaluation.report import progress
+from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
 from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
 from wayfarer_lab.evaluation.scenes.scenarios.changes import crates, doors
 from wayfarer_lab.evaluation.scenes.scenarios.outcome import Outcome
@@ -90,24 +88,18 @@ def scenes(
     }
     rows, worst = [], {}
     runs = [(name, seed + k) for name in only.split(",") for k in range(repeats)]
-    with progress() as bar:
-        for name, number in runs:
-            scenario, usual = tried[name]
-            called = name if repeats == 1 else f"{name}, seed {number}"
-            task = bar.add_task(called, total=None)
-            people = max(1, round(scale * usual))
-            seen = scenario(rig, number, people, partial(_advance, bar, task))
-            rows.append(seen.row | {"name": called})
-            worst[called] = seen.monitor.worst()
-            if pictures:
-                save(pictures / f"{called}.png", plan(seen.scene, seen.monitor.trails()))
-                drawn = view(seen.scene, seen.monitor, CAMERAS[name])
-                save(pictures / f"{called}_view.png", drawn)
+    for name, number in runs:
+        scenario, usual = tried[name]
+        called = name if repeats == 1 else f"{name}, seed {number}"
+        with progress(called) as watch:
+            seen = scenario(rig, number, max(1, round(scale * usual)), watch)
+        rows.append(seen.row | {"name": called})
+        worst[called] = seen.monitor.worst()
+        if pictures:
+            save(pictures / f"{called}.png", plan(seen.scene, seen.monitor.trails()))
+            drawn = view(seen.scene, seen.monitor, CAMERAS[name])
+            save(pictures / f"{called}_view.png", drawn)
     finish(
         json, {"Scenes": rows}, **origin(models, None, None, "", seed), engine=engine,
         candidates=candidates, scale=scale, minutes=minutes, repeats=repeats, worst=worst,
     )  # fmt: skip
-
-
-def _advance(bar: Progress, task: TaskID, done: float, total: float) -> None:
-    bar.update(task, completed=int(done), total=int(total))

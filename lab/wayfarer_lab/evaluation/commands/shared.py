@@ -55,6 +55,14 @@ def progress(title: str) -> Iterator[Watch]:
         yield lambda done, total: bar.update(task, completed=int(done), total=int(total))
 
 
+def write_figures(path: Path, figures: dict[str, Any], about: dict[str, Any]) -> None:
+    """Writes what pictures of the paper's page are drawn from, with its origin."""
+    made = {"figures": figures, "meta": report.meta(about)}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json_module.dumps(made, separators=(",", ":"), allow_nan=False) + "\n")
+    report.console.print(f"wrote {path}: {', '.join(figures)}", highlight=False)
+
+
 def finish(json: Path | None, tables: dict[str, list[Row]], **about: Any) -> None:
     """Prints the tables, and writes them as JSON and Markdown when asked to."""
     for title, rows in tables.items():

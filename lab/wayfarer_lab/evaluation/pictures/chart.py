@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from wayfarer.body.model import BodyModel
+from wayfarer_lab.evaluation.metrics.feet import runs
 from wayfarer_lab.evaluation.pictures.paper import FAINT, FEET, FONT, INK, PAPER
 from wayfarer_lab.evaluation.pictures.scene import ClipActor
 
@@ -60,9 +61,9 @@ def contact_lane(
     height: float = 4,
 ) -> None:
     """A bar from pixel `left` to `right` for the clip's time, filled where a foot [N] touches."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], contacts, [0]]).astype(np.int8)))
-    at = left + (right - left) * edges / len(contacts)
-    for start, stop in zip(at[::2], at[1::2], strict=True):
+    scale = (right - left) / len(contacts)
+    for run in runs(contacts):
+        start, stop = left + scale * run.start, left + scale * run.stop
         box = np.array([start, top, max(stop, start + 1), top + height]) * smooth
         draw.rectangle(box.tolist(), fill=ink)
 

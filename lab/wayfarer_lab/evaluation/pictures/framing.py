@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation.pictures.camera import Camera, Size, View
@@ -78,11 +79,8 @@ def following(actor: ClipActor, name: str, size: Size) -> list[Camera]:
 
 def calm_way(hips: Array, fps: float) -> Array:
     """Horizontal way [N, 2] without its sway: a Gaussian over `CALM` seconds, ends held."""
-    reach = round(3 * CALM * fps)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (CALM * fps)) ** 2)
-    padded = np.pad(hips[:, :2], ((reach, reach), (0, 0)), mode="edge")
-    columns = [np.convolve(padded[:, k], kernel / kernel.sum(), "valid") for k in (0, 1)]
-    return np.stack(columns, -1)
+    way: Array = gaussian_filter1d(hips[:, :2], CALM * fps, axis=0, mode="nearest", truncate=3)
+    return way
 
 
 def wide(actors: Sequence[ClipActor], size: Size) -> Camera:
