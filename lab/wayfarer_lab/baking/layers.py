@@ -185,7 +185,7 @@ def distances(vertices: Array, faces: Index, start: Mask) -> Array:
     return np.asarray(dijkstra(graph, directed=False, indices=np.flatnonzero(start), min_only=True))
 
 
-def conformed(outer: Surface, inner: Surface, rounds: int = 4) -> Array:
+def conformed(outer: Surface, inner: Surface) -> Array:
     """Weights [V, J] with which cloth moves as what is close beneath it. `outer`'s own where it is
     far.
     """
@@ -204,7 +204,7 @@ def conformed(outer: Surface, inner: Surface, rounds: int = 4) -> Array:
     weights, gap = weights / len(outer.vertices), gap / len(outer.vertices)
     like = np.clip((APART_M - gap) / (APART_M - CLOSE_M), 0.0, 1.0)[:, None]
     weights = like * weights + (1 - like) * outer.weights
-    return smoothed(weights, outer.faces, rounds)
+    return smoothed(weights, outer.faces, 4)
 
 
 def lifted(outer: Surface, inner: Surface, detail: str) -> Surface:

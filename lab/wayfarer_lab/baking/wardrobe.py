@@ -80,8 +80,8 @@ def _shoes(source: str, soles: tuple[int, ...], socks: tuple[int, ...], *laces: 
     return Recipe(f"clothes/{source}", SHOES, islands, layers, faces=(2200, 320), floor=True)
 
 
-def _hair(source: str, least: int = 0, low: int = 420, **more: Any) -> Recipe:
-    return Recipe(f"hair/{source}", HAIR, least=least, faces=(3600, low), cloth=False, **more)
+def _hair(source: str, least: int = 0, **more: Any) -> Recipe:
+    return Recipe(f"hair/{source}", HAIR, least=least, faces=(3600, 420), cloth=False, **more)
 
 
 _OVER: Final = (TROUSERS, SHIRT)  # a shirt that hangs over trousers

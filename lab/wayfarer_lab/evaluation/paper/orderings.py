@@ -43,9 +43,8 @@ class Ordering:
 
 @dataclass(frozen=True)
 class Statement:
-    """An ordering, and what came out."""
+    """What came out of an ordering."""
 
-    ordering: Ordering
     verdict: Verdict
     figures: str
 
@@ -60,7 +59,7 @@ def state(ordering: Ordering, results: ResultsFolder) -> Statement:
     rows = [results.measured(source) if source else None for source in sources]
     values = [row.values(ordering.figure) if row else [] for row in rows]
     if not all(values):
-        return Statement(ordering, "not measured", ordering.why or _missing(sources, values))
+        return Statement("not measured", ordering.why or _missing(sources, values))
     one, other = (row for row in rows if isinstance(row, Measured))
     figures = f"`{ordering.figure}` {one.text(ordering.figure)} and {other.text(ordering.figure)}"
     high, low = values if ordering.more else values[::-1]
@@ -74,7 +73,7 @@ def state(ordering: Ordering, results: ResultsFolder) -> Statement:
         verdict = "within the spread"
     if max(map(len, values)) == 1:
         figures += "; one training each"
-    return Statement(ordering, verdict, figures)
+    return Statement(verdict, figures)
 
 
 def _missing(sources: tuple[Source | None, ...], values: list[list[float]]) -> str:

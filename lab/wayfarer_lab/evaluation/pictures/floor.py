@@ -24,6 +24,7 @@ HAZE = (0.9, 4.0)  # distances, in units of that to the target, over which the f
 TEXEL = 0.0125  # metres
 BORDER = 8  # texels around a shadow's patch, for its soft edge
 NEAR = 0.3  # metres before the pinhole in which marks are not drawn
+SMOOTH = 2  # points of a mark per pixel, each way
 SUN_KEPT, SKY_KEPT = 0.45, 0.65  # of the floor's light that a full shadow takes away
 NEAR_FLOOR = 0.10  # metres over which the shadow right under a foot fades
 
@@ -149,7 +150,7 @@ def floor_of(view: View, height: float) -> FloorImage:
     return FloorImage(view, height)
 
 
-def painted(camera: Camera, marks: Sequence[Mark], smooth: int = 2) -> tuple[Array, Array]:
+def painted(camera: Camera, marks: Sequence[Mark]) -> tuple[Array, Array]:
     """Marks as seen: light times cover [H, W, 3], and cover [H, W]."""
     width, height = camera.view.size
     light = np.zeros((height, width, 3), np.float32)
@@ -159,14 +160,14 @@ def painted(camera: Camera, marks: Sequence[Mark], smooth: int = 2) -> tuple[Arr
         ahead = seen[:, 2] >= NEAR
         if not ahead.any():
             continue
-        pixels = mark.width * camera.view.focal / np.median(seen[ahead, 2]) * smooth
-        mask = Image.new("L", (width * smooth, height * smooth))
+        pixels = mark.width * camera.view.focal / np.median(seen[ahead, 2]) * SMOOTH
+        mask = Image.new("L", (width * SMOOTH, height * SMOOTH))
         draw = ImageDraw.Draw(mask)
         for part in np.split(seen, np.flatnonzero(np.diff(ahead)) + 1):
             if len(part) > 1 and part[0, 2] >= NEAR:
-                points = (part[:, :2] * smooth).ravel().tolist()
+                points = (part[:, :2] * SMOOTH).ravel().tolist()
                 draw.line(points, 255, max(round(pixels), 1), joint="curve")
-        share = np.asarray(mask.reduce(smooth), np.float32)[..., None] / 255 * mark.opacity
+        share = np.asarray(mask.reduce(SMOOTH), np.float32)[..., None] / 255 * mark.opacity
         light += share * (colour(mark.paint).astype(np.float32) - light)
         cover += share[..., 0] * (1 - cover)
     return light, cover

@@ -152,12 +152,12 @@ def drawn_seed(session_seed: int, number: int) -> int:
     return int.from_bytes(drawn[:4], "little")
 
 
-def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
+def pose_format(request: schema.PoseFormat) -> PoseFormat:
     """Checks the choice of a pose format. Raises InvalidArgument that names the part at fault."""
     if request.encoding is PoseEncoding.ROOT:
         allowed = ", ".join(e.upper() for e in PoseEncoding if e is not PoseEncoding.ROOT)
-        raise InvalidArgument(f"ROOT is for streams; here is one of {allowed}", f"{field}.encoding")
-    return stream_format(request, field)
+        raise InvalidArgument(f"ROOT is for streams; here is one of {allowed}", "format.encoding")
+    return stream_format(request)
 
 
 def stream_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
