@@ -208,6 +208,12 @@ def to_problem(error: BaseException) -> dict[str, Any]:
     return problem
 
 
+def http_problem(status: int, detail: str) -> dict[str, Any]:
+    """The problem document of a failure of HTTP itself, such as a path that does not exist."""
+    phrase = HTTPStatus(status).phrase
+    return {"type": "about:blank", "title": phrase, "status": int(status), "detail": detail}
+
+
 def close_code(error: BaseException) -> int:
     """WebSocket close code: 4000 + HTTP status, in the range reserved for applications."""
     return 4000 + int(code_of(error).http)

@@ -12,6 +12,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from wayfarer.transport.errors import http_problem
+
 REQUEST_S: Final = 20.0
 """Seconds within which a whole request must arrive, from its first byte or from connecting."""
 
@@ -65,8 +67,7 @@ def _check_head(request: h11.Request) -> None:
 def refusal(status: int, detail: str) -> bytes:
     """The answer to a request that is not read further."""
     phrase = HTTPStatus(status).phrase
-    problem = {"type": "about:blank", "title": phrase, "status": int(status), "detail": detail}
-    body = json.dumps(problem).encode()
+    body = json.dumps(http_problem(status, detail)).encode()
     head = (
         f"HTTP/1.1 {int(status)} {phrase}\r\nConnection: close\r\nContent-Length: {len(body)}\r\n"
         "Content-Type: application/problem+json\r\nX-Content-Type-Options: nosniff\r\n\r\n"

@@ -148,15 +148,7 @@ def problem_response(error: BaseException) -> Response:
 
 def _http_problem(error: HTTPException) -> Response:
     """Failures of HTTP itself: unknown route, method not allowed, body too large."""
-    status = HTTPStatus(error.status_code)
-    response = _problem(
-        {
-            "type": "about:blank",
-            "title": status.phrase,
-            "status": int(status),
-            "detail": str(error.detail),
-        }
-    )
+    response = _problem(errors.http_problem(error.status_code, str(error.detail)))
     response.headers.update(error.headers or {})
     return response
 
