@@ -7,19 +7,16 @@ them. Except for the visits, CPU time of the page's threads is counted; nothing 
 """
 
 import argparse
-import functools
 import os
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 from tests.viewer.chromium import Page
 from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread, worker_threads
+from tests.web_host import Files, web_host
 
 ROOT = Path(__file__).parents[1]
 SECONDS = 20
@@ -36,7 +33,7 @@ WATCH = f"""(function look() {{
 }})()"""
 
 
-class Quiet(SimpleHTTPRequestHandler):
+class KeptFiles(Files):
     """Files, kept by the browser as a web host's are."""
 
     def end_headers(self) -> None:
@@ -44,25 +41,10 @@ class Quiet(SimpleHTTPRequestHandler):
         self.send_header("cache-control", "max-age=3600")
         super().end_headers()
 
-    def log_message(self, *_: object) -> None:
-        """Say nothing."""
-
-
-@contextmanager
-def serving(folder: Path) -> Iterator[str]:
-    """The URL of a folder's files."""
-    handler = functools.partial(Quiet, directory=str(folder))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield f"http://127.0.0.1:{server.server_port}"
-        finally:
-            server.shutdown()
-
 
 def core(page: Page) -> str:
     """Milliseconds of a picture of 64 agents."""
-    with serving(ROOT) as url:
+    with web_host(ROOT, KeptFiles) as url:
         page.call("Page.navigate", url=f"{url}/clients/web/test/speed_page.html")
         page.wait_for("Boolean(globalThis.speed)", 120)
     thread = main_thread(page)
@@ -77,7 +59,7 @@ def local(page: Page, folder: Path) -> Iterator[str]:
     """Time until people are there, and the load of 30 and 50 of them."""
     page.call("Page.addScriptToEvaluateOnNewDocument", source=NO_DRAWING)
     page.call("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
-    with serving(folder) as url:
+    with web_host(folder, KeptFiles) as url:
         for _ in range(VISITS + 1):
             yield visit(page, url)
         main = main_thread(page)

@@ -4,6 +4,7 @@ import json
 import os
 import queue
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -31,6 +32,13 @@ LIGHT = {
     "WAYFARER_ADMISSION": "false",  # tests share a small machine
     "WAYFARER_ENGINE": "onnxruntime",  # a third of a start is the choice between engines
 }
+
+
+def free_port() -> int:
+    """A port of the loopback that was free a moment ago."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def post(url: str, path: str, document: object) -> httpx.Response:

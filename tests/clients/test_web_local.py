@@ -5,15 +5,12 @@ frame, with its clean-up rules (foot lock, postures) and without. In Chromium te
 goals with the web server shut down.
 """
 
-import functools
 import json
 import logging
 import shutil
 import subprocess
 import sys
-import threading
 import time
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +22,7 @@ from tests.programs import run_program
 from tests.viewer.characters import MANNEQUIN
 from tests.viewer.chromium import Page, needs_chromium
 from tests.viewer.threads import main_thread, worker_threads
+from tests.web_host import Files, web_host
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.spec import STEP_SECONDS
@@ -136,41 +134,29 @@ def test_people_in_the_way_step_aside_as_on_the_server(exported, tmp_path):
     assert np.linalg.norm(ways[5][-1] - ways[4][-1]) > 0.5
 
 
-class _Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *_: object) -> None:
-        pass
-
-
-class _Files(_Quiet):
+class _Files(Files):
     """Serves the page, the client, the runtime of the npm package and the export."""
 
-    def __init__(self, exported: Path, *args: object) -> None:
-        self.folders = {
+    def translate_path(self, path: str) -> str:
+        folders = {
             "/client/": FOLDER / "src",
             "/onnxruntime/": RUNTIME,
-            "/model/": exported,
+            "/model/": Path(self.directory),
             "/": FOLDER / "test",
         }
-        super().__init__(*args)  # type: ignore[arg-type]
-
-    def translate_path(self, path: str) -> str:
         path = path.partition("?")[0]
-        prefix = next(name for name in self.folders if path.startswith(name))
-        return str(self.folders[prefix] / path.removeprefix(prefix))
+        prefix = next(name for name in folders if path.startswith(name))
+        return str(folders[prefix] / path.removeprefix(prefix))
 
 
 @needs_chromium
 def test_ten_people_walk_to_goals_with_no_server(exported, tmp_path):
-    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, exported))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    address = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
     with Page(tmp_path / "profile") as page:
-        page.call("Page.navigate", url=address)
-        page.wait_for("globalThis.log?.ready || globalThis.log?.failed.length", 120)
-        assert page.evaluate("log.failed") == []
-        assert len(worker_threads(main_thread(page))) == 2  # one for each gender
-        server.shutdown()
-        server.server_close()  # from here on nothing can be loaded
+        with web_host(exported, _Files) as url:  # afterwards nothing can be loaded
+            page.call("Page.navigate", url=f"{url}/local_page.html")
+            page.wait_for("globalThis.log?.ready || globalThis.log?.failed.length", 120)
+            assert page.evaluate("log.failed") == []
+            assert len(worker_threads(main_thread(page))) == 2  # one for each gender
         before = page.evaluate("performance.getEntriesByType('resource').length")
         page.evaluate(CREATE)
         page.wait_for("log.events.filter(({ kind }) => kind === 'path_done').length === 10", 120)
@@ -216,36 +202,33 @@ def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
     """Up to 50 people and a dropped character wander; a click sends the nearest one, which arrives
     even with the host shut down.
     """
-    files = functools.partial(_Quiet, directory=str(demo))
-    server = ThreadingHTTPServer(("127.0.0.1", 0), files)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
     with Page(tmp_path / "profile") as page:
-        page.call("Page.navigate", url=f"http://127.0.0.1:{server.server_address[1]}/")
-        page.wait_for(
-            "globalThis.demo?.people.size === 10"
-            " && [...demo.people.values()].every(({ played, body }) => played.shown && body)",
-            120,
-        )
-        page.wait_for(
-            "(demo.people.size === 50 || document.querySelector('#more').click())"
-            " && [...demo.people.values()].every(({ body }) => body)",
-            120,
-        )
-        # a click has no effect while the previous one is running
-        page.wait_for("demo.people.size < 50 || document.querySelector('#fewer').click()", 60)
-        page.drop(MANNEQUIN, 500, 400)
-        page.wait_for("document.querySelector('#state').textContent.includes(' walks, and')", 60)
-        dropped = "[...demo.people.values()].find(({ body }) => body?.object)"
-        start = page.evaluate(f"[...{dropped}.played.frame]")
-        page.wait_for(
-            f"(([x, , z]) => Math.hypot(x - {start[0]}, z - {start[2]}) > 0.3)"
-            f"({dropped}.played.frame)",
-            120,
-        )
-        server.shutdown()
-        server.server_close()
+        with web_host(demo) as url:
+            page.call("Page.navigate", url=f"{url}/")
+            page.wait_for(
+                "globalThis.demo?.people.size === 10"
+                " && [...demo.people.values()].every(({ played, body }) => played.shown && body)",
+                120,
+            )
+            page.wait_for(
+                "(demo.people.size === 50 || document.querySelector('#more').click())"
+                " && [...demo.people.values()].every(({ body }) => body)",
+                120,
+            )
+            # a click has no effect while the previous one is running
+            page.wait_for("demo.people.size < 50 || document.querySelector('#fewer').click()", 60)
+            page.drop(MANNEQUIN, 500, 400)
+            state = "document.querySelector('#state').textContent"
+            page.wait_for(f"{state}.includes(' walks, and')", 60)
+            dropped = "[...demo.people.values()].find(({ body }) => body?.object)"
+            start = page.evaluate(f"[...{dropped}.played.frame]")
+            page.wait_for(
+                f"(([x, , z]) => Math.hypot(x - {start[0]}, z - {start[2]}) > 0.3)"
+                f"({dropped}.played.frame)",
+                120,
+            )
         page.click(500, 400)
-        page.wait_for("document.querySelector('#state').textContent.endsWith('goes there')")
+        page.wait_for(f"{state}.endsWith('goes there')")
         sent = page.evaluate("demo.send({ x: 1, z: 5 }).then(({ alias }) => alias)")
         place = f"(() => {{ const [x, y, z] = demo.people.get({sent}).played.frame; "
         page.wait_for(place + "return Math.hypot(x - 1, z - 5) < 0.5; })()", 120)
@@ -263,13 +246,8 @@ def test_a_demo_replaces_nobodys_files(tmp_path):
 def test_a_page_hears_what_is_wrong(tmp_path):
     nothing = tmp_path / "none"
     nothing.mkdir()
-    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, nothing))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    with Page(tmp_path / "profile") as page:
-        url = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
-        page.call("Page.navigate", url=url)
+    with web_host(nothing, _Files) as url, Page(tmp_path / "profile") as page:
+        page.call("Page.navigate", url=f"{url}/local_page.html")
         page.wait_for("globalThis.log?.failed.length", 30)
         (said,) = page.evaluate("log.failed")
         assert "/model/wayfarer.json: HTTP 404" in said
-    server.shutdown()
-    server.server_close()

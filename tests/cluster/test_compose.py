@@ -17,8 +17,7 @@ import httpx
 import psutil
 import pytest
 
-from tests.cluster.local import free_port
-from tests.serving import LIGHT
+from tests.serving import LIGHT, free_port
 from tests.test_deploy import DEPLOY, cluster_compose
 from wayfarer_client import AgentSpec, Client
 

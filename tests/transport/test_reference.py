@@ -2,14 +2,10 @@
 
 import asyncio
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from threading import Thread
+from collections.abc import Callable
 
 from tests.viewer.chromium import Page, needs_chromium
+from tests.web_host import web_host
 
 INFO = "#operations-catalogue-getServerInfo"
 
@@ -55,7 +51,10 @@ async def test_no_other_page_can_show_it_in_a_frame(rig, tmp_path):
     def visit() -> None:
         for shown in ("/docs/", "/"):
             (tmp_path / "index.html").write_text(f'<iframe src="{rig.server.http_url}{shown}">')
-            with _served(tmp_path) as elsewhere, Page(tmp_path / f"profile{len(shown)}") as page:
+            with (
+                web_host(tmp_path, address="127.0.0.2") as elsewhere,  # no page of this machine
+                Page(tmp_path / f"profile{len(shown)}") as page,
+            ):
                 page.call("Page.navigate", url=elsewhere)
                 _until(page, lambda page: any("frame-ancestors" in p for p in page.problems))
 
@@ -73,13 +72,3 @@ def _until(page: Page, found: Callable[[Page], bool]) -> None:
         if found(page):
             return
     raise AssertionError(f"framed; problems: {page.problems}")
-
-
-@contextmanager
-def _served(folder: Path) -> Iterator[str]:
-    """Another web server, at an address that is no page of this machine."""
-    handler = partial(SimpleHTTPRequestHandler, directory=folder)
-    with ThreadingHTTPServer(("127.0.0.2", 0), handler) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.2:{server.server_port}/"
-        server.shutdown()

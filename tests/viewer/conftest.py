@@ -1,21 +1,19 @@
 """One server and one browser for all tests of the page that run in this process."""
 
-import functools
 import os
 from collections.abc import Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
 from tests.serving import Service
 from tests.viewer.chromium import Page, resting_tab
+from tests.web_host import Files, web_host
 
 ROOT = Path(__file__).parents[2]
 
 
-class HostPage(SimpleHTTPRequestHandler):
+class HostPage(Files):
     """Another site's page, with the viewer in it (?viewer=URL); the web client's files."""
 
     FILES = ("/clients/web/", "/tests/golden/")
@@ -28,7 +26,7 @@ class HostPage(SimpleHTTPRequestHandler):
   await import(`${new URLSearchParams(location.search).get("viewer")}/wayfarer-view.js`);
 </script>"""
 
-    def do_GET(self) -> None:
+    def do_GET(self) -> None:  # noqa: N802, as http.server has it
         """Answers with a file, or otherwise with the page."""
         if self.path.startswith(self.FILES):
             super().do_GET()
@@ -40,19 +38,12 @@ class HostPage(SimpleHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(self.HTML.encode())
 
-    def log_message(self, *_: object) -> None:
-        """Say nothing."""
-
 
 @pytest.fixture(scope="package")
 def host_url() -> Iterator[str]:
     """URL of a page of another origin on this machine, which may embed the viewer."""
-    handler = functools.partial(HostPage, directory=str(ROOT))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
+    with web_host(ROOT, HostPage) as url:
+        yield url
 
 
 @pytest.fixture(scope="package")

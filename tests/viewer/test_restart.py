@@ -1,6 +1,5 @@
 """A server that asks for a key, stops, and starts again."""
 
-import socket
 import sys
 from pathlib import Path
 from urllib.request import Request, urlopen
@@ -8,7 +7,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 from tests.programs import run_program
-from tests.serving import Service
+from tests.serving import Service, free_port
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 from tests.viewer.stage import NAMES, PEOPLE, SHOWN
 
@@ -18,12 +17,6 @@ SHARED_SERVER = False  # it starts its own
 EYE = "wayfarer.stage.camera.position.toArray()"
 CRATES = "[...wayfarer.level.obstacles.keys()]"
 TOLD = "['messages', 'news'].map((id) => document.getElementById(id).textContent).join()"
-
-
-def free_port() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return str(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +30,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def test_after_a_restart_everybody_is_there_again(page: Page, keys, tmp_path: Path):
     """They return from the server, or from the page if the server has forgotten them."""
     key, file = keys
-    port = free_port()
+    port = str(free_port())
     options = ("--http-port", port, "--keys-file", str(file))
     with Service(*options, "--state-dir", str(tmp_path)) as first:
         page.call(
