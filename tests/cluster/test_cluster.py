@@ -127,7 +127,8 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
         await settle()
         if HAS_STORE:
             await the_head_returns(cluster, watched, client)
-            await all_go_on()
+        await the_directory_returns(cluster, watched, client)
+        await all_go_on()
         await drain(cluster, watched, record_testsuite_property)
         await all_go_on()
         await restart_entry(cluster, watched)
@@ -287,9 +288,7 @@ async def until_it_ends(stream):
 
 
 async def the_head_returns(cluster, watched, client):
-    """Ray's head is killed, and started again with the state that it had: nobody notices, and it
-    starts what ends, as before.
-    """
+    """Ray's head is killed, and started again with the state that it had: nobody notices."""
     for one in watched:
         one.clear()
     cluster.kill_head()
@@ -302,6 +301,12 @@ async def the_head_returns(cluster, watched, client):
         await one.goes_on()
         assert one.events == [] and set(np.diff(one.seqs)) == {1}
     assert await asyncio.to_thread(cluster.head_answers)
+
+
+async def the_directory_returns(cluster, watched, client):
+    """Ray starts it again, and the nodes tell it what they hold."""
+    for one in watched:
+        one.clear()
     generation = (await cluster.status()).generation
     cluster.kill("DirectoryActor")
     await cluster.until(lambda status: status.generation != generation and status.settled)

@@ -18,6 +18,7 @@ import pytest
 
 from tests.certificates import Authority
 from tests.cluster.local import listening, lives, processes
+from tests.cluster.watchers import Watcher
 from tests.programs import run_program
 from tests.serving import LIGHT, Service, needs_ray
 from wayfarer import errors
@@ -120,37 +121,19 @@ def start():
         one.close()
 
 
-class Follower:
-    """One person's stream, over whatever happens."""
+async def followed(client, command, scene=""):
+    """A new person's stream. All nodes take sessions by then, so that several are spread."""
+    await command.until(lambda: command.nodes() == NODES, "all nodes take sessions")
+    session = await client.create_session(lease=900, scene=scene)
+    (agent,) = await session.create_agents(AgentSpec())
+    return Watcher(session, agent, deadline=120)
 
-    def __init__(self, session):
-        self.session = session
-        self.flags, self.events = [], []
-        self.task = asyncio.create_task(self._follow())
 
-    @classmethod
-    async def of(cls, client, command, scene=""):
-        """Created while all nodes take sessions, so that several are spread."""
-        await command.until(lambda: command.nodes() == NODES, "all nodes take sessions")
-        session = await client.create_session(lease=900, scene=scene)
-        await session.create_agents(AgentSpec())
-        return cls(session)
-
-    async def _follow(self):
-        async with self.session.stream(deadline=120) as self.stream:
-            async for batch in self.stream:
-                self.events += [event.kind for event in batch.events]
-                self.flags += [frames.flags for frames in batch.frames]
-
-    async def goes_on(self, chunks=5):
-        """What came meanwhile: flags and events."""
-        self.flags.clear()
-        self.events.clear()
-        async with asyncio.timeout(60):
-            while len(self.flags) < chunks:
-                assert not self.task.done(), self.task
-                await asyncio.sleep(0.05)
-        return list(self.flags), list(self.events)
+async def all_go_on(everybody):
+    """What comes from now on is all that is seen of them."""
+    for one in everybody:
+        one.clear()
+    await asyncio.gather(*(one.goes_on() for one in everybody))
 
 
 async def people(session):
@@ -172,18 +155,18 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
     command = start(*options, **told)
     async with Client(command.grpc_address, timeout=60) as client:
         scene = await client.scenes.example("corridor")
-        everybody = [await Follower.of(client, command, where) for where in (scene, "", "", "")]
+        everybody = [await followed(client, command, where) for where in (scene, "", "", "")]
         homes = {one.session.session_id: command.home(one.session) for one in everybody}
         assert set(homes.values()) == set(range(NODES)), "they are spread"
         assert {one.session_id for one in await client.sessions()} == set(homes)
         assert len(await client.scenes.all()) == 1
-        await asyncio.gather(*(one.goes_on() for one in everybody))
+        await all_go_on(everybody)
 
         # a node, which Ray starts again: acknowledged commands are on disk, and wait for it
         killed = homes[everybody[0].session.session_id]
         there = [one for one in everybody if homes[one.session.session_id] == killed]
         late = {one: (await one.session.create_agents(AgentSpec()))[0] for one in there}
-        await asyncio.gather(*(one.goes_on() for one in everybody))
+        await all_go_on(everybody)
         command.node(killed).kill()
         for one in there:
             assert late[one].agent_id in await people(one.session)
@@ -191,18 +174,10 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
                 while "gap" not in one.events:  # chunks sent before may arrive after it
                     assert not one.task.done(), one.task
                     await asyncio.sleep(0.05)
-        await asyncio.gather(*(one.goes_on() for one in everybody))
+        await all_go_on(everybody)
         for one in everybody:
             assert one in there or one.stream.reconnections == 0, "they do not notice"
-
-        # the directory, which Ray starts again: nodes tell it what they hold
-        command.kill("DirectoryActor")
-        await command.until(lambda: command.health()[0] == 200, "the directory is back")
-        await asyncio.gather(*(one.goes_on() for one in everybody))
-        assert {one.session.session_id: command.home(one.session) for one in everybody} == homes
-        await (await client.create_session()).delete()
-        for one in everybody:
-            one.task.cancel()
+            await one.close()
     below = command.processes("NodeActor")
     assert len(below) == NODES
     command.process.kill()
@@ -213,11 +188,11 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
         back = {one.session_id: one for one in await client.sessions()}
         assert {name: command.home(one) for name, one in back.items()} == homes
         assert len(await client.scenes.all()) == 1
-        everybody = [Follower(one) for one in back.values()]
-        await asyncio.gather(*(one.goes_on() for one in everybody))
+        everybody = [Watcher(one, (await one.agents())[0], deadline=120) for one in back.values()]
+        await all_go_on(everybody)
         await the_head_dies(command, everybody)
         for one in everybody:
-            one.task.cancel()
+            await one.close()
     assert len(command.processes("NodeActor")) == NODES
     command.ctrl_c()
 
@@ -226,10 +201,10 @@ async def test_sessions_outlive_a_node_that_ends_with_the_directory(start):
     """Nobody else knows whose they are; the other node has their copies."""
     command = start("--workers", str(NODES))
     async with Client(command.grpc_address, timeout=60) as client:
-        everybody = [await Follower.of(client, command) for _ in range(4)]
+        everybody = [await followed(client, command) for _ in range(4)]
         homes = {one: command.home(one.session) for one in everybody}
         assert set(homes.values()) == set(range(NODES)), "they are spread"
-        await asyncio.gather(*(one.goes_on() for one in everybody))
+        await all_go_on(everybody)
         late = {one: (await one.session.create_agents(AgentSpec()))[0] for one in everybody}
         node = command.node(homes[everybody[0]])
         command.kill("DirectoryActor")
@@ -240,12 +215,12 @@ async def test_sessions_outlive_a_node_that_ends_with_the_directory(start):
         async with asyncio.timeout(60):
             while not all("gap" in one.events for one in there):
                 await asyncio.sleep(0.05)
-        await asyncio.gather(*(one.goes_on() for one in everybody))
+        await all_go_on(everybody)
         for one in everybody:
             assert one in there or one.stream.reconnections == 0, "they only pause"
         assert command.home(everybody[0].session) != homes[everybody[0]]
         for one in everybody:
-            one.task.cancel()
+            await one.close()
     command.ctrl_c()
 
 

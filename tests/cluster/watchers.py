@@ -11,10 +11,11 @@ from wayfarer_client import AgentSpec, Goal
 
 
 class Watcher:
-    """Follows one person who walks, over whatever happens."""
+    """Follows one person, over whatever happens."""
 
-    def __init__(self, session, agent):
-        self.session, self.agent = session, agent
+    def __init__(self, session, agent, deadline=30):
+        """`deadline`: seconds without a connection after which the stream fails."""
+        self.session, self.agent, self._deadline = session, agent, deadline
         self.events, self.details, self.flags = [], [], []
         self.seqs = []  # of the chunks
         self.places = []  # of the hips at these
@@ -24,13 +25,14 @@ class Watcher:
 
     @classmethod
     async def of(cls, client, scene=""):
+        """Of a new person who walks."""
         session = await client.create_session(lease=900, scene=scene)
         (agent,) = await session.create_agents(AgentSpec())
         await session.set_goal(agent, Goal((0.0, 0.0, 300.0)))
         return cls(session, agent)
 
     async def _follow(self):
-        async with self.session.stream(deadline=30) as self.stream:
+        async with self.session.stream(deadline=self._deadline) as self.stream:
             async for batch in self.stream:
                 # an agent that walks for minutes on a busy machine arrives
                 met = [one for one in batch.events if one.kind != "path_done"]
@@ -49,7 +51,7 @@ class Watcher:
     async def goes_on(self, chunks=5):
         """Waits until this many more have come."""
         wanted = len(self.seqs) + chunks
-        ends_at = time.monotonic() + 30
+        ends_at = time.monotonic() + 60
         while len(self.seqs) < wanted:
             if self.task.done():
                 self.task.result()
