@@ -61,7 +61,7 @@ class Service:
         environment: Mapping[str, str] = ENVIRONMENT,
     ) -> None:
         """`options`: further ones of `wayfarer serve`; `before`: a command that runs it;
-        `settings`: variables beside those of `environment`. Raises RuntimeError with what it said.
+        `settings`: more variables than those of `environment`. Raises RuntimeError with its log.
         """
         self.process = subprocess.Popen(
             [*before, *COMMAND, *ANY_PORTS, *options],
@@ -93,7 +93,7 @@ class Service:
 
     @property
     def log(self) -> list[dict]:
-        """What it said, all of which has to be lines of its log."""
+        """The entries of its log; every line that it wrote has to be one."""
         return [json.loads(line) for line in self.said]
 
     @property

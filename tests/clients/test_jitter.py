@@ -53,7 +53,7 @@ def frames(seq: int, alias: int = 1, start: float = START, state: str = "walking
 
 class Clock(ManualClock):
     offset = 0.0
-    """Of the viewer's clock from the server's."""
+    """Seconds by which the viewer's clock is ahead of the server's."""
 
 
 def arrive(buffer: JitterBuffer, clock: Clock, *chunks: Frames, late: float = 0.0) -> None:

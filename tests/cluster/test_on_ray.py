@@ -130,7 +130,7 @@ async def followed(client, command, scene=""):
 
 
 async def all_go_on(everybody):
-    """What comes from now on is all that is seen of them."""
+    """Forgets what has come so far, and waits for more of each."""
     for one in everybody:
         one.clear()
     await asyncio.gather(*(one.goes_on() for one in everybody))
