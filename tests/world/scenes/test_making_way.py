@@ -10,6 +10,7 @@ from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
 from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.world.agents.slots import Gait
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.cells import cells_of
 from wayfarer.world.scenes.making_way import (
     Asks,
     MakingWay,
@@ -141,7 +142,8 @@ def around(*others: dict) -> Neighbours:
     gait.stop_place[:] = people.position
     for row, given in enumerate(others, 1):
         gait.stop_place[row] = given.get("stands_at", people.position[row])
-    return Neighbours.of(Gathering(people, places, (first, last), stand, places), gait)
+    cells = cells_of(first, people.position)
+    return Neighbours.of(Gathering(people, places, (first, last), stand, places, cells), gait)
 
 
 def asked(them: Neighbours, aside: bool = False, stays: bool = True, home=(0, 0)) -> Asks:

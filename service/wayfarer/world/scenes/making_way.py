@@ -20,6 +20,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Feeding, Gait, Mode, Motion, Slots
 from wayfarer.world.avoidance.people import Memory, People
 from wayfarer.world.rows import Array, Flags, Float, Index, Int
+from wayfarer.world.scenes.cells import Cells, beside, cells_of
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import PATIENCE
 from wayfarer.world.scenes.passages import COASTS
@@ -69,6 +70,7 @@ class Neighbours(NamedTuple):
 
     first: Index  # [N] first row and last of everybody's session
     last: Index
+    cells: Cells
     number: Int
     position: Float
     stance: Float  # where it stands, or is if it does not
@@ -89,6 +91,7 @@ class Neighbours(NamedTuple):
         stands &= gait.mode[slots] == Mode.STANDING
         return cls(
             *crowd.own,
+            crowd.cells,
             people.number,
             people.position,
             np.where(stands[:, None], place, people.position),
@@ -248,16 +251,18 @@ def find_asks(
 def _toucher(them: Neighbours, me: int) -> int:
     """The nearest at rest that is still where person `me` stands, and goes first; or -1."""
     nearest, first = np.float32(TOUCH), -1
-    for other in range(them.first[me], them.last[me]):
-        if abs(them.position[other, 0] - them.position[me, 0]) > TOUCH + 2 * SWAYS:
-            continue  # so are most, in a large session
-        far = _apart(them, me, other)
-        if far >= nearest or not is_level(them, me, other):
-            continue
-        rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
-        waits = them.walks[other] and them.stand[me]
-        if rests and (waits or them.number[other] < them.number[me]):
-            nearest, first = far, other
+    x, y = them.position[me, 0], them.position[me, 1]
+    for side in range(-1, 2):
+        begin, end = beside(them.cells, them.first[me], x, y, side)
+        for k in range(begin, end):
+            other = them.cells.rows[k]
+            far = _apart(them, me, other)
+            if far > nearest or (far == nearest and other > first) or not is_level(them, me, other):
+                continue  # of equally near ones the lower row is found
+            rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
+            waits = them.walks[other] and them.stand[me]
+            if rests and (waits or them.number[other] < them.number[me]):
+                nearest, first = far, other
     return first
 
 
@@ -275,23 +280,28 @@ def _comer(them: Neighbours, me: int, places: Float, row: int, anybody: bool, fo
     or -1. Writes the way.
     """
     nearest, first = np.float32(SIGHT), -1
-    for other in range(them.first[me], them.last[me]):
-        comes = them.walks[other] and (anybody or (them.asks[other] and them.stand[me]))
-        if not comes or not is_level(them, me, other):
-            continue
-        x, y = them.preferred[other, 0], them.preferred[other, 1]
-        long = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
-        x, y = x / long, y / long
-        to_x = places[row, 0] - them.position[other, 0]
-        to_y = places[row, 1] - them.position[other, 1]
-        on, left = to_x * x + to_y * y, x * to_y - y * to_x
-        if on <= 0 or on >= nearest or abs(left) >= np.float32(CLOSES):
-            continue
-        goes_x = them.spot[other, 0] - them.position[other, 0]
-        goes_y = them.spot[other, 1] - them.position[other, 1]
-        if on < np.float32(sqrt(goes_x * goes_x + goes_y * goes_y)):
-            nearest, first = on, other
-            found.way[row, 0], found.way[row, 1], found.left[row] = x, y, left
+    for side in range(-1, 2):
+        begin, end = beside(them.cells, them.first[me], places[row, 0], places[row, 1], side)
+        for k in range(begin, end):
+            other = them.cells.rows[k]
+            comes = them.walks[other] and (anybody or (them.asks[other] and them.stand[me]))
+            if not comes or not is_level(them, me, other):
+                continue
+            x, y = them.preferred[other, 0], them.preferred[other, 1]
+            long = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+            x, y = x / long, y / long
+            to_x = places[row, 0] - them.position[other, 0]
+            to_y = places[row, 1] - them.position[other, 1]
+            on, left = to_x * x + to_y * y, x * to_y - y * to_x
+            if on <= 0 or abs(left) >= np.float32(CLOSES):
+                continue
+            if on > nearest or (on == nearest and other > first):
+                continue
+            goes_x = them.spot[other, 0] - them.position[other, 0]
+            goes_y = them.spot[other, 1] - them.position[other, 1]
+            if on < np.float32(sqrt(goes_x * goes_x + goes_y * goes_y)):
+                nearest, first = on, other
+                found.way[row, 0], found.way[row, 1], found.left[row] = x, y, left
     return first
 
 
@@ -343,6 +353,8 @@ def prepare() -> None:
     """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     flags, one = (flag, flag, flag), place[0, :1]
-    them = Neighbours(row, row + 1, row, place, place, one, place, *flags, place, place)
+    them = Neighbours(
+        row, row + 1, cells_of(row, place), row, place, place, one, place, *flags, place, place
+    )
     warm(find_asks, them, row, place, place, flag, flag, Asks.empty(1))
     warm(find_stops, them, row[0], place[0], place[0])
