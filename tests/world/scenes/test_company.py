@@ -152,6 +152,28 @@ def test_a_goal_amid_a_ring_of_people_is_reported():
     assert len(blocked(world)) == 1
 
 
+def test_who_waits_too_far_from_its_goal_goes_on_when_there_is_room_nearer():
+    world, _, _ = world_in(field())
+    places = [
+        (6.0 + radius * np.cos(turn), 7.0 + radius * np.sin(turn))
+        for radius, count in ((0.35, 3), (0.75, 8), (1.2, 12), (1.65, 16))
+        for turn in 2 * np.pi * np.arange(count) / count
+    ]
+    walker, *others = enter(world, (6.0, 1.0), *places)
+    for agent, place in zip(others, places, strict=True):  # who faces a heading stays
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    walked(world, 1.0)
+    world.give(walker.agent_id, goal(6.0, 7.0), 1.0)
+    tracks, arrived = walked(world, 10.0)
+    assert walker.agent_id not in arrived and len(blocked(world)) == 1
+    off = np.linalg.norm(np.array(places) - tracks[walker.agent_id][-1, :2], axis=1)
+    for row in np.argsort(off)[:4].tolist():
+        world.delete_agent(others[row].agent_id)
+    tracks, arrived = walked(world, 16.0)
+    assert arrived == {walker.agent_id}
+    assert np.linalg.norm(tracks[walker.agent_id][-1, :2] - (6.0, 7.0)) < 2.0
+
+
 def before_a_door(*people, width=0.9):
     """What people (place, goal, number) do before a door at the origin, `width` metres wide."""
     crowd = People.empty(len(people))
