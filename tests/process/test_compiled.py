@@ -126,7 +126,8 @@ from tests.transport.samples import chunk
 from wayfarer.world.output.legs import Legs, bones
 from wayfarer.world.scenes.nearest_obstacles import nearest_people
 from wayfarer.world.scenes.around import keep_apart, stand_before, way_around
-from wayfarer.world.scenes.people import PRESSED, find_near
+from wayfarer.world.scenes.cells import cells_of
+from wayfarer.world.scenes.people import PRESSED, Gathering, find_near
 from wayfarer.world.scenes.spots import Claims, Everyone, Walkers, next_taken
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.scenes.routes import Routes
@@ -138,8 +139,6 @@ people.position[:] = random.uniform(-2, 2, (20, 2))
 people.velocity[:] = random.normal(size=(20, 2))
 people.walks[::2], people.radius[:] = True, 0.25
 found = avoid(people, np.arange(20), random.normal(size=(20, 2)).astype("f4"), None, 0.2)
-beside = np.full((20, 4, 7), -1, "f4")
-nearest_people(people, np.arange(20), np.arange(20)[::-1].copy(), 2, beside)
 legs = Legs.empty(3)
 for part in ("hip", "knee", "ankle", "ball", "sole_of_ankle", "sole_of_ball"):
     getattr(legs, part)[:] = random.normal(size=getattr(legs, part).shape) * 0.05 - [0, 0, 0.2]
@@ -190,7 +189,10 @@ near, by, who = np.full(20, 9.0), np.zeros((20, 12), np.bool_), np.arange(20)
 ways = people.position[:, None] + np.arange(0, 2, 0.2)[:, None] * people.velocity[:, None]
 standing = people.position, people.height, stand
 stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
-pressed = find_near(who, own, people.position, people.height, people.walks, PRESSED)
+cells = cells_of(own[0], people.position)
+pressed = find_near(who, own[0], cells, people.position, people.height, people.walks, PRESSED)
+beside, crowd = np.full((20, 4, 7), -1, "f4"), Gathering(people, who, own, stand, who, cells)
+nearest_people(crowd, who, who[::-1].copy(), 2, beside)
 columns = people.number, people.position, people.height, stand
 everyone = Everyone(*own, *columns, people.position, people.position, people.walks)
 claims = Claims(np.zeros((20, 2), "f4"), np.zeros(20))

@@ -64,6 +64,24 @@ def test_a_row_of_people_is_walked_around(scene):
     assert min(apart) > 0.3  # the fake engine turns at once, and cuts the corner
 
 
+@pytest.mark.parametrize("scene", [True, False])
+def test_somebody_in_the_way_is_walked_around_although_somebody_stands_at_the_goal(scene):
+    places = [(6.0, 2.0), (6.0, 3.5), (6.0, 8.0)]
+    if scene:
+        world, _, _ = world_in(field())
+        walker, *others = enter(world, *places)
+    else:
+        world, (walker, *others) = on_floor(*places)
+    for agent, place in zip(others, places[1:], strict=True):  # who faces a heading stays
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    walked(world, 1.0)
+    world.give(walker.agent_id, goal(6.0, 8.0), 1.0)
+    tracks, arrived = walked(world, 12.0)
+    assert arrived == {walker.agent_id}
+    assert not blocked(world)
+    assert np.linalg.norm(tracks[walker.agent_id][-1, :2] - places[2]) < 1.0
+
+
 def test_before_people_who_leave_no_way_it_waits_is_told_and_goes_on_when_there_is_one():
     world, _, _ = world_in(CORRIDOR)
     walker, *others = enter(world, (1.0, 5.0), (0.4, 8.0), (1.0, 8.0), (1.6, 8.0))
@@ -132,6 +150,28 @@ def test_a_goal_amid_a_ring_of_people_is_reported():
     _, arrived = walked(world, 15.0)
     assert not arrived
     assert len(blocked(world)) == 1
+
+
+def test_who_waits_too_far_from_its_goal_goes_on_when_there_is_room_nearer():
+    world, _, _ = world_in(field())
+    places = [
+        (6.0 + radius * np.cos(turn), 7.0 + radius * np.sin(turn))
+        for radius, count in ((0.35, 3), (0.75, 8), (1.2, 12), (1.65, 16))
+        for turn in 2 * np.pi * np.arange(count) / count
+    ]
+    walker, *others = enter(world, (6.0, 1.0), *places)
+    for agent, place in zip(others, places, strict=True):  # who faces a heading stays
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    walked(world, 1.0)
+    world.give(walker.agent_id, goal(6.0, 7.0), 1.0)
+    tracks, arrived = walked(world, 10.0)
+    assert walker.agent_id not in arrived and len(blocked(world)) == 1
+    off = np.linalg.norm(np.array(places) - tracks[walker.agent_id][-1, :2], axis=1)
+    for row in np.argsort(off)[:4].tolist():
+        world.delete_agent(others[row].agent_id)
+    tracks, arrived = walked(world, 16.0)
+    assert arrived == {walker.agent_id}
+    assert np.linalg.norm(tracks[walker.agent_id][-1, :2] - (6.0, 7.0)) < 2.0
 
 
 def before_a_door(*people, width=0.9):

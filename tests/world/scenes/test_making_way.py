@@ -10,6 +10,7 @@ from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
 from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.world.agents.slots import Gait
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.cells import cells_of
 from wayfarer.world.scenes.making_way import (
     Asks,
     MakingWay,
@@ -141,18 +142,20 @@ def around(*others: dict) -> Neighbours:
     gait.stop_place[:] = people.position
     for row, given in enumerate(others, 1):
         gait.stop_place[row] = given.get("stands_at", people.position[row])
-    return Neighbours.of(Gathering(people, places, (first, last), stand, places), gait)
+    cells = cells_of(first, people.position)
+    return Neighbours.of(Gathering(people, places, (first, last), stand, places, cells), gait)
 
 
-def asked(them: Neighbours, aside: bool = False, stays: bool = True) -> Asks:
+def asked(them: Neighbours, aside: bool = False, stays: bool = True, home=(0, 0)) -> Asks:
     found = Asks.empty(1)
     flags = np.array([stays]), np.array([aside])
-    find_asks(them, np.zeros(1, np.int64), np.zeros((1, 2), np.float32), *flags, found)
+    places = np.zeros((1, 2), np.float32), np.array([home], np.float32)
+    find_asks(them, np.zeros(1, np.int64), *places, *flags, found)
     return found
 
 
 @pytest.mark.parametrize(
-    ("others", "comes"),
+    ("others", "asks"),
     [
         ([{}], 1),
         ([{"at": (0, -2)}, {"at": (0, -1.5)}], 2),
@@ -165,17 +168,25 @@ def asked(them: Neighbours, aside: bool = False, stays: bool = True) -> Asks:
         ([{"stranger": True}], -1),
     ],
 )
-def test_it_is_the_nearest_whose_way_a_person_closes_that_asks_it(others, comes):
+def test_it_is_the_nearest_whose_way_a_person_closes_that_asks_it(others, asks):
     found = asked(around(*others))
-    assert found.comes[0] == comes and found.touches[0] == -1
-    if comes >= 0:
+    assert found.asks[0] == asks and found.comes[0] == found.touches[0] == -1
+    if asks >= 0:
         assert found.way[0].tolist() == [0, 1] and found.left[0] == 0
 
 
 def test_a_person_aside_stays_there_for_everybody_that_comes():
     them = around({"waited": 2})
-    assert asked(them, aside=True).comes[0] == 1
+    found = asked(them, aside=True)
+    assert found.comes[0] == 1 and found.asks[0] == -1
     assert asked(them).comes[0] == -1
+
+
+def test_a_person_aside_is_asked_where_it_is_and_its_place_is_needed_where_that_is():
+    them = around({})
+    for home, comes in (((0, 0), 1), ((2, 0), -1)):
+        found = asked(them, aside=True, home=home)
+        assert found.asks[0] == 1 and found.comes[0] == comes and found.left[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -193,7 +204,7 @@ def test_it_steps_out_of_the_nearest_that_waits_in_its_place(others, touches):
     found = asked(them := around(*others))
     assert found.touches[0] == touches
     if touches >= 0:
-        assert found.comes[0] == -1, "nobody is looked for that it would step aside for otherwise"
+        assert found.asks[0] == -1, "nobody is looked for that it would step aside for otherwise"
         x, y = them.position[touches]
         assert found.left[0] == pytest.approx(max(abs(x), abs(y)))
         assert found.way[0] == pytest.approx(np.array([-y, x]) / found.left[0])

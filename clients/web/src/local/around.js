@@ -49,12 +49,19 @@ function sees({ room, rows, columns }, least, [r0, c0], [r1, c1]) {
   return true;
 }
 
-/** The corners of a short way between two cells, both included; none without a way. @param {Grid} grid @param {Cell} start @param {Cell} end @returns {Cell[]} */
+/** The corners of a short way between two cells, both included; none without a way. An end without room is replaced by the nearest cell with room. @param {Grid} grid @param {Cell} start @param {Cell} end @returns {Cell[]} */
 export function wayAround(grid, start, end) {
   const { room, rows, columns } = grid, cell = (/** @type {Cell} */ [r, c]) => columns * r + c;
   const least = Math.min(room[cell(start)], 0), cost = new Float64Array(rows * columns).fill(Infinity);
-  if (room[cell(end)] < 0) return [];
-  cost[cell(end)] = 0;
+  let nearest = rows ** 2 + columns ** 2, last = start;
+  for (let r = 0; r < rows; r += 1) {
+    for (let c = 0; c < columns; c += 1) {
+      const square = (r - end[0]) ** 2 + (c - end[1]) ** 2;
+      if (room[cell([r, c])] >= 0 && square < nearest) [nearest, last] = [square, [r, c]];
+    }
+  }
+  if (cell(last) === cell(start)) return [];
+  cost[cell(last)] = 0;
   for (let round = 0; round < ROUNDS && sweep(grid, least, cost); round += 1);
   if (cost[cell(start)] === Infinity) return [];
   const corners = [start];

@@ -175,13 +175,13 @@ export class Company {
     if (!corners.length) return false;
     const points = corners.map(([r, c]) => /** @type {Point} */ ([x[c], y[r]]));
     points[0] = hips;
-    points[points.length - 1] = back;
+    if (Math.hypot(...minus(cell(back), corners[corners.length - 1])) === 0) points[points.length - 1] = back; // else somebody stands there
     let length = 0;
     for (let k = 1; k < points.length; k += 1) length += Math.hypot(...minus(points[k], points[k - 1]));
     const left = isLed(row) ? lengthOf(route) - route.progress : Math.hypot(...minus(goal.place, hips));
     if (length > LONGER * Math.min(AROUND, left) + BIT) return false;
     const rest = isLed(row) ? restOf(route, AROUND) : [goal.place];
-    const goesOn = Math.hypot(...minus(rest[rest.length - 1], back)) > CELL;
+    const goesOn = Math.hypot(...minus(rest[rest.length - 1], points[points.length - 1])) > CELL;
     lay(route, goesOn ? [...points, ...rest] : points, person.revision, person.waypoint);
     return true;
   }

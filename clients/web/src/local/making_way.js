@@ -28,7 +28,7 @@ export class MakingWay {
     if (stays && gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
     if (!mayStep(row)) return;
     const aside = stays && walker.memory.yields > 0, others = people.filter((other) => other !== self), home = aside ? walker.aims.spot : hips;
-    const comes = comer(others, self, home, aside), asks = toucher(others, self) ?? (stays && !aside ? comes : null);
+    const asks = toucher(others, self) ?? (stays ? comer(others, self, hips, false) : null);
     const step = asks && this.#step(row, asks, others);
     if (step && !stays) return stepTo(row, plus(hips, times(ASIDE, step)), others);
     if (step) {
@@ -36,7 +36,7 @@ export class MakingWay {
       walker.memory = { ...walker.memory, retreat: plus(step, times(1 / ASIDE, minus(hips, home))) };
     } else if (!aside) return;
     const taken = others.some((other) => Math.hypot(...minus(stop(other), walker.aims.spot)) < TOUCH);
-    const place = nextPlace(row, taken || comes !== null);
+    const place = nextPlace(row, taken || (asks !== null && !asks.touches) || (aside && comer(others, self, home, true) !== null));
     if (!walker.memory.yields) return;
     stepTo(row, place, others);
   }
@@ -70,10 +70,10 @@ function nextPlace({ hips, walker }, needed) {
   return returns ? home : plus(home, times(ASIDE, retreat));
 }
 
-/** The way of the nearest that a person at its place closes. @param {Seen[]} others @param {Seen} self @param {Point} home @param {boolean} aside @returns {Way | null} */
-function comer(others, self, home, aside) {
-  const comes = others.filter(({ walks, aims, memory }) => walks && (aside || (Math.max(aims.barred, memory.waited) > PATIENCE && self.stands))).map((other) => {
-    const way = unit(other.memory.preferred), to = minus(home, other.position);
+/** The way of the nearest, that is stuck or anybody, that a person at a place closes. @param {Seen[]} others @param {Seen} self @param {Point} place @param {boolean} anybody @returns {Way | null} */
+function comer(others, self, place, anybody) {
+  const comes = others.filter(({ walks, aims, memory }) => walks && (anybody || (Math.max(aims.barred, memory.waited) > PATIENCE && self.stands))).map((other) => {
+    const way = unit(other.memory.preferred), to = minus(place, other.position);
     return { way, on: dot(to, way), left: way[0] * to[1] - way[1] * to[0], goes: Math.hypot(...minus(other.aims.spot, other.position)) };
   }).filter(({ on, left, goes }) => on > 0 && on < Math.min(SIGHT, goes) && Math.abs(left) < CLOSES);
   return comes.length ? comes.reduce((a, b) => (b.on < a.on ? b : a)) : null;

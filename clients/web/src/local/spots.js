@@ -50,9 +50,11 @@ function choose(people, self, aims, clear, room) {
     aims.spot = goal;
     return;
   }
-  if (mine <= SLACK) return; // one that gets no nearer stops where it is
-  if (!taken.some((other) => apart(claim(other), aims.spot) - by(other) < -SLACK)) return;
-  aims.spot = freeSpot(place, goal, others.map((other) => ({ spot: claim(other), by: by(other) })), clear, room) ?? aims.spot;
+  // a person that gets no nearer stops where it is
+  const isTaken = mine > SLACK && taken.some((other) => apart(claim(other), aims.spot) - by(other) < -SLACK);
+  if (!isTaken && apart(aims.spot, goal) <= FARTHEST) return;
+  const spot = freeSpot(place, goal, others.map((other) => ({ spot: claim(other), by: by(other) })), clear, room);
+  if (spot && (isTaken || apart(spot, goal) <= FARTHEST)) aims.spot = spot;
 }
 
 /**

@@ -74,14 +74,21 @@ def way_around(room: Double, start: Index, end: Index, corners: Index) -> int:
 
     room [R, C], R, C ≥ 2: metres more than a body needs. start, end: row and column. The corners,
     including both ends, are written into `corners` [P, 2]; returns their number, 0 without a way. A
-    start with too little room is left through cells with no less.
+    start with too little room is left through cells with no less; instead of an end with too little
+    room the way leads to the nearest cell that has room.
     """
     rows, columns = room.shape
     least = min(room[start[0], start[1]], 0.0)
     cost = np.full((rows, columns), inf)
-    if room[end[0], end[1]] < 0:
+    nearest, end_r, end_c = rows * rows + columns * columns, start[0], start[1]
+    for r in range(rows):
+        for c in range(columns):
+            square = (r - end[0]) ** 2 + (c - end[1]) ** 2
+            if room[r, c] >= 0 and square < nearest:
+                nearest, end_r, end_c = square, r, c
+    if end_r == start[0] and end_c == start[1]:
         return 0
-    cost[end[0], end[1]] = 0.0
+    cost[end_r, end_c] = 0.0
     for _ in range(ROUNDS):
         if not _sweep(room, least, cost):
             break

@@ -1,6 +1,5 @@
 """How agents give way to each other: their next stretch is bent around others."""
 
-from collections.abc import Iterator
 from functools import cache
 from math import acos, sqrt
 from typing import Any, Final
@@ -16,7 +15,7 @@ from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import bounded
 from wayfarer.world.rows import Array, Flags, Float, Index, columns
-from wayfarer.world.scenes.people import SessionPeople, crowd_of
+from wayfarer.world.scenes.people import crowd_of
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 
 REACH: Final = 1.0
@@ -37,14 +36,12 @@ class CollisionAvoidance:
         self._scenery = scenery
         self.crowd = crowd_of(slots, np.empty(0, np.int64))
         """The people among whom the rows of the present step that avoid others walk."""
-        self._seen: dict[int, SessionPeople] = {}
 
     def look(self, rows: Index) -> None:
         """Begins a new step of `rows`: all people may have moved."""
         avoiding = rows[self._slots.avoids[rows]]
         if len(avoiding):
             self.crowd = crowd_of(self._slots, avoiding)
-            self._seen.clear()
 
     def bend(
         self,
@@ -90,15 +87,6 @@ class CollisionAvoidance:
         )
         memory.put(led[which], course.memory)
         turn_aside(arrays, led[which], hips[which], preferred, course.velocity, course.waits)
-
-    def sessions(self, rows: Index, which: Index) -> Iterator[tuple[Index, SessionPeople]]:
-        """Yields for each session its rows among `which`, and all of its people."""
-        numbers = self._slots.session[rows[which]]
-        for number in set(numbers.tolist()):
-            mine = which[numbers == number]
-            if number not in self._seen:
-                self._seen[number] = self.crowd.session(int(rows[mine[0]]))
-            yield mine, self._seen[number]
 
     def clearance(self, rows: Index) -> Any:
         """Metres to the nearest wall at points [A, N, 2] of these rows; None: without walls."""

@@ -123,7 +123,9 @@ class Detours:
         if count == 0:
             return False
         points = low + CELL * corners[:count, ::-1]
-        points[0], points[-1] = place, back
+        points[0] = place
+        if (corners[count - 1] == ends[1]).all():  # else somebody stands there
+            points[-1] = back
         length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         route, straight = self._slots.route, float(np.linalg.norm(goal[:2] - place))
         led = self._routes.is_led(row)[0]

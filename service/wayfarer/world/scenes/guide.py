@@ -136,8 +136,7 @@ class SceneGuide:
                 scene, hips[mine], velocity[mine], floors[mine], half
             )
         avoiding = np.flatnonzero(self._slots.avoids[rows])
-        for mine, others in self.avoidance.sessions(rows, avoiding):
-            nearest_people(others.people, others.rows(rows[mine]), mine, half, found)
+        nearest_people(self.avoidance.crowd, rows[avoiding], avoiding, half, found)
         return found
 
     # Within

@@ -1,7 +1,8 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
-and returns when its place is free. If two agents stand or wait in each other, the
-one with the higher number steps aside, and a standing one always does so for a waiting one. A
-standing body shifts its weight: of two that stay, the places around which their hips sway count.
+and returns when its place is free. If it is in the way where it stepped, it steps again. If two
+agents stand or wait in each other, the one with the higher number steps aside, and a standing one
+always does so for a waiting one. A standing body shifts its weight: of two that stay, the places
+around which their hips sway count.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
@@ -19,6 +20,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Feeding, Gait, Mode, Motion, Slots
 from wayfarer.world.avoidance.people import Memory, People
 from wayfarer.world.rows import Array, Flags, Float, Index, Int
+from wayfarer.world.scenes.cells import Cells, beside, cells_of
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import PATIENCE
 from wayfarer.world.scenes.passages import COASTS
@@ -68,6 +70,7 @@ class Neighbours(NamedTuple):
 
     first: Index  # [N] first row and last of everybody's session
     last: Index
+    cells: Cells
     number: Int
     position: Float
     stance: Float  # where it stands, or is if it does not
@@ -88,6 +91,7 @@ class Neighbours(NamedTuple):
         stands &= gait.mode[slots] == Mode.STANDING
         return cls(
             *crowd.own,
+            crowd.cells,
             people.number,
             people.position,
             np.where(stands[:, None], place, people.position),
@@ -105,16 +109,17 @@ class Asks(NamedTuple):
     """Whom some people [A] step aside for: a row of everybody, or -1."""
 
     touches: Index  # the nearest at rest that is still where the person stands
-    comes: Index  # the nearest whose way the person closes at its place
+    asks: Index  # the nearest that is stuck since the person closes its way
+    comes: Index  # the nearest whose way a person that has stepped aside would close at its place
     way: Float  # [A, 2] unit vector: that one's way, or one through the first, past the person
-    left: Float  # [A] metres from that way to the person's place, to the left
+    left: Float  # [A] metres from that way to the person, to the left
 
     @classmethod
     def empty(cls, count: int) -> "Asks":
         """Nobody."""
-        nobody = np.full(count, -1)
+        touches, asks, comes = np.full((3, count), -1)
         way, left = np.zeros((count, 2), np.float32), np.zeros(count, np.float32)
-        return cls(nobody, nobody.copy(), way, left)
+        return cls(touches, asks, comes, way, left)
 
 
 class MakingWay:
@@ -138,8 +143,8 @@ class MakingWay:
         mine, aside = crowd.places[rows[which]], stays[which] & (memory.yields[which] > 0)
         homes = np.where(aside[:, None], spots[which], hips[which])
         asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd, self._slots.planned.gait)
-        find_asks(everybody, mine, homes, stays[which], aside, asks)
-        is_asked = (asks.touches >= 0) | (asks.comes >= 0) & ~aside
+        find_asks(everybody, mine, hips[which], homes, stays[which], aside, asks)
+        is_asked = (asks.touches >= 0) | (asks.asks >= 0)
         for at in np.flatnonzero(is_asked | aside).tolist():
             row, here, home, me = which[at], hips[which[at]], homes[at], mine[at]
             stop, others = find_stops(everybody, me, here, home)
@@ -155,7 +160,7 @@ class MakingWay:
                 if step is not None:
                     spots[row], memory.retreat[row] = home, retreat
                 taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
-                needed = taken or asks.comes[at] >= 0
+                needed = taken or max(asks.asks[at], asks.comes[at]) >= 0
                 place = next_place(memory, row, here, spots[row], needed)
             if not stays[row] or memory.yields[row] > 0:
                 ahead.given[row] = not are_stopped(here, place[None], stop, others)[0]
@@ -213,9 +218,16 @@ def is_stuck(people: People) -> Flags:
 
 @compiled
 def find_asks(
-    them: Neighbours, mine: Index, homes: Float, stays: Flags, aside: Flags, found: Asks
+    them: Neighbours,
+    mine: Index,
+    hips: Float,
+    homes: Float,
+    stays: Flags,
+    aside: Flags,
+    found: Asks,
 ) -> None:
-    """Finds for whom people at rows `mine` [A], with places at `homes` [A, 2], step aside.
+    """Finds for whom people at rows `mine` [A], at `hips` [A, 2], with places at `homes` [A, 2],
+    step aside.
 
     A person asks while it is stuck. A person that has stepped `aside` [A] stays there for everybody
     that comes. If it does not stay (`stays` [A]), it only steps out of another one.
@@ -223,8 +235,10 @@ def find_asks(
     for row in range(len(mine)):
         me = mine[row]
         touches = found.touches[row] = _toucher(them, me)
-        if aside[row] or (stays[row] and touches < 0):
-            found.comes[row] = _comer(them, me, homes, row, aside[row], found)
+        if aside[row]:
+            found.comes[row] = _comer(them, me, homes, row, True, found)
+        if stays[row] and touches < 0:
+            found.asks[row] = _comer(them, me, hips, row, False, found)
         if touches >= 0:
             x = them.position[me, 0] - them.position[touches, 0]
             y = them.position[me, 1] - them.position[touches, 1]
@@ -237,16 +251,18 @@ def find_asks(
 def _toucher(them: Neighbours, me: int) -> int:
     """The nearest at rest that is still where person `me` stands, and goes first; or -1."""
     nearest, first = np.float32(TOUCH), -1
-    for other in range(them.first[me], them.last[me]):
-        if abs(them.position[other, 0] - them.position[me, 0]) > TOUCH + 2 * SWAYS:
-            continue  # so are most, in a large session
-        far = _apart(them, me, other)
-        if far >= nearest or not is_level(them, me, other):
-            continue
-        rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
-        waits = them.walks[other] and them.stand[me]
-        if rests and (waits or them.number[other] < them.number[me]):
-            nearest, first = far, other
+    x, y = them.position[me, 0], them.position[me, 1]
+    for side in range(-1, 2):
+        begin, end = beside(them.cells, them.first[me], x, y, side)
+        for k in range(begin, end):
+            other = them.cells.rows[k]
+            far = _apart(them, me, other)
+            if far > nearest or (far == nearest and other > first) or not is_level(them, me, other):
+                continue  # of equally near ones the lower row is found
+            rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
+            waits = them.walks[other] and them.stand[me]
+            if rests and (waits or them.number[other] < them.number[me]):
+                nearest, first = far, other
     return first
 
 
@@ -259,26 +275,33 @@ def _apart(them: Neighbours, me: int, other: int) -> np.float32:
 
 
 @inner
-def _comer(them: Neighbours, me: int, homes: Float, row: int, aside: bool, found: Asks) -> int:
-    """The nearest whose way person `me` closes at its place `homes[row]`, or -1. Writes the way."""
+def _comer(them: Neighbours, me: int, places: Float, row: int, anybody: bool, found: Asks) -> int:
+    """The nearest, that is stuck or `anybody`, whose way person `me` would close at `places[row]`;
+    or -1. Writes the way.
+    """
     nearest, first = np.float32(SIGHT), -1
-    for other in range(them.first[me], them.last[me]):
-        comes = them.walks[other] and (aside or (them.asks[other] and them.stand[me]))
-        if not comes or not is_level(them, me, other):
-            continue
-        x, y = them.preferred[other, 0], them.preferred[other, 1]
-        long = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
-        x, y = x / long, y / long
-        to_x = homes[row, 0] - them.position[other, 0]
-        to_y = homes[row, 1] - them.position[other, 1]
-        on, left = to_x * x + to_y * y, x * to_y - y * to_x
-        if on <= 0 or on >= nearest or abs(left) >= np.float32(CLOSES):
-            continue
-        goes_x = them.spot[other, 0] - them.position[other, 0]
-        goes_y = them.spot[other, 1] - them.position[other, 1]
-        if on < np.float32(sqrt(goes_x * goes_x + goes_y * goes_y)):
-            nearest, first = on, other
-            found.way[row, 0], found.way[row, 1], found.left[row] = x, y, left
+    for side in range(-1, 2):
+        begin, end = beside(them.cells, them.first[me], places[row, 0], places[row, 1], side)
+        for k in range(begin, end):
+            other = them.cells.rows[k]
+            comes = them.walks[other] and (anybody or (them.asks[other] and them.stand[me]))
+            if not comes or not is_level(them, me, other):
+                continue
+            x, y = them.preferred[other, 0], them.preferred[other, 1]
+            long = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+            x, y = x / long, y / long
+            to_x = places[row, 0] - them.position[other, 0]
+            to_y = places[row, 1] - them.position[other, 1]
+            on, left = to_x * x + to_y * y, x * to_y - y * to_x
+            if on <= 0 or abs(left) >= np.float32(CLOSES):
+                continue
+            if on > nearest or (on == nearest and other > first):
+                continue
+            goes_x = them.spot[other, 0] - them.position[other, 0]
+            goes_y = them.spot[other, 1] - them.position[other, 1]
+            if on < np.float32(sqrt(goes_x * goes_x + goes_y * goes_y)):
+                nearest, first = on, other
+                found.way[row, 0], found.way[row, 1], found.left[row] = x, y, left
     return first
 
 
@@ -330,6 +353,8 @@ def prepare() -> None:
     """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     flags, one = (flag, flag, flag), place[0, :1]
-    them = Neighbours(row, row + 1, row, place, place, one, place, *flags, place, place)
-    warm(find_asks, them, row, place, flag, flag, Asks.empty(1))
+    them = Neighbours(
+        row, row + 1, cells_of(row, place), row, place, place, one, place, *flags, place, place
+    )
+    warm(find_asks, them, row, place, place, flag, flag, Asks.empty(1))
     warm(find_stops, them, row[0], place[0], place[0])

@@ -8,9 +8,10 @@ import numpy as np
 from wayfarer.engines.engine import Float
 from wayfarer.navigation.scene import Scene
 from wayfarer.process.compiled import compiled, warm
-from wayfarer.world.avoidance.people import People
 from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Array, Index
+from wayfarer.world.scenes.cells import Cells, beside, cells_of
+from wayfarer.world.scenes.people import Gathering
 
 PROBES: Final = np.array([[0.1, 0.35], [0.1, -0.35], [0.6, 0.35], [0.6, -0.35]])
 """Metres ahead and to the left of the hips at which the nearest wall is looked for."""
@@ -52,40 +53,55 @@ def nearest_walls(scene: Scene, hips: Array, velocity: Array, floors: Array, cou
     return found
 
 
-def nearest_people(people: People, rows: Index, places: Index, count: int, found: Float) -> None:
-    """Writes the nearest others of `rows` [A], in their present motion, into the last `count` of
-    each of `places` [A] of `found` [B, O, 7], as far as there are any.
+def nearest_people(crowd: Gathering, slots: Index, places: Index, count: int, found: Float) -> None:
+    """Writes the nearest others of some slots [A], in their present motion, into the last `count`
+    of each of `places` [A] of `found` [B, O, 7], as far as there are any.
     """
-    _nearest(people.position, people.velocity, rows, places, count, found)
+    them, me = crowd.people, crowd.places[slots]
+    moving = them.position, them.velocity
+    _nearest(crowd.own[0], crowd.cells, moving, me, places, count, found)
 
 
 @compiled
 def _nearest(
-    position: Float, velocity: Float, rows: Index, places: Index, count: int, found: Float
+    first: Index,
+    cells: Cells,
+    moving: tuple[Float, Float],
+    rows: Index,
+    places: Index,
+    count: int,
+    found: Float,
 ) -> None:
-    gaps, first = np.empty(count, np.float32), found.shape[1] - count
+    position, velocity = moving
+    gaps, near = np.empty(count, np.float32), np.empty(count, np.int64)
     for row in range(len(rows)):
-        me, near, known = rows[row], found[places[row]], 0
-        for other in range(len(position)):
-            gap = apart(position, other, position, me)
-            if other == me or gap >= PEOPLE_NEAR or (known == count and gap >= gaps[count - 1]):
-                continue
-            known = min(known + 1, count)
-            at = known - 1
-            while at > 0 and gaps[at - 1] > gap:  # of equally near ones the lower row is the first
-                gaps[at] = gaps[at - 1]
-                for k in range(7):
-                    near[first + at, k] = near[first + at - 1, k]
-                at -= 1
-            gaps[at] = gap
+        me, known = rows[row], 0
+        for side in range(-1, 2):
+            begin, end = beside(cells, first[me], position[me, 0], position[me, 1], side)
+            for k in range(begin, end):
+                other = cells.rows[k]
+                gap = apart(position, other, position, me)
+                if other == me or gap >= PEOPLE_NEAR or (known == count and gap > gaps[count - 1]):
+                    continue
+                at = known  # of equally near ones the lower row is the first
+                while at > 0 and (gap, other) < (gaps[at - 1], near[at - 1]):
+                    at -= 1
+                    if at + 1 < count:
+                        gaps[at + 1], near[at + 1] = gaps[at], near[at]
+                if at < count:
+                    gaps[at], near[at] = gap, other
+                    known = min(known + 1, count)
+        for at in range(known):
+            into = found[places[row], found.shape[1] - count + at]
             for k in range(2):
-                near[first + at, k] = near[first + at, 2 + k] = position[other, k]
-                near[first + at, 4 + k] = velocity[other, k]
-            near[first + at, 6] = PERSON
+                into[k] = into[2 + k] = position[near[at], k]
+                into[4 + k] = velocity[near[at], k]
+            into[6] = PERSON
 
 
 @cache
 def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
     row, place = np.zeros(1, np.int64), np.zeros((1, 2), np.float32)
-    warm(_nearest, place, place, row, row, 1, np.zeros((1, 2, 7), np.float32))
+    found = np.zeros((1, 2, 7), np.float32)
+    warm(_nearest, row, cells_of(row, place), (place, place), row, row, 1, found)

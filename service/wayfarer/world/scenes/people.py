@@ -6,13 +6,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.process.compiled import compiled, inner, warm
+from wayfarer.process.compiled import compiled, warm
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.velocity import FORESIGHT, SLOW
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8
+from wayfarer.world.scenes.cells import Cells, beside, bisect, cells_of
 from wayfarer.world.scenes.world_scenes import NOWHERE
 
 RADIUS: Final = 0.22
@@ -49,6 +50,7 @@ class Gathering(NamedTuple):
     own: tuple[Index, Index]  # [N] first row and last of everybody's session
     stand: Flags  # [N] as in `SessionPeople`
     places: Index  # of all slots, where they stand in `people`
+    cells: Cells
 
     def in_company(self, slots: Index) -> Flags:
         """Which of some slots are not alone in their session."""
@@ -58,9 +60,9 @@ class Gathering(NamedTuple):
         return found
 
     def near(self, slots: Index, those: Flags, within: float) -> Flags:
-        """Which of some slots have another of `those` [N] within some metres."""
-        them, me = self.people, self.places[slots]
-        found: Flags = find_near(me, self.own, them.position, them.height, those, within)
+        """Which of some slots have another of `those` [N] within some metres, fewer than `CELL`."""
+        them, me, first = self.people, self.places[slots], self.own[0]
+        found: Flags = find_near(me, first, self.cells, them.position, them.height, those, within)
         return found
 
     def session(self, slot: int) -> SessionPeople:
@@ -106,7 +108,7 @@ def crowd_of(slots: Slots, rows: Index) -> Gathering:
         memory=slots.planned.memory.take(found),
         aims=slots.planned.aims.take(found),
     )
-    return Gathering(people, found, own, stand, places)
+    return Gathering(people, found, own, stand, places, cells_of(own[0], place))
 
 
 def _arrays(slots: Slots) -> SlotArrays:
@@ -127,19 +129,6 @@ def _arrays(slots: Slots) -> SlotArrays:
     )
 
 
-@inner
-def _at(numbers: Index, known: int, number: int) -> int:
-    """Where a number stands, or would stand, among the `known` ascending ones."""
-    low, high = 0, known
-    while low < high:
-        middle = (low + high) // 2
-        if numbers[middle] < number:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
 @compiled
 def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
     """Columns of `Gathering` and `People`."""
@@ -147,7 +136,7 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
     known = 0
     for row in rows:
         session, frame = slots.session[row], slots.frame[row]
-        at = _at(sessions, known, session)
+        at = bisect(sessions, known, session)
         if at == known or sessions[at] != session:
             for k in range(known, at, -1):
                 sessions[k], moments[k] = sessions[k - 1], moments[k - 1]
@@ -157,7 +146,7 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
     of, ends = np.full(len(slots.active), -1), np.zeros(known + 1, np.int64)
     for slot in range(len(of)):
         if slots.active[slot]:
-            at = _at(sessions, known, slots.session[slot])
+            at = bisect(sessions, known, slots.session[slot])
             if at < known and sessions[at] == slots.session[slot]:
                 of[slot] = at
                 ends[at + 1] += 1
@@ -201,16 +190,25 @@ def _gather(slots: SlotArrays, rows: Index) -> tuple[Any, ...]:
 
 @compiled
 def find_near(
-    me: Index, own: tuple[Index, Index], place: Float, height: Float, those: Flags, within: float
+    mine: Index,
+    first: Index,
+    cells: Cells,
+    place: Float,
+    height: Float,
+    those: Flags,
+    within: float,
 ) -> Flags:
     """See `Gathering.near`."""
-    found = np.zeros(len(me), np.bool_)
-    for row in range(len(me)):
-        at = me[row]
-        for other in range(own[0][at], own[1][at]):
-            x, y = place[other, 0] - place[at, 0], place[other, 1] - place[at, 1]
-            if other != at and those[other] and x * x + y * y < within * within:
-                found[row] = found[row] or abs(height[other] - height[at]) < 1.0
+    found = np.zeros(len(mine), np.bool_)
+    for row in range(len(mine)):
+        me = mine[row]
+        for side in range(-1, 2):
+            begin, end = beside(cells, first[me], place[me, 0], place[me, 1], side)
+            for k in range(begin, end):
+                other = cells.rows[k]
+                x, y = place[other, 0] - place[me, 0], place[other, 1] - place[me, 1]
+                if other != me and those[other] and x * x + y * y < within * within:
+                    found[row] = found[row] or abs(height[other] - height[me]) < 1.0
     return found
 
 
@@ -219,4 +217,4 @@ def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     warm(_gather, _arrays(Slots.empty(1)), row)
-    warm(find_near, row, (row, row), place, place[0, :1], flag, PRESSED)
+    warm(find_near, row, row, cells_of(row, place), place, place[0, :1], flag, PRESSED)

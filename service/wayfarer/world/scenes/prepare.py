@@ -18,6 +18,7 @@ from wayfarer.world.goals import gait_rules
 from wayfarer.world.output import legs, twobone
 from wayfarer.world.scenes import (
     around,
+    cells,
     collision_avoidance,
     lanes,
     making_way,
@@ -29,7 +30,7 @@ from wayfarer.world.scenes import (
 from wayfarer.world.stepping import mirror, new_frames, noise, playback
 
 PARTS: Final = (
-    new_frames, mirror, people, spots, around, nearest_obstacles, routes, lanes,
+    new_frames, mirror, cells, people, spots, around, nearest_obstacles, routes, lanes,
     collision_avoidance, making_way, sampling, playback, noise, gait_rules, find, legs, twobone,
     avoid,
 )  # fmt: skip

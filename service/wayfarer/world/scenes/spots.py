@@ -1,7 +1,8 @@
 """The spots where agents that share a goal stop: each has one, as near to the goal as possible.
 
 An agent keeps its spot until another one stands there, or a nearer one goes there, or the goal
-becomes free before the agent has reached its spot.
+becomes free before the agent has reached its spot. Too far from its goal, it looks on for a spot
+that is near enough.
 """
 
 from collections.abc import Callable
@@ -142,14 +143,16 @@ def take_spots(
     own = aims.asked, aims.spot, aims.barred, hips, start.gait.arrived
     of_goals = *columns(GoalArrays, goals)[:3], goals.through
     walkers = Walkers(slots.avoids, crowd.places, *own, *of_goals)
-    row, known = next_taken(others, walkers, rows, 0, False, claims, waits)
+    row, known, keeps = next_taken(others, walkers, rows, 0, False, claims, waits)
     while row < len(rows):
         slot = int(rows[row])
         place, goal, spot = others.position[crowd.places[slot]], aims.asked[row], aims.spot[row]
         clear, room = walls(slot)
         some = claims.places[:known], claims.apart[:known]
-        aims.spot[row] = _free_spot(place, goal, *some, clear, room, spot)
-        row, known = next_taken(others, walkers, rows, row, True, claims, waits)
+        found = _free_spot(place, goal, *some, clear, room, spot)
+        if not keeps or np.linalg.norm(found - goal) <= FARTHEST:
+            aims.spot[row] = found
+        row, known, keeps = next_taken(others, walkers, rows, row, True, claims, waits)
     return waits
 
 
@@ -172,8 +175,9 @@ def next_taken(
     found: bool,
     claims: Claims,
     waits: Flags,
-) -> tuple[int, int]:
-    """The first of rows `begin` to A whose spot is taken, or A; and the number of its claims.
+) -> tuple[int, int, bool]:
+    """The first of rows `begin` to A whose spot is taken or too far from the goal, or A; the number
+    of its claims; and whether it keeps its spot unless another one is near enough.
 
     The claims are written to `claims`, and the goals of the rows before it are put at their spots.
     The spot of an agent far from its goal is the goal. `found`: another spot has been found for
@@ -194,9 +198,9 @@ def next_taken(
                 those.asked[row, 0], those.asked[row, 1] = x, y
                 those.spot[row, 0], those.spot[row, 1] = x, y
             if goes and not those.through[row]:
-                count = _claimed(them, those, me, row, claims)
+                count, taken = _claimed(them, those, me, row, claims)
                 if count >= 0:
-                    return row, count
+                    return row, count, not taken
         x, y = those.spot[row, 0], those.spot[row, 1]
         moved = those.asked[row, 0] != x or those.asked[row, 1] != y
         if moved and those.given[row] and not those.through[row]:
@@ -206,12 +210,14 @@ def next_taken(
                 waits[row] = apart(those.spot, row, those.hips, row) < WAITS
                 those.given[row] = not waits[row]
                 those.radius[row] = -1.0
-    return len(rows), 0
+    return len(rows), 0, False
 
 
 @inner
-def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) -> int:
-    """The number of claims around a person's goal, if its spot is taken; -1: it is not."""
+def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) -> tuple[int, bool]:
+    """The number of claims around a person's goal, if its spot is taken or too far from the goal,
+    or -1; and whether it is taken.
+    """
     taken, free, empty, count, spot, asked = False, True, True, 0, those.spot, those.asked
     mine = apart(them.position, me, spot, row)
     near = apart(them.position, me, asked, row) <= NEAR
@@ -242,8 +248,9 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
     # an agent that stays there has settled, until its place is empty
     if not near or empty or (free and mine > RADIUS):
         spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
-        return -1
-    return count if taken and mine > SLACK else -1  # an agent that gets no nearer stops where it is
+        return -1, False
+    taken = taken and mine > SLACK  # an agent that gets no nearer stops where it is
+    return count if taken or apart(spot, row, asked, row) > FARTHEST else -1, taken
 
 
 def _free_spot(

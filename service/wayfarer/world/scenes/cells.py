@@ -1,0 +1,71 @@
+"""Square cells of the floor, and who is in which: a rule looks only at the people nearby."""
+
+from functools import cache
+from math import floor
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wayfarer.process.compiled import compiled, inner, warm
+from wayfarer.world.rows import Float, Index
+
+CELL: Final = 2.6
+"""Metres from a place within which its own cell and the eight around it hold everybody."""
+
+SPAN: Final = 1 << 16
+"""Cells along an axis, and more: ten kilometres to either side of the origin are fewer."""
+
+
+class Cells(NamedTuple):
+    """Everybody [N] of some sessions, cell by cell."""
+
+    keys: Index  # ascending: the session and the cell of each of `rows`
+    rows: Index  # of everybody; ascending within a cell
+
+
+@inner
+def _key(first: int, column: int, line: int) -> int:
+    return (first * SPAN + column) * SPAN + line
+
+
+@inner
+def bisect(numbers: Index, known: int, number: int) -> int:
+    """Where a number stands, or would stand, among the first `known` numbers, ascending."""
+    low, high = 0, known
+    while low < high:
+        middle = (low + high) // 2
+        if numbers[middle] < number:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def cells_of(first: Index, place: Float) -> Cells:
+    """The cells of everybody: `first` [N], the first row of each one's session, and `place`
+    [N, 2] in metres.
+    """
+    keys = np.empty(len(first), np.int64)
+    for row in range(len(first)):
+        keys[row] = _key(first[row], floor(place[row, 0] / CELL), floor(place[row, 1] / CELL))
+    rows = np.argsort(keys, kind="mergesort")  # a stable one
+    return Cells(keys[rows], rows)
+
+
+@inner
+def beside(cells: Cells, first: int, x: float, y: float, side: int) -> tuple[int, int]:
+    """The range [begin, end) of `cells.rows` that are near a place (x, y) of the session that
+    begins with row `first`: of three cells in its column (`side` 0), or in the one before or after
+    it (-1, 1).
+    """
+    column, line = floor(x / CELL) + side, floor(y / CELL)
+    count = len(cells.keys)
+    begin = bisect(cells.keys, count, _key(first, column, line - 1))
+    return begin, bisect(cells.keys, count, _key(first, column, line + 2))
+
+
+@cache
+def prepare() -> None:
+    """Compiles the rule, or loads it, before agents walk."""
+    warm(cells_of, np.zeros(1, np.int64), np.zeros((1, 2), np.float32))
