@@ -18,8 +18,8 @@ from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
 async def test_agents_stream_in_real_time_to_their_goal():
     async with Running() as loop:
         await loop.create_session(SessionSpec("s"))
-        agents = await loop.create_agents("s", people(4))
         stream = await loop.subscribe("s", ALL)
+        agents = await loop.create_agents("s", people(4))
         assert await give(loop, agents[0].agent_id, GOAL) == 1
         batches = await first(stream, 12)
         chunks = [c for p in batches for c in p.chunks]

@@ -14,9 +14,10 @@ async def test_agents_wait_for_a_stalled_holder_and_others_do_not():
     async with Running(queue_s=0.2) as loop:
         for name in "st":
             await loop.create_session(SessionSpec(name))
-            await loop.create_agents(name, people(2))
         holder = await loop.subscribe("s", StreamOptions(slow_reader=SlowReader.HOLD))
         other = await loop.subscribe("t", ALL)
+        for name in "st":
+            await loop.create_agents(name, people(2))
         got = await first(holder, 2)
         seen = await first(other, 12)  # 1.2 s
         assert (await loop.stats()).held_sessions == 1
