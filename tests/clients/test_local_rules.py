@@ -194,6 +194,8 @@ def random_gaits(count: int) -> tuple[Gait, Seeds, GoalColumns, np.ndarray]:
     goals.radius[:], goals.speed[:] = rng.uniform(0.1, 0.6, count), rng.uniform(0.2, 2, count)
     goals.heading[:] = headings() * some(0.5)[:, None]
     goals.strafe &= goals.heading.any(-1)
+    goals.onward[:], goals.bend[:] = headings(), rng.uniform(0, 2, count)
+    gait.trim[:] = rng.uniform(-0.15, 0.15, count)
     goals.put(np.arange(count // 10), GoalColumns.empty(count // 10))
     return gait, seed, goals, some(0.7)
 
@@ -208,7 +210,7 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
                 "mode": int(gait.mode[k]), "speed": float(gait.speed[k]),
                 "slowSeconds": float(gait.slow_seconds[k]), "arrived": bool(gait.arrived[k]),
                 "rested": bool(gait.rested[k]), "stopPlace": gait.stop_place[k],
-                "stopFacing": gait.stop_facing[k],
+                "stopFacing": gait.stop_facing[k], "trim": float(gait.trim[k]),
             },
             "start": {
                 "hips": seed.translation[k, -1, :2], "first": seed.translation[k, 0, :2],
@@ -219,6 +221,7 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
                 "radius": float(goals.radius[k]), "speed": float(goals.speed[k]),
                 "heading": goals.heading[k] if goals.heading[k].any() else None,
                 "strafe": bool(goals.strafe[k]), "through": bool(goals.through[k]),
+                "bend": float(goals.bend[k]), "onward": goals.onward[k],
             },
             "ready": bool(ready[k]),
         }
@@ -263,7 +266,12 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
     assert len(set(after.mode)) == len(Mode)
     assert [one["mode"] for one in found["gaits"]] == after.mode.tolist()
     assert [one["rested"] for one in found["gaits"]] == after.rested.tolist()
-    numbers = np.column_stack([after.slow_seconds, after.stop_place, after.stop_facing])
+    numbers = np.column_stack(
+        [
+            *(after.slow_seconds, after.stop_place, after.stop_facing),
+            *steering.targets(after, seed, goals),
+        ]
+    )
     np.testing.assert_allclose([one["numbers"] for one in found["gaits"]], numbers, atol=1e-5)
 
     moved, legs = turns.copy(), legs.take(np.zeros(people, int))

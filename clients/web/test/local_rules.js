@@ -10,8 +10,9 @@ const steering = new Steering(constants);
 const measured = Object.fromEntries(Object.entries(legs).map(([name, values]) => [name, Float64Array.from(values)]));
 console.log(JSON.stringify({
   gaits: gaits.map(({ gait, start, goal, ready }) => {
-    const { mode, slowSeconds, rested, stopPlace, stopFacing } = steering.decide(gait, start, goal, ready);
-    return { mode, rested, numbers: [slowSeconds, ...stopPlace, ...stopFacing] };
+    const after = steering.decide(gait, start, goal, ready), { mode, rested } = after;
+    const { place, speed, facing } = steering.targets(after, start, goal);
+    return { mode, rested, numbers: [after.slowSeconds, ...after.stopPlace, ...after.stopFacing, ...place, speed, ...facing] };
   }),
   poses: poses.map((one) => {
     const [translation, rotations, shift] = [one.translation, one.rotations, one.shift].map(

@@ -130,6 +130,7 @@ Json decided(const Json& row, const Steering& steering) {
   before.slow_seconds = gait.at("slowSeconds");
   before.arrived = gait.at("arrived");
   before.rested = gait.at("rested");
+  before.trim = gait.at("trim");
   before.stop_place = point(gait.at("stopPlace"));
   before.stop_facing = point(gait.at("stopFacing"));
   GoalRow ahead;
@@ -141,12 +142,16 @@ Json decided(const Json& row, const Steering& steering) {
   if (ahead.has_heading) ahead.heading = point(goal.at("heading"));
   ahead.strafe = goal.at("strafe");
   ahead.through = goal.at("through");
+  ahead.bend = goal.at("bend");
+  ahead.onward = point(goal.at("onward"));
   const Start from{point(start.at("hips")), point(start.at("first")), point(start.at("facing"))};
   const Gait after = steering.decide(before, from, ahead, row.at("ready"));
+  const Targets next = steering.targets(after, from, ahead);
   return {{"mode", int(after.mode)},
           {"rested", after.rested},
           {"numbers",
-           {after.slow_seconds, after.stop_place.x, after.stop_place.y, after.stop_facing.x, after.stop_facing.y}}};
+           {after.slow_seconds, after.stop_place.x, after.stop_place.y, after.stop_facing.x, after.stop_facing.y,
+            next.place.x, next.place.y, next.speed, next.facing.x, next.facing.y}}};
 }
 
 Json moved(const Json& one, const Legs& legs) {
