@@ -159,7 +159,7 @@ def _turned_back(take: Take) -> dict[str, list[Take]]:
 
 SERVED: Final[tuple[Served, ...]] = (
     Served(case("stand", STAND_SECONDS), _stands),
-    _walks("walk 0.9", 0.9),
+    _walks("walk 1.0", 1.0),
     _walks("walk 1.2", 1.2),
     _walks("walk 1.5", 1.5),
     Served(case("start", 2 * START, _sets_off, every=START), _started),

@@ -65,7 +65,7 @@ SITUATIONS: Final[dict[str, Situation]] = {
     situation.name: situation
     for situation in (
         Situation("stand", figures.standing, stretches.stands, {"shifts_min": (0.5, 20.0)}),
-        Situation("walk 0.9", figures.walking, stretches.walks(0.75, 1.05), _asked(0.9)),
+        Situation("walk 1.0", figures.walking, stretches.walks(0.85, 1.15), _asked(1.0)),
         Situation("walk 1.2", figures.walking, stretches.walks(1.05, 1.35), _asked(1.2)),
         Situation("walk 1.5", figures.walking, stretches.walks(1.35, 1.65), _asked(1.5)),
         Situation("start", figures.starting, stretches.starts),

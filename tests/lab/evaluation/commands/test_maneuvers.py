@@ -67,7 +67,7 @@ def test_two_sided_figures_come_without_a_manoeuvre(
     assert [side["source"] for side in made["two_sided"]] == ["sent", "raw"]
     for side in made["two_sided"]:
         assert 0 <= side["holds"] < 0.3 * side["of"], "a glider is no person"
-        assert {p["situation"] for p in side["people"]} == {"walk 0.9"}
+        assert {p["situation"] for p in side["people"]} == {"walk 1.0"}
     assert made["two_sided"][0]["repair"]["all rules"]["cm_p95"] > 0
 
 

@@ -48,7 +48,7 @@ def test_a_curve_is_a_circle_of_2_m(number: int, side: int) -> None:
 
 
 def test_nobody_arrives_who_is_to_walk_steadily() -> None:
-    for name, speed in (("walk 0.9", 0.9), ("walk 1.5", 1.5), ("side", 1.0), ("back", 0.9)):
+    for name, speed in (("walk 1.0", 1.0), ("walk 1.5", 1.5), ("side", 1.0), ("back", 0.9)):
         assert np.linalg.norm(goals(BY_NAME[name])[0]) > speed * 14, name
 
 
