@@ -1,17 +1,17 @@
-"""Teach a cloned policy to follow in closed loop: `wayfarer train policy-follow`.
+"""Teach a cloned policy to follow requests in closed loop: `wayfarer train policy-follow`.
 
-A cloned policy has seen recorded people only. Left to itself it glides where recordings give two
-answers whose mean is standing still, and it misses its goal. So it minimises costs of the steps
-that it leads, feet locked as in the service: deviation from the requested way and facing, sliding
-soles, a leaning trunk. Divergence from the policy that it starts from costs, too, so that people
-still move as recorded ones do. Gradients flow through the predictor and its markers, not through
+A cloned policy has seen recorded people only. Left to itself it glides wherever recordings go on in
+two ways whose mean is standing still, and it misses its goal. So it minimises costs of its own
+steps, with feet locked as in the service: deviation from the requested way and facing, sliding
+soles, a leaning trunk. Divergence from the first policy has a cost, too, so that people still move
+as recorded ones do. Gradients flow through the predictor and its markers, not through
 bodies.
 
 Users ask for something else before a body has come to its aim, and no recorded person shows what to
-do then. So agents are asked for something else after 1 to 100 steps, the first of them in nearly
-every step; these may diverge more cheaply. All learn from a critic to move as recorded people do
-(`likeness.py`). With a `manner_weight` each is also taught the manner that it has drawn
-(`manners.py`).
+do then. So every agent gets new requests: the first one after about 100 steps in the mean, the last
+one in nearly every step (`change`). Divergence costs the last ones less. All learn from a critic to
+move as recorded people do (`likeness.py`). With a `manner_weight` each is also taught the manner
+that it has drawn (`manners.py`).
 """
 
 import copy
@@ -54,29 +54,30 @@ RUNNING = 1.9
 """m/s: an agent that is asked to go faster may leave the floor with both feet."""
 
 ONWARD = 0.87
-"""Cosine of the angle between hips and the facing that is asked above which nobody turns."""
+"""Cosine of the angle between the hips' facing and the requested one. Above it nobody needs to
+turn."""
 
 OWN, OWN_STANDING = (default_searches()[mode].own for mode in (Mode.WALKING, Mode.STANDING))
-"""Share of the noise's variance that an agent keeps for good: where it moves, and where it stands.
+"""Share of the noise's variance that an agent keeps for good: while it moves, and while it stands.
 """
 
 SLOWEST = 0.25
-"""m/s: deviation from the way is divided by the requested speed, at least by this one: otherwise an
-agent that stands would cost least."""
+"""m/s: deviation from the way is divided by the requested speed, or by this one if that is lower:
+otherwise an agent that stands would cost least."""
 
 ASIDE = 2.5
-"""Weight of the way to the side and backward, in terms of that ahead: few were recorded there, and
-a critic would slow everybody down."""
+"""Weight of the way in side steps and steps backward, relative to that ahead: few were recorded
+there, and a critic would slow everybody down."""
 
 URGED = 4.0
-"""The same of setting off."""
+"""Weight of the way for an agent that sets off, relative to one that walks."""
 
 SETTING_OFF = 0.5
-"""Share of the requested speed below which an agent sets off."""
+"""Share of the requested speed below which an agent counts as setting off."""
 
 PAUSE = 0.3
-"""Least chance at every step that half of the agents that stand are asked for something else: in a
-crowd people wait for moments."""
+"""Least chance at every step that a standing agent is asked for something else, for every second
+agent: in a crowd people often wait for moments only."""
 
 SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
@@ -85,7 +86,7 @@ REMEMBERED = 0.2
 """Share that a window of .8 s has in the manner that an agent shows."""
 
 WILDEST = 6.0
-"""Standard deviations beyond which a window counts no more."""
+"""Standard deviations to which a window's manner is clipped."""
 
 WARMING = 300
 """Steps over which the critic's weight grows to the whole: it starts untrained."""
@@ -107,8 +108,8 @@ class FollowingConfig(BaseModel):
     horizon: int = 4  # steps through which gradients flow
     rate: float = 3e-4
     kl_weight: tuple[float, float] = (4.0, 4.0)  # of the divergence from the policy that it starts
-    # from, per latent dimension: of the first and of the last agent, geometric between them
-    way_weight: float = 2.0  # of a m/s off the way that is asked
+    # from, per latent dimension: for the first and the last agent, spaced geometrically
+    way_weight: float = 2.0  # of a m/s off the requested way
     facing_weight: float = 1.0  # of 1 - cos(angle off)
     slide_weight: float = 1.5  # of a m/s of soles on the floor
     floating_weight: float = 15.0  # of a metre
@@ -121,7 +122,7 @@ class FollowingConfig(BaseModel):
     manner_weight: float = 0.0  # of a deviation² from the manner that an agent has drawn
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
     change: tuple[float, float] = (0.015, 0.015)  # chance at every step that an agent is asked for
-    # something else: of the same two agents
+    # something else: for the first and the last agent
     mix: dict[str, float] = {
         "walk": 0.25,
         "run": 0.04,
@@ -135,7 +136,7 @@ class FollowingConfig(BaseModel):
 
 
 def _spaced(ends: tuple[float, float], count: int) -> Tensor:
-    """`count` values [A] from the first to the second, each by the same factor."""
+    """`count` values [A] from the first to the second, spaced geometrically."""
     first, last = ends
     return first * (last / first) ** torch.linspace(0, 1, count)
 
@@ -143,7 +144,7 @@ def _spaced(ends: tuple[float, float], count: int) -> Tensor:
 class Advance(NamedTuple):
     """A step of a crowd."""
 
-    crowd: TrainingCrowd  # where it leads
+    crowd: TrainingCrowd  # after the step
     costs: Costs
     away: Tensor  # [A] KL from the policy that it starts from
     view: BodyFrames | None  # as the critic sees it
@@ -182,7 +183,7 @@ class FollowingTrainer:
         self.run: TrainingRun | None = None
 
     def learning(self) -> dict[str, nn.Module | Optimizer]:
-        """What learns beside the policy, by name."""
+        """What learns besides the policy, by name."""
         found: dict[str, nn.Module | Optimizer] = {}
         for gender, likeness in self.likeness.items():
             found[f"critic_{gender}"] = likeness.critic
@@ -291,7 +292,7 @@ class FollowingTrainer:
             if self.manners is not None:
                 seen_manners = self.manners.of(joined(views), crowd.betas, GENDERS.index(gender))
                 off = self._off(gender, crowd, seen_manners.detach())
-                # the slope of `off`²: that of a single window would punish the swing of limbs, too
+                # the slope of `off`², a mean of windows: one's would punish the swing of limbs
                 slope = (sound[:, None] * off.clamp(-2, 2) * seen_manners).mean()
                 total = total + warm * config.manner_weight * slope
                 told["manner"] = float(off.square().mean())
@@ -304,7 +305,7 @@ class FollowingTrainer:
         return told | {"fallen": float(1 - sound.mean())}
 
     def _off(self, gender: str, crowd: TrainingCrowd, seen: Tensor) -> Tensor:
-        """Deviations [A, 8] of what agents showed in the last seconds from their manners."""
+        """Deviations [A, 8] from agents' manners of what they showed in the last seconds."""
         shown = self.shown[gender].lerp(seen.clamp(-WILDEST, WILDEST), REMEMBERED)
         self.shown[gender] = shown
         return shown - crowd.manner
@@ -317,7 +318,7 @@ class FollowingTrainer:
         return [self.likeness[gender].view(*last, crowd.betas)]
 
     def _ask(self, crowd: TrainingCrowd, orders: Orders) -> Tensor:
-        """Asks some agents for something else, those at their goals soon. Returns which [A]."""
+        """Gives some agents new requests, those at their goals soon. Returns which [A]."""
         place = crowd.place.detach()
         orders.follow(place)
         near = ((place - orders.goal).norm(dim=-1) < 0.15) & (orders.speed > 0)

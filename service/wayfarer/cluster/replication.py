@@ -1,5 +1,5 @@
-"""A node copies its sessions and scenes to its neighbour: all of them once a second, and what a
-call has made, changed or ended before that call is answered. Runs on the node's event loop.
+"""A node copies its sessions and scenes to its neighbour: all of them once a second. What a call
+makes, changes or ends is also copied before the call is answered. Runs on the node's event loop.
 
 A copy is the whole state of a session or scene. The constant content of a scene is sent once to
 each neighbour, with its baked ground. Logs of recorded sessions are not copied.
@@ -25,24 +25,24 @@ log = structlog.get_logger(__name__)
 REPLICATE_S: Final = 1.0
 
 AT_ONCE: Final = 16
-"""Sessions and scenes of one message of a round; calls that wait for a copy come in between."""
+"""Most sessions and scenes in a message of a round. Copies that calls wait for come in between."""
 
 SEND_S: Final = 3.0
 """Seconds to wait for the neighbour's answer to a message: about a lease, after which a silent
-one is replaced."""
+neighbour is replaced."""
 
 STATE_S: Final = 2.0
-"""Seconds to wait for a state: a session in lock-step that makes many steps has none meanwhile,
-and others must not wait for it."""
+"""Seconds to wait for a state: while a session in lock-step makes many steps its state is not
+there, and the other sessions must not wait for it."""
 
 COPY_S: Final = 8.0
-"""Seconds that a call waits for its copy: until a neighbour that is silent has been replaced."""
+"""Most seconds that a call waits for its copy: by then a silent neighbour has been replaced."""
 
 AGAIN_S: Final = 0.25
 """Seconds until a copy that a call waits for is tried again, maybe with another neighbour."""
 
 TOLD: Final = 4
-"""Refused replicas of a message that are named in the log."""
+"""Most refused replicas of a message that the log names."""
 
 
 class Replication:
@@ -54,11 +54,11 @@ class Replication:
         self._lease = lease
         self._moves = moves
         self._link = link
-        self._sending = asyncio.Lock()  # else an older state could arrive after a newer one
-        self._due = set[str]()  # for which calls wait
+        self._sending = asyncio.Lock()  # otherwise an older state could arrive after a newer one
+        self._due = set[str]()  # names whose copies calls wait for
 
     async def running(self) -> None:
-        """Copies without end."""
+        """Copies everything, round after round, until it is cancelled."""
         now = asyncio.get_running_loop().time
         while True:
             began = now()
@@ -66,18 +66,19 @@ class Replication:
                 await self._round(self._names())
             except WayfarerError as error:
                 log.warning("replicas not kept", neighbour=self.neighbour, reason=str(error))
-            except Exception:  # else nothing would be copied any more
+            except Exception:  # otherwise nothing would be copied any more
                 log.exception("a round of copies failed", neighbour=self.neighbour)
             await asyncio.sleep(max(0.0, REPLICATE_S - (now() - began)))
 
     async def _round(self, names: Sequence[str]) -> None:
-        for first in range(0, len(names) or 1, AT_ONCE):  # without any, that is told, too
+        for first in range(0, len(names) or 1, AT_ONCE):  # also tells that there is none
             async with self._sending:
                 await self._send(names[first : first + AT_ONCE])
 
     async def copied(self, name: str) -> None:
-        """Returns once the neighbour has the present state of a session or scene, or knows that it
-        has ended; at once without a neighbour, and after `COPY_S` in any case.
+        """Returns once the neighbour has the present state of a session or scene, or knows that the
+        session or scene has ended. Returns at once without a neighbour, and after `COPY_S` at the
+        latest.
         """
         self._due.add(name)
         with contextlib.suppress(TimeoutError):
@@ -86,11 +87,11 @@ class Replication:
                     await asyncio.sleep(AGAIN_S)
 
     async def _sent(self, name: str) -> bool:
-        """Whether a copy that a call waits for has been sent, in one message with the others that
-        are due.
+        """Sends the copies that are due in one message, unless this one was sent meanwhile. Returns
+        whether it was sent.
         """
         async with self._sending:
-            if name not in self._due:  # sent for another call, after this one had come
+            if name not in self._due:  # was sent for another call, after this one had asked
                 return True
             due, self._due = self._due, set()
             try:
@@ -104,15 +105,15 @@ class Replication:
             return True
 
     def _names(self) -> list[str]:
-        """Names of all that can move. Scenes come first, since sessions need them."""
+        """Names of all scenes and sessions. Scenes come first, since sessions need them."""
         return [*filter(self._moves.is_movable, (*self._moves.scenes, *self._moves.sessions))]
 
     async def _send(self, names: Collection[str]) -> None:
-        """Tells the neighbour what there is, and the state of these."""
+        """Sends the neighbour the names of all that is here, and the states of `names`."""
         node = self._lease.view.nodes.get(self.neighbour)
         if node is None or not self._lease.may_step():
             return
-        # First: ended sessions make room there; a neighbour that is away fails it at once.
+        # First: ended sessions make room there; it fails at once if the neighbour is away.
         own, present = self._lease.node.name, [*self._names(), *self._lease.names_coming]
         lacks = await self._link.call(node, "present", own, present, seconds=SEND_S)
         groups = set(map(group_of, names))

@@ -1,9 +1,9 @@
 """The motion thread: takes commands, schedules steps, applies them, publishes chunks.
 
 The engine works beside the thread (`pipeline.py`). Frames keep their schedule, so a late turn is
-followed by larger batches, not by later frames. Primitives that can no longer be seen in time are
-not made (an overloaded or suspended machine): their agents continue later, by whole primitives, and
-all time goes to the others. `skipped_steps` in the statistics counts that.
+followed by larger batches, not by later frames. On an overloaded or suspended machine, primitives
+that can no longer be seen in time are not made: their agents continue later, by whole primitives,
+and all time goes to the others. `skipped_steps` counts these primitives.
 
 An error of one agent or session is contained to it (`world/agents/faults.py`). Any other error in a
 turn is logged and counted; `ready` is false until a turn succeeds again, and the turn is retried.
@@ -45,7 +45,7 @@ LOG_INTERVAL_S: Final = 1.0  # minimum time between two logs of skipped steps
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
 BETWEEN_SECONDS: Final = 0.02
 """Minimum time between publications: otherwise every session would have a message for each engine
-call. Chunks in time leave in rounds that are farther apart.
+call. Chunks that are in time leave in rounds that are farther apart than this anyway.
 """
 
 LEAVING_SECONDS: Final = 0.03
@@ -107,7 +107,7 @@ class MotionThread:
         self._started_at = self._beat = clock()
         self._failures_in_a_row = 0
         self._logged_at = float("-inf")  # when skipped steps were logged last
-        self._publish_at = float("-inf")  # not before
+        self._publish_at = float("-inf")  # the earliest time of the next one
         self._figures = ThreadFigures(meter)
 
     def start(self) -> None:
@@ -129,7 +129,7 @@ class MotionThread:
 
     @property
     def failed(self) -> bool:
-        """Whether it has ended by an error."""
+        """Whether it has ended because of an error."""
         return self._failed
 
     @property
@@ -215,7 +215,9 @@ class MotionThread:
         now = self.clock()
         if due:
             self._publish_at = began + BETWEEN_SECONDS
-        sights = sights_of(due, self._world.slots)  # decided their order
+        sights = sights_of(
+            due, self._world.slots
+        )  # taken before publishing changes them: they decided the order
         for one in due:
             self._publish_one(one)
         self._figures.published(now, due, sights)
@@ -237,7 +239,7 @@ class MotionThread:
             self._fault(session_id, Stage.SIGHT, error)
 
     def _fault(self, session_id: str, stage: Stage, error: Exception) -> None:
-        """Handles a session's fault; a session that cannot be shown turn after turn is removed."""
+        """Handles a session's fault; a session that fails turn after turn is removed."""
         faults = self._world.faults
         if faults.session(session_id, stage, error) >= MAX_FAULTS and stage in VITAL:
             faults.condemn(session_id)

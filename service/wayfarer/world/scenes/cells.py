@@ -10,10 +10,11 @@ from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.rows import Float, Index
 
 CELL: Final = 2.6
-"""Metres from a place within which its own cell and the eight around it hold everybody."""
+"""Side of a cell, metres. Everybody within as much of a place is in its cell or in the eight around
+it."""
 
 SPAN: Final = 1 << 16
-"""Cells along an axis, and more: ten kilometres to either side of the origin are fewer."""
+"""More than the cells along an axis: ten kilometres to either side of the origin have fewer."""
 
 
 class Cells(NamedTuple):
@@ -30,7 +31,7 @@ def _key(first: int, column: int, line: int) -> int:
 
 @inner
 def bisect(numbers: Index, known: int, number: int) -> int:
-    """Where a number stands, or would stand, among the first `known` numbers, ascending."""
+    """Where a number stands, or would stand, among the first `known` of ascending numbers."""
     low, high = 0, known
     while low < high:
         middle = (low + high) // 2
@@ -55,9 +56,9 @@ def cells_of(first: Index, place: Float) -> Cells:
 
 @inner
 def beside(cells: Cells, first: int, x: float, y: float, side: int) -> tuple[int, int]:
-    """The range [begin, end) of `cells.rows` that are near a place (x, y) of the session that
-    begins with row `first`: of three cells in its column (`side` 0), or in the one before or after
-    it (-1, 1).
+    """The range [begin, end) of `cells.rows` in three cells near a place (x, y): in its column
+    (`side` 0), or in the column before or after it (-1, 1); of the session that begins with row
+    `first`.
     """
     column, line = floor(x / CELL) + side, floor(y / CELL)
     count = len(cells.keys)

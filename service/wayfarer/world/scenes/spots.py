@@ -1,8 +1,8 @@
 """The spots where agents that share a goal stop: each has one, as near to the goal as possible.
 
-An agent keeps its spot until another one stands there, or a nearer one goes there, or the goal
-becomes free before the agent has reached its spot. Too far from its goal, it looks on for a spot
-that is near enough.
+An agent keeps its spot until another agent stands there, or a nearer one goes there, or the goal
+becomes free before the agent has reached its spot. If the spot is too far from the
+goal, the agent keeps looking for a nearer one.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ APART: Final = 0.65
 """Metres between two agents that share a goal: nearer, their shoulders touch."""
 
 STRANGERS: Final = 0.48
-"""Metres to people with another goal: less `SLACK`, that is nearly as wide as bodies are."""
+"""Metres to people with another goal: minus `SLACK` it is nearly the width of a body."""
 
 SHARED: Final = 0.3
 """Metres within which two goals count as the same."""
@@ -37,7 +37,7 @@ SLACK: Final = 0.1
 """Metres of missing distance that are tolerated before another spot is taken."""
 
 RADIUS: Final = 0.2
-"""Metres from its spot within which an agent is there."""
+"""Metres from its spot within which an agent counts as being there."""
 
 FARTHEST: Final = 2.0
 """Metres from its goal at which an agent that cannot get nearer still counts as arrived."""
@@ -46,7 +46,7 @@ WAITS: Final = 0.4
 """Metres from its spot within which an agent that is too far from its goal waits."""
 
 KEEPS: Final = 0.1
-"""Metres by which another agent must be nearer to a spot to take it from the one on its way."""
+"""Metres by which another agent must be nearer to a spot to take it from one that is on its way."""
 
 WAY: Final = 0.35
 """Cost of a metre to walk, relative to that of a metre from the goal."""
@@ -98,7 +98,7 @@ class Walkers(NamedTuple):
     """Columns of all slots, and those of the rows [A] that are about to be stepped."""
 
     avoids: Flags
-    places: Index  # among everybody; here the rows' begin
+    places: Index  # by slot: its row in `Everyone`. The columns below are by row
     asked: Float
     spot: Float
     barred: Float
@@ -176,12 +176,13 @@ def next_taken(
     claims: Claims,
     waits: Flags,
 ) -> tuple[int, int, bool]:
-    """The first of rows `begin` to A whose spot is taken or too far from the goal, or A; the number
-    of its claims; and whether it keeps its spot unless another one is near enough.
+    """The first row from `begin` on whose spot is taken or too far from the goal (A: there is
+    none); the number of claims around its goal; whether it keeps its spot if no other is near
+    enough.
 
     The claims are written to `claims`, and the goals of the rows before it are put at their spots.
-    The spot of an agent far from its goal is the goal. `found`: another spot has been found for
-    row `begin`.
+    The spot of an agent far from its goal is the goal. `found`: a spot has been looked for already
+    for row `begin`.
     """
     for row in range(begin, len(rows)):
         slot = rows[row]
@@ -223,7 +224,7 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
     near = apart(them.position, me, asked, row) <= NEAR
     for other in range(them.first[me], them.last[me] if near else them.first[me]):
         stands = them.stand[other]
-        if other == me:  # who has arrived and still walks claims its spot, too
+        if other == me:  # an agent that has arrived and still walks claims its spot, too
             continue
         if abs(them.height[other] - them.height[me]) >= 1.0:
             continue
@@ -245,7 +246,7 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
         gap = apart(claim, other, spot, row) - claims.apart[count]
         taken = taken or ((stands or before) and gap < -SLACK)
         count += 1
-    # an agent that stays there has settled, until its place is empty
+    # an agent at its spot has settled, until nobody is at its goal
     if not near or empty or (free and mine > RADIUS):
         spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
         return -1, False
@@ -256,7 +257,9 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
 def _free_spot(
     place: Array, goal: Array, taken: Array, by: Array, clear: Clear, room: float, last: Array
 ) -> Array:
-    """The best place [2] for one at `place`, apart by [N] from those `taken` [N, 2]; or `last`."""
+    """The best spot [2] for an agent at `place`, at least `by` [N] metres from places `taken`
+    [N, 2]; `last` if none is free.
+    """
     way = place - goal
     length = float(np.linalg.norm(way))
     x, y = way / length if length > 1e-3 else np.array([1.0, 0.0])
