@@ -1,17 +1,17 @@
 """Teach a cloned policy to follow requests in closed loop: `wayfarer train policy-follow`.
 
-A cloned policy has seen recorded people only. Left to itself it glides wherever recordings go on in
-two ways whose mean is standing still, and it misses its goal. So it minimises costs of its own
-steps, with feet locked as in the service: deviation from the requested way and facing, sliding
-soles, a leaning trunk. Divergence from the first policy has a cost, too, so that people still move
-as recorded ones do. Gradients flow through the predictor and its markers, not through
-bodies.
+A cloned policy has seen recorded people only. Left to itself it glides where recorded people
+continue in one of two ways, whose mean is standing still, and it misses its goal. So it minimises
+costs of its own steps, with feet locked as in the service: deviation from the requested way and
+facing, sliding soles, a leaning trunk. Divergence from the first policy has a cost, too, so that
+people still move as recorded ones do. Gradients flow through the predictor and its markers, not
+through bodies.
 
 Users ask for something else before a body has come to its aim, and no recorded person shows what to
-do then. So every agent gets new requests: the first one after about 100 steps in the mean, the last
-one in nearly every step (`change`). Divergence costs the last ones less. All learn from a critic to
-move as recorded people do (`likeness.py`). With a `manner_weight` each is also taught the manner
-that it has drawn (`manners.py`).
+do then. So every agent gets new requests: the first agent of a crowd after about 100 steps on
+average, the last agent at nearly every step (`change`). Divergence costs the last agents less. With
+a `like_weight` all learn from a critic to move as recorded people do (`likeness.py`); with a
+`manner_weight` as well, each is also taught the manner that it has drawn (`manners.py`).
 """
 
 import copy
@@ -62,8 +62,8 @@ OWN, OWN_STANDING = (default_searches()[mode].own for mode in (Mode.WALKING, Mod
 """
 
 SLOWEST = 0.25
-"""m/s: deviation from the way is divided by the requested speed, or by this one if that is lower:
-otherwise an agent that stands would cost least."""
+"""m/s: deviation from the way is divided by the requested speed, clamped to between this and 1 m/s.
+Undivided, standing still would cost least."""
 
 ASIDE = 2.5
 """Weight of the way in side steps and steps backward, relative to that ahead: few were recorded
@@ -76,8 +76,8 @@ SETTING_OFF = 0.5
 """Share of the requested speed below which an agent counts as setting off."""
 
 PAUSE = 0.3
-"""Least chance at every step that a standing agent is asked for something else, for every second
-agent: in a crowd people often wait for moments only."""
+"""Minimum chance at every step that a standing agent is asked for something else; for every second
+agent, since in a crowd people often wait only briefly."""
 
 SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
@@ -89,7 +89,7 @@ WILDEST = 6.0
 """Standard deviations to which a window's manner is clipped."""
 
 WARMING = 300
-"""Steps over which the critic's weight grows to the whole: it starts untrained."""
+"""Steps over which the critic's weight grows to its full value: it starts untrained."""
 
 DEAREST = 20.0
 """Maximum cost of a step: otherwise gradients of freak bodies would drown the rest."""
@@ -292,7 +292,7 @@ class FollowingTrainer:
             if self.manners is not None:
                 seen_manners = self.manners.of(joined(views), crowd.betas, GENDERS.index(gender))
                 off = self._off(gender, crowd, seen_manners.detach())
-                # the slope of `off`², a mean of windows: one's would punish the swing of limbs
+                # the slope of `off`², averaged over windows: a single one would punish swings
                 slope = (sound[:, None] * off.clamp(-2, 2) * seen_manners).mean()
                 total = total + warm * config.manner_weight * slope
                 told["manner"] = float(off.square().mean())
@@ -305,7 +305,7 @@ class FollowingTrainer:
         return told | {"fallen": float(1 - sound.mean())}
 
     def _off(self, gender: str, crowd: TrainingCrowd, seen: Tensor) -> Tensor:
-        """Deviations [A, 8] from agents' manners of what they showed in the last seconds."""
+        """Deviations [A, 8] of the manners that agents showed lately from their own."""
         shown = self.shown[gender].lerp(seen.clamp(-WILDEST, WILDEST), REMEMBERED)
         self.shown[gender] = shown
         return shown - crowd.manner
@@ -318,7 +318,7 @@ class FollowingTrainer:
         return [self.likeness[gender].view(*last, crowd.betas)]
 
     def _ask(self, crowd: TrainingCrowd, orders: Orders) -> Tensor:
-        """Gives some agents new requests, those at their goals soon. Returns which [A]."""
+        """Gives some agents new requests, those at their goals sooner. Returns which agents [A]."""
         place = crowd.place.detach()
         orders.follow(place)
         near = ((place - orders.goal).norm(dim=-1) < 0.15) & (orders.speed > 0)

@@ -1,5 +1,6 @@
 """A node copies its sessions and scenes to its neighbour: all of them once a second. What a call
-makes, changes or ends is also copied before the call is answered. Runs on the node's event loop.
+makes, changes or deletes is also copied before its answer, within `COPY_S`; goals do not wait. Runs
+on the node's event loop.
 
 A copy is the whole state of a session or scene. The constant content of a scene is sent once to
 each neighbour, with its baked ground. Logs of recorded sessions are not copied.
@@ -25,10 +26,11 @@ log = structlog.get_logger(__name__)
 REPLICATE_S: Final = 1.0
 
 AT_ONCE: Final = 16
-"""Most sessions and scenes in a message of a round. Copies that calls wait for come in between."""
+"""Maximum number of sessions and scenes in a message of a round. Copies that calls wait for come in
+between."""
 
 SEND_S: Final = 3.0
-"""Seconds to wait for the neighbour's answer to a message: about a lease, after which a silent
+"""Seconds to wait for the neighbour's answer to a message: roughly one lease, after which a silent
 neighbour is replaced."""
 
 STATE_S: Final = 2.0
@@ -36,13 +38,13 @@ STATE_S: Final = 2.0
 there, and the other sessions must not wait for it."""
 
 COPY_S: Final = 8.0
-"""Most seconds that a call waits for its copy: by then a silent neighbour has been replaced."""
+"""Maximum seconds that a call waits for its copy: by then a silent neighbour has been replaced."""
 
 AGAIN_S: Final = 0.25
 """Seconds until a copy that a call waits for is tried again, maybe with another neighbour."""
 
 TOLD: Final = 4
-"""Most refused replicas of a message that the log names."""
+"""Maximum number of refused replicas of a message that the log names."""
 
 
 class Replication:
@@ -76,9 +78,9 @@ class Replication:
                 await self._send(names[first : first + AT_ONCE])
 
     async def copied(self, name: str) -> None:
-        """Returns once the neighbour has the present state of a session or scene, or knows that the
-        session or scene has ended. Returns at once without a neighbour, and after `COPY_S` at the
-        latest.
+        """Returns once the present state of a session or scene has been sent to the neighbour, or
+        the neighbour knows that it has ended. A state that is refused or not available counts as
+        sent. Returns at once without a neighbour or a lease, and after `COPY_S` at the latest.
         """
         self._due.add(name)
         with contextlib.suppress(TimeoutError):
@@ -87,8 +89,8 @@ class Replication:
                     await asyncio.sleep(AGAIN_S)
 
     async def _sent(self, name: str) -> bool:
-        """Sends the copies that are due in one message, unless this one was sent meanwhile. Returns
-        whether it was sent.
+        """Sends all due copies in one message, unless the copy of `name` was sent meanwhile.
+        Returns whether that copy was sent.
         """
         async with self._sending:
             if name not in self._due:  # was sent for another call, after this one had asked

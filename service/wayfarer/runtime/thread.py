@@ -2,8 +2,8 @@
 
 The engine works beside the thread (`pipeline.py`). Frames keep their schedule, so a late turn is
 followed by larger batches, not by later frames. On an overloaded or suspended machine, primitives
-that can no longer be seen in time are not made: their agents continue later, by whole primitives,
-and all time goes to the others. `skipped_steps` counts these primitives.
+that can no longer be seen in time are not made: their agents continue a whole number of
+primitives later, and all time goes to the others. `skipped_steps` counts these primitives.
 
 An error of one agent or session is contained to it (`world/agents/faults.py`). Any other error in a
 turn is logged and counted; `ready` is false until a turn succeeds again, and the turn is retried.
@@ -53,7 +53,7 @@ LEAVING_SECONDS: Final = 0.03
 skipped. Otherwise an overloaded server would show most primitives just when they are over.
 """
 
-HOLD_SECONDS: Final = 0.5  # agents that wait are postponed by this, turn by turn
+HOLD_SECONDS: Final = 0.5  # from a turn, by which agents that wait are postponed
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
 PAUSED_SECONDS: Final = 0.02  # between checks whether it may step again
@@ -107,7 +107,7 @@ class MotionThread:
         self._started_at = self._beat = clock()
         self._failures_in_a_row = 0
         self._logged_at = float("-inf")  # when skipped steps were logged last
-        self._publish_at = float("-inf")  # the earliest time of the next one
+        self._publish_at = float("-inf")  # the earliest time of the next publication
         self._figures = ThreadFigures(meter)
 
     def start(self) -> None:

@@ -10,11 +10,11 @@ from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.rows import Float, Index
 
 CELL: Final = 2.6
-"""Side of a cell, metres. Everybody within as much of a place is in its cell or in the eight around
-it."""
+"""Side of a cell, metres. Everybody within this distance of a place is in the place's cell or in
+one of the eight around it."""
 
 SPAN: Final = 1 << 16
-"""More than the cells along an axis: ten kilometres to either side of the origin have fewer."""
+"""More than the number of cells along an axis: 7,700 for ten kilometres to either side."""
 
 
 class Cells(NamedTuple):
@@ -44,8 +44,8 @@ def bisect(numbers: Index, known: int, number: int) -> int:
 
 @compiled
 def cells_of(first: Index, place: Float) -> Cells:
-    """The cells of everybody: `first` [N], the first row of each one's session, and `place`
-    [N, 2] in metres.
+    """The cells of everybody. `first` [N] is the first row of each one's session, `place` [N, 2]
+    is in metres.
     """
     keys = np.empty(len(first), np.int64)
     for row in range(len(first)):

@@ -1,8 +1,8 @@
 """The spots where agents that share a goal stop: each has one, as near to the goal as possible.
 
 An agent keeps its spot until another agent stands there, or a nearer one goes there, or the goal
-becomes free before the agent has reached its spot. If the spot is too far from the
-goal, the agent keeps looking for a nearer one.
+becomes free before the agent has reached its spot. If the spot is too far from the goal, the agent
+keeps looking for a nearer one.
 """
 
 from collections.abc import Callable
@@ -46,13 +46,14 @@ WAITS: Final = 0.4
 """Metres from its spot within which an agent that is too far from its goal waits."""
 
 KEEPS: Final = 0.1
-"""Metres by which another agent must be nearer to a spot to take it from one that is on its way."""
+"""Metres by which an agent must be nearer to a spot than another one to have it; within this
+difference the lower number has it."""
 
 WAY: Final = 0.35
 """Cost of a metre to walk, relative to that of a metre from the goal."""
 
 TOO_FAR: Final = 10.0
-"""Cost of a spot that does not count as arrived."""
+"""Extra cost of a spot farther than `FARTHEST` from the goal."""
 
 RINGS: Final = ((0.4, 8), (0.7, 12), (1.4, 18), (2.1, 24), (2.8, 30), (3.5, 36))
 """Metres from the goal, and the number of spots that are tried at this distance."""
@@ -98,7 +99,7 @@ class Walkers(NamedTuple):
     """Columns of all slots, and those of the rows [A] that are about to be stepped."""
 
     avoids: Flags
-    places: Index  # by slot: its row in `Everyone`. The columns below are by row
+    places: Index  # by slot: its index in `Everyone`. The columns below are of rows
     asked: Float
     spot: Float
     barred: Float
@@ -176,9 +177,9 @@ def next_taken(
     claims: Claims,
     waits: Flags,
 ) -> tuple[int, int, bool]:
-    """The first row from `begin` on whose spot is taken or too far from the goal (A: there is
-    none); the number of claims around its goal; whether it keeps its spot if no other is near
-    enough.
+    """The first row, at or after `begin`, whose spot is taken or too far from its goal (A if
+    there is none); the number of claims around its goal; whether it keeps its spot if no other spot
+    is near enough.
 
     The claims are written to `claims`, and the goals of the rows before it are put at their spots.
     The spot of an agent far from its goal is the goal. `found`: a spot has been looked for already
@@ -216,18 +217,19 @@ def next_taken(
 
 @inner
 def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) -> tuple[int, bool]:
-    """The number of claims around a person's goal, if its spot is taken or too far from the goal,
-    or -1; and whether it is taken.
+    """The number of claims around a person's goal if the person's spot is taken or too far from
+    the goal, otherwise -1; and whether the spot is taken.
     """
     taken, free, empty, count, spot, asked = False, True, True, 0, those.spot, those.asked
     mine = apart(them.position, me, spot, row)
     near = apart(them.position, me, asked, row) <= NEAR
     for other in range(them.first[me], them.last[me] if near else them.first[me]):
         stands = them.stand[other]
-        if other == me:  # an agent that has arrived and still walks claims its spot, too
+        if other == me:
             continue
         if abs(them.height[other] - them.height[me]) >= 1.0:
             continue
+        # an agent that has arrived and still walks claims its spot, too
         claim = them.position if stands else them.spot
         if apart(claim, other, asked, row) >= AROUND:
             continue
