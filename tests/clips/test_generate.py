@@ -4,6 +4,8 @@ import numpy as np
 import pygltflib
 import pytest
 
+from tests.clients.test_character import RIGS, document_of, glb
+from tests.played import parts
 from tests.world.fakes import BODIES, FakeEngine, make_world
 from wayfarer.clips.clip import Clip
 from wayfarer.clips.files import write_clip
@@ -143,7 +145,6 @@ def test_a_clip_is_worn_in_the_outfit_that_was_asked_for(tmp_path, engine):
 
 
 def test_a_character_gets_its_own_legs_and_keeps_its_file(tmp_path, monkeypatch):
-    from tests.clients.test_character import RIGS, document_of, glb, parse
     from wayfarer.clips import generate as module
 
     (tmp_path / "own.glb").write_bytes(glb(document_of(RIGS["mixamo"][0])))
@@ -163,7 +164,7 @@ def test_a_character_gets_its_own_legs_and_keeps_its_file(tmp_path, monkeypatch)
     generate(
         tmp_path / "walk.glb", goal=["0,2"], seconds=2.0, character=tmp_path / "own.glb", fps=20
     )
-    document, _ = parse((tmp_path / "walk.glb").read_bytes())
+    document, _ = parts((tmp_path / "walk.glb").read_bytes())
     assert document["animations"][0]["name"] == "walk"
     assert made[0].betas[0] < -0.5  # the rig is that of a small woman
     with pytest.raises(InvalidArgument, match="has its own bones"):
