@@ -25,7 +25,7 @@ class Watcher:
 
     @classmethod
     async def of(cls, client, scene=""):
-        """Follows a new person, who walks."""
+        """Follows a new person that walks."""
         session = await client.create_session(lease=900, scene=scene)
         (agent,) = await session.create_agents(AgentSpec())
         await session.set_goal(agent, Goal((0.0, 0.0, 300.0)))

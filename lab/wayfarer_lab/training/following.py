@@ -70,7 +70,7 @@ ASIDE = 2.5
 there, and a critic would slow everybody down."""
 
 URGED = 4.0
-"""Weight of the way for an agent that sets off, relative to one that walks."""
+"""Weight of the way for an agent that sets off, relative to an agent that walks."""
 
 SETTING_OFF = 0.5
 """Share of the requested speed below which an agent counts as setting off."""
@@ -183,7 +183,7 @@ class FollowingTrainer:
         self.run: TrainingRun | None = None
 
     def learning(self) -> dict[str, nn.Module | Optimizer]:
-        """What learns besides the policy, by name."""
+        """Networks and optimisers that learn with the policy, by name."""
         found: dict[str, nn.Module | Optimizer] = {}
         for gender, likeness in self.likeness.items():
             found[f"critic_{gender}"] = likeness.critic

@@ -111,7 +111,7 @@ class Replication:
         return [*filter(self._moves.is_movable, (*self._moves.scenes, *self._moves.sessions))]
 
     async def _send(self, names: Collection[str]) -> None:
-        """Sends the neighbour the names of all that is here, and the states of `names`."""
+        """Sends the neighbour the names of all sessions and scenes, and the states of `names`."""
         node = self._lease.view.nodes.get(self.neighbour)
         if node is None or not self._lease.may_step():
             return

@@ -1,4 +1,4 @@
-"""Square cells of the floor, and who is in which: a rule looks only at the people nearby."""
+"""Square cells of the floor with the people in them: a rule looks only at the people nearby."""
 
 from functools import cache
 from math import floor

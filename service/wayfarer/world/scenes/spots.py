@@ -7,7 +7,7 @@ keeps looking for a nearer one.
 
 from collections.abc import Callable
 from functools import cache
-from math import pi
+from math import pi, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -70,6 +70,9 @@ SPOTS: Final = np.concatenate(
 
 AROUND: Final = RINGS[-1][0] + APART
 """Metres from a goal beyond which people do not take its spots."""
+
+ENOUGH: Final = sum(count for radius, count in RINGS if radius <= FARTHEST) + 1
+"""Number of the first spots, which are near enough to a goal."""
 
 _LINE: Final = np.linspace(0.0, 1.0, 8)[:, None]
 
@@ -177,9 +180,8 @@ def next_taken(
     claims: Claims,
     waits: Flags,
 ) -> tuple[int, int, bool]:
-    """The first row, at or after `begin`, whose spot is taken or too far from its goal (A if
-    there is none); the number of claims around its goal; whether it keeps its spot if no other spot
-    is near enough.
+    """The first row, at or after `begin`, whose spot is taken or too far from its goal, or A; the
+    number of claims around its goal, and whether it keeps its spot if no other is near enough.
 
     The claims are written to `claims`, and the goals of the rows before it are put at their spots.
     The spot of an agent far from its goal is the goal. `found`: a spot has been looked for already
@@ -218,7 +220,7 @@ def next_taken(
 @inner
 def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) -> tuple[int, bool]:
     """The number of claims around a person's goal if the person's spot is taken or too far from
-    the goal, otherwise -1; and whether the spot is taken.
+    the goal and a nearer one may be free, otherwise -1; and whether the spot is taken.
     """
     taken, free, empty, count, spot, asked = False, True, True, 0, those.spot, those.asked
     mine = apart(them.position, me, spot, row)
@@ -253,7 +255,32 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
         spot[row, 0], spot[row, 1] = asked[row, 0], asked[row, 1]
         return -1, False
     taken = taken and mine > SLACK  # an agent that gets no nearer stops where it is
-    return count if taken or apart(spot, row, asked, row) > FARTHEST else -1, taken
+    looks_on = apart(spot, row, asked, row) > FARTHEST and _is_room(
+        them, those, me, row, claims, count
+    )
+    return count if taken or looks_on else -1, taken
+
+
+@inner
+def _is_room(them: Everyone, those: Walkers, me: int, row: int, claims: Claims, count: int) -> bool:
+    """Whether one of the spots near enough to a person's goal may be free: in a throng each search
+    would be in vain. Walls, and a millimetre, are left to the search.
+    """
+    goal_x, goal_y = those.asked[row, 0], those.asked[row, 1]
+    x, y = them.position[me, 0] - goal_x, them.position[me, 1] - goal_y
+    length = sqrt(x * x + y * y)
+    x, y = (x / length, y / length) if length > 1e-3 else (1.0, 0.0)
+    for spot in range(ENOUGH):
+        ahead, left, free = SPOTS[spot, 0], SPOTS[spot, 1], True
+        spot_x, spot_y = goal_x + ahead * x - left * y, goal_y + ahead * y + left * x
+        for k in range(count):
+            off_x, off_y = spot_x - claims.places[k, 0], spot_y - claims.places[k, 1]
+            if sqrt(off_x * off_x + off_y * off_y) < claims.apart[k] - 1e-3:
+                free = False
+                break
+        if free:
+            return True
+    return False
 
 
 def _free_spot(
