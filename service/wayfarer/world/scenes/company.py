@@ -230,14 +230,12 @@ class Company:
         places `ahead`. Returns which have just been stuck for too long.
         """
         way = ahead.position[mine, :2] - hips
-        way /= np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), np.float32(1e-6))
-        people, step = self._avoidance.crowd, np.float32(STEP_SECONDS)
-        gets_on = (people.people.velocity[people.places[rows]] * way).sum(-1)
-        advanced, seconds = aims.advanced[mine] + step * gets_on, aims.stuck[mine]
+        crowd, step = self._avoidance.crowd, np.float32(STEP_SECONDS)
+        gone = step * crowd.people.velocity[crowd.places[rows]] * way
+        far = np.maximum(np.hypot(way[:, 0], way[:, 1]), np.float32(1e-6))
+        advanced, seconds = aims.advanced[mine] + (gone[:, 0] + gone[:, 1]) / far, aims.stuck[mine]
         advances = advanced >= ADVANCES
-        aims.advanced[mine], aims.stuck[mine] = (
-            np.where(advances, 0, count) for count in (advanced, seconds)
-        )
+        aims.advanced[mine], aims.stuck[mine[advances]] = np.where(advances, 0, advanced), 0.0
         is_stuck: Flags = ~advances & (seconds >= STUCK) & (seconds < STUCK + STEP_SECONDS)
         return is_stuck
 
