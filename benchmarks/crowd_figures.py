@@ -1,6 +1,7 @@
 """Figures of a crowd's tracks."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,7 @@ class Tracks:
     facing: Array | None  # [T, N, 2] unit vectors; None: not known, bodies are discs
     reached: Array  # [N] seconds at which they were at their goals; inf: never
     events: Counter[str]
+    told: list[tuple[float, int]]  # seconds at which `BLOCKED` was told, and of which person
     wall_s: float  # seconds of the computer
 
 
@@ -50,6 +52,7 @@ def figures(case: Case, tracks: Tracks) -> Row:
         "there": f"{int(np.isfinite(reached).sum())}/{len(walkers)}",
         "all_s": float(reached.max()) if np.isfinite(reached).all() else None,
     }
+    row["after_s"] = float(np.ptp(reached)) if np.isfinite(reached).all() else None
     row |= dict.fromkeys(("through_s", "flow", "per_m", "door_idle_s"))
     if case.door is not None:
         row |= door_figures(case.door, tracks.place[:, walkers])
@@ -57,6 +60,8 @@ def figures(case: Case, tracks: Tracks) -> Row:
     if case.stream is not None:
         row |= stream_figures(case.stream, tracks.place[:, walkers])
     row["still_s"] = longest_still(tracks.place[:, walkers], reached)
+    told = [(at, int(np.flatnonzero(walkers == who)[0])) for at, who in tracks.told]
+    row["untold_s"] = longest_still(tracks.place[:, walkers], reached, told)
     row["overlap_cm"], row["overlap_%"], row["deep_%"] = overlap(tracks)
     row["walked_on_m"] = walked_after(tracks.place[:, walkers], reached)
     row["events"] = " ".join(f"{name} {count}" for name, count in sorted(tracks.events.items()))
@@ -129,13 +134,16 @@ def longest(holds: Array) -> float:
     return float(best.max(initial=0)) / RATE
 
 
-def longest_still(place: Array, reached: Array) -> float:
-    """Longest time for which a person before its goal has not advanced by `STILL`."""
+def longest_still(place: Array, reached: Array, told: Sequence[tuple[float, int]] = ()) -> float:
+    """Longest time for which a person before its goal has not advanced by `STILL`. What follows an
+    event that `told` it (seconds, and the person) does not count.
+    """
     anchor, since, most = place[0].copy(), np.zeros(place.shape[1]), 0.0
     for step, line in enumerate(place):
         on = (np.linalg.norm(line - anchor, axis=-1) > STILL) | (step / RATE >= reached)
         anchor[on] = line[on]
         since = np.where(on, 0, since + 1 / RATE)
+        since[[who for at, who in told if round(at * RATE) == step]] = -np.inf  # until it goes on
         most = max(most, float(since.max(initial=0)))
     return most
 

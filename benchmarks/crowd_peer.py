@@ -47,4 +47,4 @@ def run(case: Case) -> Tracks:
             if np.isfinite(reached).all():
                 break
         simulation.iterate()
-    return Tracks(np.array(places), None, reached, Counter(), time.process_time() - begun)
+    return Tracks(np.array(places), None, reached, Counter(), [], time.process_time() - begun)

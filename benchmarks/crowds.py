@@ -6,11 +6,13 @@
 The world of a session in lock-step with the real engine and one candidate; time passes as fast as
 it is computed. It is compared with JuPedSim's collision-free speed model V2 on the same
 ground (`pip install jupedsim`; it is skipped if that is missing).
-*there*: people at their goals, or as near as others let them. *all_s*: seconds until all are there.
+*there*: people at their goals, or as near as others let them. *all_s*: seconds until all are there,
+from the start; *after_s*: from the first arrival.
 *through_s*: seconds until all are through the door. JuPedSim's people are removed at their goals,
 so they block nobody. *flow*, *per_m*: people per second through the door, also per metre.
 *door_idle_s*: longest time for which the door was empty although somebody stood before it.
-*still_s*: longest time for which a person on its way has not advanced by .3 m.
+*still_s*: longest time for which a person on its way has not advanced by .3 m; *untold_s*: the same
+until the event `BLOCKED`.
 *overlap_cm*: maximum overlap of two bodies (capsules of .42 by .22 m across their facing);
 *overlap_%*, *deep_%*: shares of bodies and times that overlap by more than 1 and 5 cm.
 *m/s*: mean speed of people on their way, 3 to 15 s after the start; in a stream, in which all
@@ -44,6 +46,7 @@ from wayfarer.models.bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.events import EventKind
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
@@ -96,6 +99,7 @@ def run(
     place = np.full((samples, len(people), 2), np.nan)
     facing = np.full((samples, len(people), 2), np.nan)
     reached, events, end = np.full(len(people), np.inf), Counter[str](), case.seconds
+    told = list[tuple[float, int]]()
     wanted = [k for k, goal in enumerate(case.goals) if goal is not None]
     for chunk in world.advance(case.seconds):
         who = number[chunk.agent_id]
@@ -112,11 +116,15 @@ def run(
                 end = min(end, chunk.scheduled_at + OVER)
         if chunk.scheduled_at > end:
             break
-        events.update(event.kind.value for _, event in world.take_events())
+        for _, event in world.take_events():
+            events[event.kind.value] += 1
+            if event.kind == EventKind.BLOCKED:
+                told.append((chunk.scheduled_at, number[event.agent_id]))
     known = np.flatnonzero(np.isfinite(place).all((1, 2)))
     window = slice(known[0], known[-1] + 1)
     wall = time.process_time() - begun
-    return Tracks(place[window], facing[window], reached, events, wall)
+    told = [(at - known[0] / RATE, who) for at, who in told]
+    return Tracks(place[window], facing[window], reached, events, told, wall)
 
 
 def summed(rows: Sequence[Row]) -> Row:
@@ -137,7 +145,7 @@ def summed(rows: Sequence[Row]) -> Row:
         elif name in MEANS:
             known = [value for value in values if value is not None]
             found[name] = float(np.mean(known)) if known else None
-        elif name in ("all_s", "through_s") and None in values:
+        elif name in ("all_s", "after_s", "through_s") and None in values:
             found[name] = None
         else:
             known = [value for value in values if value is not None]

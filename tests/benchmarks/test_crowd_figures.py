@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.crowd_figures import RATE, stream_figures
+from benchmarks.crowd_figures import RATE, longest_still, stream_figures
 
 
 def test_density_and_speed_of_a_stream_are_those_of_its_middle_half():
@@ -17,3 +17,12 @@ def test_density_and_speed_of_a_stream_are_those_of_its_middle_half():
     assert row["m/s"] == pytest.approx(0.5)
     assert row["per_m2"] == pytest.approx(2, rel=0.1)
     assert row["diagram_m/s"] == pytest.approx(0.54, rel=0.1)
+
+
+def test_a_stand_counts_until_it_is_told_and_again_once_the_person_has_gone_on():
+    metres = np.concatenate([np.zeros(80), np.full(120, 1.0)])  # 8 s, then 12
+    place, never = np.stack([metres, np.zeros(200)], -1)[:, None], np.array([np.inf])
+    assert longest_still(place, never) == pytest.approx(12, abs=0.2)
+    assert longest_still(place, never, [(12.0, 0)]) == pytest.approx(8, abs=0.2)
+    assert longest_still(place, never, [(4.0, 0), (15.0, 0)]) == pytest.approx(7, abs=0.2)
+    assert longest_still(place, never, [(4.0, 0)]) == pytest.approx(12, abs=0.2)

@@ -1,5 +1,7 @@
 """Agents among others: shared goals, people in the way, doors. The fake engine walks them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,9 +10,12 @@ from tests.world.scenes.grounds import enter, field, world_in
 from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
+from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.events import EventKind
+from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.passages import turns
 
 CORRIDOR = bake(SceneSpec(floors=(Floor(((0, 0), (2, 0), (2, 16), (0, 16))),)))
@@ -172,6 +177,30 @@ def test_who_waits_too_far_from_its_goal_goes_on_when_there_is_room_nearer():
     tracks, arrived = walked(world, 16.0)
     assert arrived == {walker.agent_id}
     assert np.linalg.norm(tracks[walker.agent_id][-1, :2] - (6.0, 7.0)) < 2.0
+
+
+def test_a_person_is_told_within_ten_seconds_without_progress_whatever_it_did_meanwhile():
+    """It makes way twice, and goes .2 m on."""
+    speeds = [0.0] * 10 + [-0.5] * 5 + [0.5] * 5 + [0.0] * 15 + [-0.5] * 5 + [0.5] * 7 + [0.0] * 20
+    assert len(told_stuck(speeds)) == 1
+    assert 9.0 <= told_stuck(speeds)[0] < 9.3
+    assert told_stuck([0.0] * 40 + [0.5] * 4 + [0.0] * 40) == []
+
+
+def told_stuck(speeds):
+    """Seconds at which a person is stuck that moves along its way at `speeds`, one per step."""
+    people, ahead, zero = People.empty(1), GoalColumns.empty(1), np.zeros(1, np.int64)
+    crowd = SimpleNamespace(people=people, places=zero)
+    company = Company(None, None, None, SimpleNamespace(crowd=crowd), None)
+    hips, found = np.zeros((1, 2), np.float32), []
+    for number, speed in enumerate(speeds, 1):
+        ahead.position[0, :2] = hips[0] + np.array([0, 1])
+        people.velocity[0] = 0, speed
+        people.aims.stuck += np.float32(STEP_SECONDS)
+        if company._get_stuck(zero, hips, zero, people.aims, ahead)[0]:
+            found.append(number * STEP_SECONDS)
+        hips += np.float32(STEP_SECONDS) * people.velocity
+    return found
 
 
 def before_a_door(*people, width=0.9):

@@ -119,6 +119,26 @@ def test_who_faces_a_heading_at_its_goal_does_not_make_way(heading):
     assert (max(off) < 0.1) == stays
 
 
+@pytest.mark.parametrize("off", [1.4, 2.2])  # farther than an agent strays, and than it may stand
+def test_an_agent_far_aside_returns_by_steps(off):
+    world, _, _ = world_in(field())
+    here, aside = np.array([6.0, 6.0]), np.array([0.0, off])
+    agent, _ = enter(world, tuple(here), (9.0, 9.0))
+    walked(world, 1.0)
+    world.give(agent.agent_id, goal(*(here - aside)), 1.0)
+    planned = world.slots.planned
+    slot = int(np.linalg.norm(planned.seed.translation[:, -1, :2] - here, axis=-1).argmin())
+    planned.gait.arrived[slot] = True
+    planned.aims.spot[slot] = planned.aims.asked[slot] = here - aside
+    planned.memory.yields[slot], planned.memory.retreat[slot] = 1.0, aside / 0.8
+    walked(world, 2.0)
+    assert not planned.aims.wants[slot]
+    assert planned.memory.yields[slot] > 0
+    walked(world, 8.0)
+    assert planned.gait.arrived[slot]
+    assert np.linalg.norm(planned.seed.translation[slot, -1, :2] - here + aside) < 0.4
+
+
 def around(*others: dict) -> Neighbours:
     """Person 0 stands at (0, 0). The others come to it from the south, and ask, unless they say
     otherwise.
@@ -220,11 +240,16 @@ def test_of_two_that_stay_the_places_around_which_they_sway_count(at, stands_at,
     assert (asked(them).touches[0] == 1) == touches
 
 
-def step(*others: np.ndarray, touches: bool = False, wall: float = np.inf) -> np.ndarray | None:
-    """The step of a person at (0, 0), .2 m left of a way along y; a wall is at x = -`wall`."""
+def step(
+    *others: np.ndarray, touches: bool = False, wall: float = np.inf, goal: float = 0.0
+) -> np.ndarray | None:
+    """The step of a person at (0, 0), .2 m left of a way along y. A wall is at x = -`wall`, and its
+    goal is at (`goal`, 0).
+    """
     ground = SimpleNamespace(walls=lambda slot: (lambda places: places[:, 0] + wall, 0.3))
     here, way = np.zeros(2), np.array([0.0, 1.0])
-    return MakingWay(None, ground, None)._step(0, here, way, 0.2, touches, here, np.array(others))
+    at = np.array([goal, 0.0])
+    return MakingWay(None, ground, None)._step(0, here, at, way, 0.2, touches, np.array(others))
 
 
 def test_a_step_leads_where_nobody_stops_it():
@@ -233,7 +258,25 @@ def test_a_step_leads_where_nobody_stops_it():
     assert first[0] < 0, "the person is to the left of the way, and steps to the left"
     second = step(far, 0.25 * first)
     assert second @ first < 0.75
-    assert not are_stopped(zero, second[None], zero, 0.25 * first[None])[0]
+    assert not are_stopped(zero, second[None], 0.25 * first[None])[0]
+
+
+def test_a_step_leads_no_farther_from_the_goal_than_a_person_may_stand():
+    far = np.array([-9.0, 0.0])
+    assert step(far)[0] < 0
+    assert step(far, goal=1.9)[0] > 0
+    assert step(far, goal=2.9) is None
+
+
+def test_of_places_without_room_a_person_that_touches_another_takes_the_roomiest():
+    turn = 2 * np.pi * np.arange(12) / 12
+    ring = 0.9 * np.stack([np.cos(turn), np.sin(turn)], 1)
+    inside = np.array([0.1, 0.2])
+    others = [inside, *ring]
+    assert step(*others) is None
+    found = 0.8 * step(*others, touches=True)
+    room = np.linalg.norm(found - others, axis=1).min()
+    assert np.linalg.norm(inside) + 0.05 < room < 0.46
 
 
 def test_beside_a_wall_a_person_steps_along_it_out_of_another_one():
@@ -249,18 +292,19 @@ def test_beside_a_wall_a_person_steps_along_it_out_of_another_one():
         ((0.3, 0.4), False),  # its way is free
         ((0.05, 0.2), False),  # it is beside
         ((-0.3, 0.0), False),  # it is behind
-        ((0.5, 0.0), False),  # it is not near yet
+        ((-0.1, 0.3), False),  # the step leads out of it
+        ((0.7, 0.2), True),  # far, but before the end
+        ((1.3, 0.0), False),  # beyond the end
     ],
 )
 def test_people_that_stand_before_a_step_stop_it(other, stopped):
     zero, place = np.zeros(2), np.array([[0.8, 0.0], [0.0, -0.8]])
-    assert are_stopped(zero, place, zero, np.array([other])).tolist() == [stopped, False]
+    assert are_stopped(zero, place, np.array([other])).tolist() == [stopped, False]
 
 
 def test_those_near_a_person_or_its_place_are_seen_where_they_come_to_a_stand():
     far = {"at": (4, -2), "velocity": (0, 1)}
     them = around(far, {"at": (0.5, 0)}, {"at": (8, 0)}, {"at": (0, 0), "height": 3})
     zero, home = np.zeros(2, np.float32), np.array([4, -1], np.float32)
-    stop, others = find_stops(them, 0, zero, home)
-    assert stop.tolist() == [0, 0]
+    others = find_stops(them, 0, zero, home)
     assert others.tolist() == [[4, pytest.approx(-1.65)], [0.5, 0]]

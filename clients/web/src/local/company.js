@@ -6,10 +6,10 @@ import { SIDEWAYS, lane } from "./lanes.js";
 import { turn } from "./passages.js";
 import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
 import { FARTHEST, takeSpot } from "./spots.js";
-import { STEP_SECONDS, STRAFING, angleBetween, minus, plus, times } from "./steering.js";
+import { STEP_SECONDS, STRAFING, angleBetween, dot, minus, plus, times } from "./steering.js";
 
-const REACH = 1, TOLD = 3.9, STUCK = 10, NEAR = 1.5, SHUFFLE = 0.3, WAITS = 0.4, GOAL_MOVES = 0.3;
-export const PATIENCE = 2.5;
+const REACH = 1, TOLD = 3.9, STUCK = 9, ADVANCES = 0.3, NEAR = 1.5, SHUFFLE = 0.3, WAITS = 0.4, GOAL_MOVES = 0.3;
+export const PATIENCE = 2.5, TOUCH = 0.4;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
@@ -20,8 +20,9 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
 /** @typedef {import("./steering.js").GoalRow} GoalRow */
 /**
  * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it
- * received. `spot`: where it will stand. `barred`: seconds for which standing people have blocked its way.
- * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number }} Aims
+ * received. `spot`: where it will stand. `barred`: seconds for which standing people have blocked its way. `stuck`:
+ * seconds for which it has not got on, whatever it did meanwhile; `advanced`: metres by which it has since then.
+ * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number, stuck: number, advanced: number }} Aims
  */
 /** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
 /** A person as others see it at a moment. @typedef {import("./avoidance.js").Other & { person: Person, aims: Aims, stands: boolean }} Seen */
@@ -69,10 +70,9 @@ export class Company {
       const { person, hips, walker: { aims } } = row;
       const near = Math.min(...by.map(({ position }) => Math.hypot(...minus(position, hips))));
       const waits = near < STOPS + (person.planned.gait.speed < SLOW ? SHUFFLE : 0);
-      this.#settle(row, waits);
+      this.#settle(row, waits, people);
       if (waits) row.ahead = { ...row.ahead, given: false };
-      const { waited } = row.walker.memory;
-      if (!by.length && waited >= STUCK && waited < STUCK + STEP) {
+      if (isStuck(row) && (aims.barred < TOLD || aims.barred >= TOLD + STUCK)) { // else it has just been told
         const others = people.filter(({ position, person: other }) => other !== person && Math.hypot(...minus(position, hips)) < NEAR);
         this.tell(person, "blocked", person.waypoint, others.map((other) => other.person));
       }
@@ -124,10 +124,12 @@ export class Company {
     row.ahead = passing(row.ahead, target, minus(target, row.hips));
   }
 
-  /** Stops a person that is near its goal and gets no nearer. @param {Row} row @param {boolean} barred */
-  #settle({ hips, goal, walker: { aims, memory } }, barred) {
+  /** Stops a person that is near its goal and gets no nearer, if it is in nobody there. @param {Row} row @param {boolean} barred @param {Seen[]} people */
+  #settle({ hips, goal, self, walker: { aims, memory } }, barred, people) {
     const off = Math.hypot(...minus(aims.asked, hips));
-    if (!goal.through && off < FARTHEST && (barred || memory.waited > PATIENCE)) aims.spot = hips;
+    if (goal.through || off >= FARTHEST || !(barred || memory.waited > PATIENCE)) return;
+    const touches = people.some((other) => other !== self && other.stands && Math.hypot(...minus(other.position, self.position)) < TOUCH);
+    if (!touches) aims.spot = hips;
   }
 
   /** Report, once, that a person waits at a spot too far from its goal. @param {Row} row @param {Seen[]} people */
@@ -185,6 +187,14 @@ export class Company {
     lay(route, goesOn ? [...points, ...rest] : points, person.revision, person.waypoint);
     return true;
   }
+}
+
+/** Notes how far a person has got on; whether it has just been stuck for too long. @param {Row} row before its way is bent */
+function isStuck({ hips, ahead, self: { velocity }, walker: { aims } }) {
+  const way = minus(ahead.place, hips);
+  aims.advanced = Math.fround(aims.advanced + (STEP * dot(velocity, way)) / Math.max(Math.hypot(...way), 1e-6));
+  if (aims.advanced >= ADVANCES) aims.advanced = aims.stuck = 0;
+  return aims.stuck >= STUCK && aims.stuck < STUCK + STEP;
 }
 
 /** Whether there is a way to a person's present goal. @param {Row} row */

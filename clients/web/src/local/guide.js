@@ -77,7 +77,7 @@ export class Guide {
   #walker(person) {
     let walker = this.#walkers.get(person);
     if (!walker) {
-      walker = { route: noRoute(), memory: freshMemory(), aims: { wants: false, asked: [0, 0], spot: [0, 0], barred: 0 } };
+      walker = { route: noRoute(), memory: freshMemory(), aims: { wants: false, asked: [0, 0], spot: [0, 0], barred: 0, stuck: 0, advanced: 0 } };
       this.#walkers.set(person, walker);
     }
     return walker;
@@ -98,7 +98,7 @@ export class Guide {
   /** On the endless floor: the goal by which arrival is judged, and whether there is a way to go. @param {Row} row */
   #onFloor(row) {
     const { goal, gait, walker } = row, wanted = goal.given && !gait.arrived;
-    walker.aims.wants = wanted;
+    begin(walker, wanted);
     row.ahead = goal;
     if (wanted) this.company?.leadOnFloor(row);
     return { judged: goal, leads: wanted };
@@ -106,11 +106,11 @@ export class Guide {
 
   /** The same in a scene. @param {Row} row @param {Seen[]} people */
   #led(row, people) {
-    const { hips, gait, goal, walker: { aims } } = row;
+    const { hips, gait, goal, walker } = row;
     const away = Math.hypot(...minus(goal.place, hips));
-    const back = !goal.through && away > goal.radius + STRAYED;
+    const back = !goal.through && away > goal.radius + STRAYED && walker.memory.yields <= 0;
     const wanted = goal.given && (!gait.arrived || back);
-    aims.wants = wanted;
+    begin(walker, wanted);
     const route = this.#update(row, wanted), open = Boolean(route?.open);
     row.ahead = { ...goal, given: goal.given && (open || !wanted) };
     const left = route?.open ? lengthOf(route) - route.progress : Infinity;
@@ -214,6 +214,16 @@ export class Guide {
       position: [Math.fround(translation[3] + velocity[0] * ahead), Math.fround(translation[4] + velocity[1] * ahead)],
     };
   }
+}
+
+/** Notes whether a person has a way to go, and for how long. One that begins or ends a way makes way no longer. @param {import("./company.js").Walker} walker @param {boolean} wanted */
+function begin(walker, wanted) {
+  const { memory, aims } = walker;
+  if (wanted !== aims.wants) {
+    walker.memory = { ...memory, yields: 0 };
+    Object.assign(aims, { wants: wanted, stuck: 0, advanced: 0 });
+  }
+  if (wanted) aims.stuck = Math.fround(aims.stuck + Math.fround(STEP_SECONDS));
 }
 
 /** @param {GoalRow} ahead @param {Point} hips @param {Point} preferred @param {Point} chosen @param {boolean} waits @returns {GoalRow} */

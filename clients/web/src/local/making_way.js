@@ -1,12 +1,12 @@
 // Making way: a standing agent steps aside when another is stuck before it or stands in it, and returns. It mirrors the
 // server's world/scenes/making_way.py, which explains the rule. World: metres.
 
-import { PATIENCE } from "./company.js";
+import { PATIENCE, TOUCH } from "./company.js";
 import { stop } from "./passages.js";
 import { FARTHEST } from "./spots.js";
-import { STANDING, STEP_SECONDS, WALKING, dot, minus, plus, times, unit } from "./steering.js";
+import { STANDING, STEP_SECONDS, bounded, dot, minus, plus, times, unit } from "./steering.js";
 
-const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, BESIDE = 0.1, TOUCH = 0.4, SWAYS = 0.15, RETURNS = 1, HOME = 0.25;
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, NEARER = 0.9, ROOMIER = 0.05, SWAYS = 0.15, RETURNS = 1, HOME = 0.25;
 const SIDES = [75, 45, 105, 135, -75, -45, -105, -135, 0, 180].map((angle) => (angle * Math.PI) / 180);
 const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math.cos(turned), aside: size * Math.sin(turned) })));
 
@@ -23,42 +23,47 @@ export class MakingWay {
 
   /** Sends a person that stays aside, or back, and a waiting person out of another one. @param {Row} row @param {Seen[]} people */
   update(row, people) {
-    const { hips, gait, self, walker } = row, stays = !walker.aims.wants;
+    const { hips, self, walker } = row, stays = !walker.aims.wants;
     if (!stays && row.ahead.given) return;
-    if (stays && gait.mode === WALKING) walker.memory = { ...walker.memory, yields: 0 }; // it made way as it walked
     if (!mayStep(row)) return;
-    const aside = stays && walker.memory.yields > 0, others = people.filter((other) => other !== self), home = aside ? walker.aims.spot : hips;
+    const aside = stays && walker.memory.yields > 0, others = people.filter((other) => other !== self), { spot } = walker.aims;
+    const home = aside || Math.hypot(...minus(spot, hips)) < HOME ? spot : hips;
     const asks = toucher(others, self) ?? (stays ? comer(others, self, hips, false) : null);
-    const step = asks && this.#step(row, asks, others);
+    const runsOn = isStopped(hips, stop(self), others), step = asks && !runsOn && this.#step(row, asks, others);
     if (step && !stays) return stepTo(row, plus(hips, times(ASIDE, step)), others);
     if (step) {
       walker.aims.spot = home;
       walker.memory = { ...walker.memory, retreat: plus(step, times(1 / ASIDE, minus(hips, home))) };
     } else if (!aside) return;
     const taken = others.some((other) => Math.hypot(...minus(stop(other), walker.aims.spot)) < TOUCH);
-    const place = nextPlace(row, taken || (asks !== null && !asks.touches) || (aside && comer(others, self, home, true) !== null));
+    // a person that is in the way where it is, and can step no farther, is better off at its place
+    const place = nextPlace(row, taken || Boolean(step) || (aside && comer(others, self, home, true) !== null));
     if (!walker.memory.yields) return;
     stepTo(row, place, others);
   }
 
   /** A person's step, in `ASIDE`, to a free place to which nobody stops it. @param {Row} row @param {Way} asks @param {Seen[]} others @returns {Point | undefined} */
-  #step({ hips, self }, { way, left, touches }, others) {
-    const side = left >= 0 ? 1 : -1;
-    const sides = STEPS.map(({ x, aside }) => ({ x, y: side * aside }));
-    return sides.map(({ x, y }) => ({ y, step: /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]) })).find(({ y, step }) => {
-      const place = plus(hips, times(ASIDE, step));
-      return (touches || Math.abs(left + ASIDE * y) >= CLOSES) && (!this.scene || this.scene.distance(...place) >= this.scene.radius)
-        && others.every((other) => Math.hypot(...minus(place, stop(other))) >= APART) && !isStopped(hips, place, stop(self), others);
-    })?.step;
+  #step({ hips, ahead, walker: { aims } }, { way, left, touches }, others) {
+    const side = left >= 0 ? 1 : -1, goal = ahead.given ? aims.asked : hips;
+    const roomAt = (/** @type {Point} */ place) => Math.min(...others.map((other) => Math.hypot(...minus(place, stop(other)))));
+    const found = STEPS.map(({ x, aside }) => ({ x, y: side * aside })).map(({ x, y }) => {
+      const step = /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]), place = plus(hips, times(ASIDE, step));
+      const may = (touches || Math.abs(left + ASIDE * y) >= CLOSES) && Math.hypot(...minus(place, goal)) < FARTHEST
+        && (!this.scene || this.scene.distance(...place) >= this.scene.radius) && !isStopped(hips, place, others);
+      return { step, room: may ? roomAt(place) : 0 };
+    });
+    const most = Math.max(...found.map(({ room }) => room)), least = touches ? Math.min(APART, Math.max(roomAt(hips) + ROOMIER, most - ROOMIER)) : APART;
+    return found.find(({ room }) => room >= least)?.step;
   }
 }
 
-/** Whether a person faces no heading, and is near its goal. @param {Row} row */
-const mayStep = ({ hips, ahead, walker: { aims } }) => !ahead.given || (!ahead.heading && Math.hypot(...minus(hips, aims.asked)) < FARTHEST);
+/** Whether a person faces no heading, and is near its goal or has stepped from there. @param {Row} row */
+const mayStep = ({ hips, ahead, walker: { aims, memory } }) =>
+  !ahead.given || (!ahead.heading && (memory.yields > 0 || Math.hypot(...minus(hips, aims.asked)) < FARTHEST));
 
 /** Makes a person step to a place, facing as it does, unless others stop it. @param {Row} row @param {Point} place @param {Seen[]} others */
 function stepTo(row, place, others) {
-  const given = !isStopped(row.hips, place, stop(row.self), others), heading = given ? row.gait.stopFacing : null;
+  const given = !isStopped(row.hips, stop(row.self), others) && !isStopped(row.hips, place, others), heading = given ? row.gait.stopFacing : null;
   row.ahead = { ...row.ahead, place, heading, given, through: false, strafe: true, radius: Math.fround(0.1), speed: Math.fround(0.8) };
 }
 
@@ -101,11 +106,11 @@ function stance({ position, person: { planned: { gait: { mode, stopPlace } } } }
   return mode === STANDING && Math.hypot(...minus(stopPlace, position)) < SWAYS ? stopPlace : position;
 }
 
-/** Whether others stand before a person that steps from here to a place. @param {Point} here @param {Point} place @param {Point} stands where it would come to a stand @param {Seen[]} others */
-function isStopped(here, place, stands, others) {
-  const step = unit(minus(place, here));
-  return others.map((other) => minus(stop(other), stands)).some((gap) => {
-    const far = Math.hypot(...gap), along = dot(gap, step);
-    return along > BESIDE && far < APART && far ** 2 - along ** 2 < BODY ** 2;
+/** Whether others stand in the way of a person that steps from here to a place. @param {Point} here @param {Point} place @param {Seen[]} others */
+function isStopped(here, place, others) {
+  const span = Math.hypot(...minus(place, here)), step = unit(minus(place, here));
+  return others.map((other) => minus(stop(other), here)).some((gap) => {
+    const far = Math.hypot(...gap), along = dot(gap, step), beyond = along - bounded(along, 0, span);
+    return far ** 2 - along ** 2 + beyond ** 2 < Math.min(BODY, NEARER * far) ** 2;
   });
 }

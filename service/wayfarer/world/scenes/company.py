@@ -28,8 +28,12 @@ REACH: Final = 1.0
 REPORT_S: Final = 4.0
 """Seconds for which people must close a way before the event `BLOCKED` reports it."""
 
-STUCK: Final = 10.0
-"""Seconds without progress after which `BLOCKED` names the people within `NEAR` metres."""
+STUCK: Final = 9.0
+"""Seconds without progress after which `BLOCKED` names the people within `NEAR` metres: nobody is
+seen to stand for ten without it."""
+
+ADVANCES: Final = 0.3
+"""Metres along its way that are progress. A step aside and back is none."""
 
 NEAR: Final = 1.5
 
@@ -45,6 +49,9 @@ stand in its way to make way."""
 
 BEFORE: Final = np.array([0.1, 0.4, 0.7, 1.0])
 """Metres along its way at which an agent measures the width of the way."""
+
+TOUCH: Final = 0.4
+"""Metres between the places of two standing people within which their bodies are in each other."""
 
 TURNED: Final = 0.25
 """Radians from which shoulders count as turned."""
@@ -104,25 +111,28 @@ class Company:
         places, aims, waited = goals.position[mine], start.aims, start.memory.waited[mine]
         barred = self._detours.update(some, hips[which], places, crowd, aims.barred[mine])
         aims.barred[mine] = seconds = barred.seconds.astype(np.float32)
+        stuck = self._get_stuck(some, hips[which], mine, aims, ahead)
+        stuck &= (seconds < REPORT_S) | (seconds >= REPORT_S + STUCK)  # else it has just been told
+        for row in np.flatnonzero(stuck).tolist():
+            everybody = crowd.session(int(some[row]))
+            gaps = np.linalg.norm(everybody.people.position - hips[which[row]], axis=-1)
+            others = everybody.slots[(gaps < NEAR) & (everybody.slots != some[row])]
+            self._blocked(int(some[row]), others, "are in the way")
         if not (barred.is_barred.any() or (waited > PATIENCE).any()):
             return
         rests = start.gait.speed[mine] < SLOW
         waits = barred.is_barred & (barred.near < STOPS + SHUFFLE * rests)
         off = np.linalg.norm(aims.asked[mine] - hips[which], axis=-1)
         stays = ~goals.through[mine] & (off < FARTHEST) & (waits | (waited > PATIENCE))
-        aims.spot[mine[stays]] = hips[which[stays]]  # it makes no progress, and stops where it is
+        # it makes no progress, and stops where it is if it is in nobody there
+        stays[stays] = ~crowd.near(some[stays], crowd.stand, TOUCH)
+        aims.spot[mine[stays]] = hips[which[stays]]
         ahead.given[mine[waits]] = False
         reported = barred.is_barred & (seconds >= REPORT_S) & (seconds < REPORT_S + 0.19)
         for row in np.flatnonzero(reported).tolist():
             first = crowd.own[0][crowd.places[some[row]]]
             others = crowd.slots[first + np.flatnonzero(barred.by[row])]
             self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
-        stuck = ~barred.is_barred & (waited >= STUCK) & (waited < STUCK + STEP_SECONDS)
-        for row in np.flatnonzero(stuck).tolist():
-            everybody = crowd.session(int(some[row]))
-            gaps = np.linalg.norm(everybody.people.position - hips[which[row]], axis=-1)
-            others = everybody.slots[(gaps < NEAR) & (everybody.slots != some[row])]
-            self._blocked(int(some[row]), others, "are in the way")
 
     def take_turns(
         self,
@@ -212,6 +222,22 @@ class Company:
         """Indices of the rows that walk in scenes among others."""
         slots = self._slots
         return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
+
+    def _get_stuck(
+        self, rows: Index, hips: Float, mine: Index, aims: Aims, ahead: GoalColumns
+    ) -> Flags:
+        """Notes in rows `mine` of `aims` how far rows [A] at `hips` [A, 2] have got on to their
+        places `ahead`. Returns which have just been stuck for too long.
+        """
+        way = ahead.position[mine, :2] - hips
+        crowd, step = self._avoidance.crowd, np.float32(STEP_SECONDS)
+        gone = step * crowd.people.velocity[crowd.places[rows]] * way
+        far = np.maximum(np.hypot(way[:, 0], way[:, 1]), np.float32(1e-6))
+        advanced, seconds = aims.advanced[mine] + (gone[:, 0] + gone[:, 1]) / far, aims.stuck[mine]
+        advances = advanced >= ADVANCES
+        aims.advanced[mine], aims.stuck[mine[advances]] = np.where(advances, 0, advanced), 0.0
+        is_stuck: Flags = ~advances & (seconds >= STUCK) & (seconds < STUCK + STEP_SECONDS)
+        return is_stuck
 
     def _wait(self, slot: int, aims: Aims) -> None:
         """Counts how long an agent waits at a spot too far from its goal, and reports the start.

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.engines.engine import Float, no_obstacles
+from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.route import Passage
@@ -144,7 +145,8 @@ class SceneGuide:
     def _on_floor(self, rows: Index, hips: Array, start: Motion, goals: GoalColumns) -> NextTarget:
         """The targets of rows on the flat floor without a scene; see `course`."""
         ahead = goals.take(np.arange(len(rows)))
-        start.aims.wants = wanted = goals.given & ~start.gait.arrived
+        wanted = goals.given & ~start.gait.arrived
+        _begin(start, wanted)
         led = np.flatnonzero(wanted & self._slots.avoids[rows])
         if len(led):
             some, places = rows[led], hips[led]
@@ -171,8 +173,9 @@ class SceneGuide:
         """The targets of rows that are all in scenes; see `course`."""
         route, gait = self._slots.route, start.gait
         away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
-        back = ~goals.through & (away > goals.radius + STRAYED)
-        start.aims.wants = wanted = goals.given & (~gait.arrived | back)
+        back = ~goals.through & (away > goals.radius + STRAYED) & (start.memory.yields <= 0)
+        wanted = goals.given & (~gait.arrived | back)
+        _begin(start, wanted)
         self._planner.update(rows, hips, gait, goals, wanted)
         known = (route.revision[rows] == self._slots.goal_revision[rows]) & (
             route.waypoint[rows] == gait.waypoint
@@ -282,6 +285,16 @@ class SceneGuide:
             lacks = np.clip(keeps - distance, 0.0, PUSH[1])
             found[mine] = PUSH[0] * lacks[:, None] * away
         return found
+
+
+def _begin(start: Motion, wanted: Flags) -> None:
+    """Notes which rows [A] have a way to go, and for how long. An agent that begins or ends a way
+    no longer makes way.
+    """
+    turned, aims = wanted != start.aims.wants, start.aims
+    start.memory.yields[turned] = aims.stuck[turned] = aims.advanced[turned] = 0.0
+    aims.stuck[wanted] += np.float32(STEP_SECONDS)
+    aims.wants = wanted
 
 
 def stairs_of(heights: Array, metres: Array) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
-and returns when its place is free. If it is in the way where it stepped, it steps again. If two
-agents stand or wait in each other, the one with the higher number steps aside, and a standing one
-always does so for a waiting one. A standing body shifts its weight: of two that stay, the places
-around which their hips sway count.
+and returns when its place is free. If it is in the way where it stepped, it steps again, but never
+too far from its goal. If two agents stand or wait in each other, the one with the higher number
+steps aside, and a standing one always does so for a waiting one. A step leads through nobody. A
+standing body shifts its weight: of two that stay, the places around which their hips sway count.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
@@ -22,7 +22,7 @@ from wayfarer.world.avoidance.people import Memory, People
 from wayfarer.world.rows import Array, Flags, Float, Index, Int
 from wayfarer.world.scenes.cells import Cells, beside, cells_of
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
-from wayfarer.world.scenes.company import PATIENCE
+from wayfarer.world.scenes.company import PATIENCE, TOUCH
 from wayfarer.world.scenes.passages import COASTS
 from wayfarer.world.scenes.people import Gathering
 from wayfarer.world.scenes.spots import FARTHEST
@@ -45,11 +45,12 @@ ones along the way leave it closed, but lead out of another one, beside a wall, 
 APART: Final = 0.46
 """Metres that a step leaves between two people."""
 
-BODY, BESIDE = 0.37, 0.1
-"""Metres beside the line of a step within which somebody stops it, and ahead from which."""
+BODY, NEARER = 0.37, 0.9
+"""Metres beside the line of a step within which somebody stops it, or that share of the distance to
+that one: a step leads out of another one, not through it."""
 
-TOUCH: Final = 0.4
-"""Metres between the places of two standing people within which their bodies are in each other."""
+ROOMIER: Final = 0.05
+"""Metres of more room that make a step out of another one worthwhile where no place is free."""
 
 SWAYS: Final = 0.15
 """Metres from its place within which a standing body sways: farther away it stands elsewhere."""
@@ -62,7 +63,7 @@ HOME: Final = 0.25
 
 
 NEIGHBOURS: Final = 1.5
-"""Metres from a person, its place and its stop within which others matter to its step."""
+"""Metres from a person and its place within which others matter to its step."""
 
 
 class Neighbours(NamedTuple):
@@ -137,21 +138,23 @@ class MakingWay:
         on its way (not `stays`) steps out of another agent.
         """
         gait, memory, spots = start.gait, start.memory, start.aims.spot
-        memory.yields[stays & (gait.mode == Mode.WALKING)] = 0.0  # it made way as it walked
         crowd = self._avoidance.crowd
         which = np.flatnonzero((stays | ~ahead.given) & self._may_step(rows, hips, start, ahead))
         mine, aside = crowd.places[rows[which]], stays[which] & (memory.yields[which] > 0)
-        homes = np.where(aside[:, None], spots[which], hips[which])
+        has_place = aside | (np.linalg.norm(spots[which] - hips[which], axis=-1) < HOME)
+        homes = np.where(has_place[:, None], spots[which], hips[which])
         asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd, self._slots.planned.gait)
         find_asks(everybody, mine, hips[which], homes, stays[which], aside, asks)
         is_asked = (asks.touches >= 0) | (asks.asks >= 0)
         for at in np.flatnonzero(is_asked | aside).tolist():
             row, here, home, me = which[at], hips[which[at]], homes[at], mine[at]
-            stop, others = find_stops(everybody, me, here, home)
-            step = None
-            if is_asked[at]:
+            others = find_stops(everybody, me, here, home)
+            stop = everybody.position[me] + np.float32(COASTS) * everybody.velocity[me]
+            step, runs_on = None, are_stopped(here, stop[None], others)[0]
+            if is_asked[at] and not runs_on:
                 way = asks.way[at], asks.left[at], asks.touches[at] >= 0
-                step = self._step(int(rows[row]), here, *way, stop, others)
+                goal = start.aims.asked[row] if ahead.given[row] else here
+                step = self._step(int(rows[row]), here, goal, *way, others)
             if step is not None:
                 place, retreat = here + ASIDE * step, step + (here - home) / ASIDE
             elif not aside[at]:
@@ -160,10 +163,11 @@ class MakingWay:
                 if step is not None:
                     spots[row], memory.retreat[row] = home, retreat
                 taken = bool((np.linalg.norm(others - spots[row], axis=-1) < TOUCH).any())
-                needed = taken or max(asks.asks[at], asks.comes[at]) >= 0
+                # an agent in the way that can step no farther is better off at its place
+                needed = taken or step is not None or asks.comes[at] >= 0
                 place = next_place(memory, row, here, spots[row], needed)
             if not stays[row] or memory.yields[row] > 0:
-                ahead.given[row] = not are_stopped(here, place[None], stop, others)[0]
+                ahead.given[row] = not (runs_on or are_stopped(here, place[None], others)[0])
                 ahead.through[row], ahead.strafe[row], ahead.tread[row] = False, True, 0.0
                 ahead.radius[row], ahead.speed[row] = 0.1, 0.8
                 ahead.position[row, :2], ahead.heading[row] = place, gait.stop_facing[row]
@@ -174,6 +178,7 @@ class MakingWay:
         """
         slots = self._slots
         at_goal = np.linalg.norm(hips - start.aims.asked, axis=-1) < FARTHEST
+        at_goal |= start.memory.yields > 0  # it has stepped from there
         free = ~ahead.given | (at_goal & ~ahead.heading.any(-1))
         may: Flags = free & slots.avoids[rows] & (slots.feeding[rows] != Feeding.EACH_STEP)
         return may
@@ -182,24 +187,31 @@ class MakingWay:
         self,
         slot: int,
         here: Float,
+        goal: Float,
         way: Array,
         left: float,
         touches: bool,
-        stop: Array,
         others: Array,
     ) -> Array | None:
         """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place to which
-        nobody stops it. A person that `touches` another need not leave the way.
+        nobody stops it, near its `goal` [2]. Neighbours would come to a stand at `others` [N, 2].
 
-        It would come to a stand at `stop` [2], its neighbours at `others` [N, 2].
+        A person that `touches` another need not leave the way. If no place is free, it takes the
+        one with the most room, if that is more than it has.
         """
-        clear, room = self._scenery.walls(slot)
+        clear, wide = self._scenery.walls(slot)
         tried = STEPS * [1, 1 if left >= 0 else -1]
         steps = tried @ np.array([way, [-way[1], way[0]]])
         places = here + ASIDE * steps
-        free = touches | (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
-        free &= (np.linalg.norm(places[:, None] - others, axis=-1) >= APART).all(1)
-        free &= (clear(places) >= room) & ~are_stopped(here, places, stop, others)
+        may = touches | (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
+        may &= np.linalg.norm(places - goal, axis=-1) < FARTHEST
+        may &= (clear(places) >= wide) & ~are_stopped(here, places, others)
+        gaps = np.linalg.norm(np.append(places, here[None], 0)[:, None] - others, axis=-1)
+        rooms = gaps.min(1, initial=np.inf)
+        room, least = np.where(may, rooms[:-1], 0.0), APART
+        if touches:
+            least = min(APART, max(rooms[-1] + ROOMIER, room.max() - ROOMIER))
+        free = room >= least
         return steps[free.argmax()] if free.any() else None
 
 
@@ -312,14 +324,12 @@ def is_level(them: Neighbours, me: int, other: int) -> bool:
 
 
 @compiled
-def find_stops(them: Neighbours, me: int, here: Float, home: Float) -> tuple[Float, Float]:
-    """Where person `me`, at `here` [2] with a place at `home` [2], would come to a stand [2], and
-    where others on its floor would that are near its stop, `here` or `home` [N, 2].
+def find_stops(them: Neighbours, me: int, here: Float, home: Float) -> Float:
+    """Where others on the floor of person `me`, that is at `here` [2] with a place at `home` [2],
+    would come to a stand [N, 2]: those near `here` or `home`.
     """
-    stops = np.empty((them.last[me] - them.first[me] + 1, 2), np.float32)
-    for k in range(2):
-        stops[0, k] = them.position[me, k] + np.float32(COASTS) * them.velocity[me, k]
-    count = 1
+    stops = np.empty((them.last[me] - them.first[me], 2), np.float32)
+    count = 0
     for other in range(them.first[me], them.last[me]):
         if not is_level(them, me, other):
             continue
@@ -327,24 +337,21 @@ def find_stops(them: Neighbours, me: int, here: Float, home: Float) -> tuple[Flo
         y = them.position[other, 1] + np.float32(COASTS) * them.velocity[other, 1]
         near = (x - here[0]) ** 2 + (y - here[1]) ** 2
         near = min(near, (x - home[0]) ** 2 + (y - home[1]) ** 2)
-        near = min(near, (x - stops[0, 0]) ** 2 + (y - stops[0, 1]) ** 2)
         if near < NEIGHBOURS**2:
             stops[count, 0], stops[count, 1] = x, y
             count += 1
-    return stops[0], stops[1:count].copy()
+    return stops[:count].copy()
 
 
-def are_stopped(here: Float, places: Array, stop: Float, others: Float) -> Flags:
-    """Whether others [N, 2] stand before a person that steps from `here` [2] to each place [P, 2].
-
-    It would come to a stand at `stop` [2].
+def are_stopped(here: Float, places: Array, others: Float) -> Flags:
+    """Whether others [N, 2] stand in the way of a person that steps from `here` [2] to each place
+    [P, 2].
     """
-    gaps, steps = others - stop, places - here
-    far = np.linalg.norm(gaps, axis=-1)
-    along = (gaps * steps[:, None]).sum(-1)  # [P, N]
-    along /= np.maximum(np.linalg.norm(steps, axis=-1, keepdims=True), 1e-6)
-    stop_it = (along > BESIDE) & (far**2 - along**2 < BODY**2) & (far < APART)
-    stopped: Flags = stop_it.any(1)
+    gaps, steps = others - here, places - here
+    far, span = np.linalg.norm(gaps, axis=-1), np.linalg.norm(steps, axis=-1, keepdims=True)
+    along = (gaps * steps[:, None]).sum(-1) / np.maximum(span, 1e-6)  # [P, N]
+    passes = far**2 - along**2 + (along - np.clip(along, 0, span)) ** 2
+    stopped: Flags = (passes < np.minimum(BODY, NEARER * far) ** 2).any(1)
     return stopped
 
 
