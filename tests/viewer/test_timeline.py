@@ -73,26 +73,26 @@ def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two people wander in the corridor; the folder that files are saved to."""
     folder = tmp_path_factory.mktemp("saved")
     page.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
-    two_come(page)
-    page.evaluate("document.querySelector('#wander').click()")
-    page.evaluate("document.querySelector('#view').focus()")
+    two_wander(page)
     return folder
 
 
-def two_come(page: Page) -> None:
+def two_wander(page: Page) -> None:
     page.call("Page.navigate", url="about:blank")
     page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor&people=0")
     page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
     for _ in range(2):
         page.evaluate("document.querySelector('#add-one').click()")
     page.wait_for(f"{SHOWN} === 2", 60)
+    page.evaluate("document.querySelector('#wander').click()")
+    page.evaluate("document.querySelector('#view').focus()")
 
 
 @pytest.fixture(autouse=True)
 def let_go(page: Page) -> Iterator[None]:
     """Ends what a failed test has begun, before the next test, or before it is tried again."""
     if page.evaluate("Boolean(globalThis.wayfarer?.replay)"):
-        two_come(page)
+        two_wander(page)
     yield
     page.evaluate(
         "if (globalThis.wayfarer?.drive.on) document.querySelector('#drive').click();"
