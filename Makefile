@@ -125,25 +125,24 @@ $(VENV)/.serve: $(PACKAGE) $(PINNED) | $(BIN)/python
 	@$(BIN)/python -m wayfarer.transport.prepare
 	@touch $@
 
-# Old releases of pip read the first variable for what builds a package, too; newer ones the second.
+# What builds these packages is there with .serve.
 $(VENV)/.client $(VENV)/.engines $(VENV)/.lab $(VENV)/.dev: export PIP_CONSTRAINT = $(PINS)
-$(VENV)/.client $(VENV)/.engines $(VENV)/.lab $(VENV)/.dev: export PIP_BUILD_CONSTRAINT = $(PINS)
 
 $(VENV)/.client: $(VENV)/.serve $(PINS) $(CLIENT)
-	@$(BIN)/pip install --quiet --editable clients/python
+	@$(BIN)/pip install --quiet --no-build-isolation --editable clients/python
 	@touch $@
 
 $(VENV)/.engines: $(VENV)/.serve $(PINS) lab/pyproject.toml
 	@echo "installing what exports models into $(VENV) (once; without torch)"
-	@$(BIN)/pip install --quiet --editable './lab[engines]'
+	@$(BIN)/pip install --quiet --no-build-isolation --editable './lab[engines]'
 	@touch $@
 
 $(VENV)/.lab: $(VENV)/.serve $(PINS) lab/pyproject.toml
 	@echo "installing torch and the tools of lab/ into $(VENV) (once)"
-	@$(BIN)/pip install --quiet --editable './lab[train,render,load]'
+	@$(BIN)/pip install --quiet --no-build-isolation --editable './lab[train,render,load]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.lab $(VENV)/.client
 	@echo "installing the test tools into $(VENV) (once)"
-	@$(BIN)/pip install --quiet --editable '.[dev]'
+	@$(BIN)/pip install --quiet --no-build-isolation --editable '.[dev]'
 	@touch $@

@@ -5,6 +5,7 @@ Tests that share an expensive server, browser or export also share a worker.
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -121,18 +122,24 @@ def engines_export(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     return Exported(out, run_program(sys.executable, "-c", command, *words).stdout)
 
 
+@cache
+def lies_in(path: Path, names: tuple[str, ...]) -> bool:
+    """Whether a file is one of these, or in one of these folders. Asked once for each file: for
+    each test it was a quarter of the time to collect them.
+    """
+    return any(path.is_relative_to(HERE / name) for name in names)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts groups first, and marks tests that take more than a second or two of processor time."""
     items.sort(key=lambda item: group(item.nodeid) is None)
-    slow = [HERE / name for name in SLOW]
-    if gone := [str(path) for path in slow if not path.exists()]:
+    if gone := [name for name in SLOW if not (HERE / name).exists()]:
         raise pytest.UsageError(f"{__file__} names tests that are no more: {', '.join(gone)}")
-    browser = [HERE / name for name in BROWSER]
     for item in items:
-        if any(item.path.is_relative_to(path) for path in browser):
+        if lies_in(item.path, BROWSER):
             item.add_marker(pytest.mark.flaky(reruns=1))
         fixtures = SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
-        if fixtures or any(item.path.is_relative_to(path) for path in slow):
+        if fixtures or lies_in(item.path, SLOW):
             item.add_marker(pytest.mark.slow)
 
 

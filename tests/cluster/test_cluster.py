@@ -22,7 +22,7 @@ from tests.serving import needs_ray
 from wayfarer.v1 import motion_pb2, motion_pb2_grpc
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, NotFound, Unavailable
 
-STANDING = int(os.environ.get("WAYFARER_TEST_STANDING", "2"))
+STANDING = int(os.environ.get("WAYFARER_TEST_STANDING", "1"))
 """People of each of the 51 sessions that nobody watches: 12 makes 625 people with those that walk,
 for which CI's two cores would take as long as for half of all other tests.
 """

@@ -197,33 +197,6 @@ async def test_sessions_live_on_whatever_happens_to_nodes_and_ray(start, tmp_pat
     command.ctrl_c()
 
 
-async def test_sessions_outlive_a_node_that_ends_with_the_directory(start):
-    """Nobody else knows whose they are; the other node has their copies."""
-    command = start("--workers", str(NODES))
-    async with Client(command.grpc_address, timeout=60) as client:
-        everybody = [await followed(client, command) for _ in range(4)]
-        homes = {one: command.home(one.session) for one in everybody}
-        assert set(homes.values()) == set(range(NODES)), "they are spread"
-        await all_go_on(everybody)
-        late = {one: (await one.session.create_agents(AgentSpec()))[0] for one in everybody}
-        node = command.node(homes[everybody[0]])
-        command.kill("DirectoryActor")
-        node.kill()
-        for one in everybody:
-            assert late[one].agent_id in await people(one.session)
-        there = [one for one in everybody if homes[one] == homes[everybody[0]]]
-        async with asyncio.timeout(60):
-            while not all("gap" in one.events for one in there):
-                await asyncio.sleep(0.05)
-        await all_go_on(everybody)
-        for one in everybody:
-            assert one in there or one.stream.reconnections == 0, "they only pause"
-        assert command.home(everybody[0].session) != homes[everybody[0]]
-        for one in everybody:
-            await one.close()
-    command.ctrl_c()
-
-
 async def the_head_dies(command, everybody):
     """The directory ends, too: nothing new is made, entries say so, and all stand still."""
     command.kill("gcs_server")

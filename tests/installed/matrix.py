@@ -38,6 +38,8 @@ class Cell:
     version: str
     kind: str
     folder: Path
+    are_pins_found: bool
+    """Whether something else says that this Python finds the pinned packages."""
     seconds: float = 0.0
     found: str = ""
     failure: str = ""
@@ -52,8 +54,8 @@ def main() -> int:
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
     parser.add_argument(
         "--tested",
-        help="the version that `make test` runs pinned: not tried again, and the newest packages "
-        "with the oldest and the newest Python alone",
+        help="the version that `make test` runs pinned: the newest packages alone are tried, with "
+        "the oldest and the newest Python",
     )
     parser.add_argument("--jobs", type=int, default=2, help="environments at a time [2]")
     parser.add_argument("--limit", type=float, default=600, help="seconds for each one [600]")
@@ -62,11 +64,16 @@ def main() -> int:
     ends = {*list(pythons)[:1], *list(pythons)[-1:]}
     with tempfile.TemporaryDirectory(prefix="wayfarer-matrix-") as name:
         cells = [
-            Cell(python, version, kind, Path(name) / f"{version}-{kind}")
+            Cell(
+                python,
+                version,
+                kind,
+                Path(name) / f"{version}-{kind}",
+                are_pins_found=given.tested in (None, version),
+            )
             for kind in given.kinds
             for version, python in pythons.items()
-            if not given.tested
-            or (version != given.tested if kind == "pinned" else version in ends)
+            if not given.tested or (kind == "newest" and version in ends)
         ]
         with ThreadPoolExecutor(given.jobs) as pool:
             for cell in pool.map(lambda cell: tried(cell, given.limit), cells):
@@ -138,6 +145,9 @@ def attempt(cell: Cell, until: float) -> None:
         serve = ["make", "--silent", "serve", f"ARGS={' '.join(PORTS)}"]
     else:
         run([str(cell.python), "-m", "venv", ".venv"], tree, until)
+        if not cell.are_pins_found:
+            pins = [f"--requirement=requirements/{name}.txt" for name in ("build", "serve")]
+            run([*pip, "--dry-run", "--no-deps", "--require-hashes", *pins], tree, until)
         run([*pip, ".", "./clients/python"], tree, until)
         serve = [str(tree / ".venv/bin/wayfarer"), "serve", *PORTS]
     listed = run([str(python), "-m", "pip", "list", "--format=json"], tree, until)

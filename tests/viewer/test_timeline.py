@@ -24,7 +24,8 @@ LENGTH = "wayfarer.history.last - wayfarer.history.first"
 STEADY = (
     "(({ underruns, stats: { gaps, held } }) => underruns + gaps + held === 0)(wayfarer.player)"
 )
-KEEP_STEPS = """{
+# once, though a test that is tried again brings it again
+KEEP_STEPS = """if (!globalThis.steps) {
   const { fetch } = globalThis;
   globalThis.steps = [];
   globalThis.fetch = async (url, ...rest) => {
@@ -72,6 +73,12 @@ def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two people wander in the corridor; the folder that files are saved to."""
     folder = tmp_path_factory.mktemp("saved")
     page.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+    two_wander(page)
+    return folder
+
+
+def two_wander(page: Page) -> None:
+    page.call("Page.navigate", url="about:blank")
     page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor&people=0")
     page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
     for _ in range(2):
@@ -79,12 +86,13 @@ def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
     page.wait_for(f"{SHOWN} === 2", 60)
     page.evaluate("document.querySelector('#wander').click()")
     page.evaluate("document.querySelector('#view').focus()")
-    return folder
 
 
 @pytest.fixture(autouse=True)
 def let_go(page: Page) -> Iterator[None]:
-    """Ends what a failed test has begun, before the next test."""
+    """Ends what a failed test has begun, before the next test, or before it is tried again."""
+    if page.evaluate("Boolean(globalThis.wayfarer?.replay)"):
+        two_wander(page)
     yield
     page.evaluate(
         "if (globalThis.wayfarer?.drive.on) document.querySelector('#drive').click();"
@@ -269,6 +277,9 @@ POSES_AT = """(moment) => wayfarer.crowd.people.map(({ agent }) => {
   return wayfarer.history.sample(agent.alias, moment, frame) ? [...frame] : null;
 })"""
 
+IS_NOTED = """(moment) => [...wayfarer.history.tracks.values()].every(
+  (track) => Math.abs(track.times[track.slot(track.at(moment + 1e-6))] - moment) < 1e-5)"""
+
 
 def joints(frame: list[float], rest: list[float], parents: list[int]) -> np.ndarray:
     """Where the joints of a pose are, [22, 3]."""
@@ -324,7 +335,9 @@ def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Pag
         "(() => { const { past } = wayfarer.replay; return (past.count - 1) / 30; })()"
     )
     assert moment == pytest.approx(seconds, abs=0.051)
-    for ago, before, bar in zip((0.0, 1.0, 2.0), seen, (1e-3, 0.025, 0.025), strict=True):
+    # on a busy machine, with less than a picture a second, the page notes other moments than this
+    end = 1e-3 if page.evaluate(f"({IS_NOTED})({moment})") else 0.025
+    for ago, before, bar in zip((0.0, 1.0, 2.0), seen, (end, 0.025, 0.025), strict=True):
         for one, other in zip(poses(moment - ago), before, strict=True):
             assert np.linalg.norm(one - other, axis=1).max() < bar
     # nobody jumps where the past ends

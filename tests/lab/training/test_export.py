@@ -40,7 +40,8 @@ def small_step(seed: int) -> PrimitiveStep:
     torch.nn.init.normal_(policy.output.weight, std=0.05)  # it begins as the prior
     with patch.object(motion_regressor, "BLOCKS", 1):
         regressor = BodyRegressor(skin)
-    predictor, regressor, policy = map(round_to_half, (MarkerPredictor(2), regressor, policy))
+    networks = (MarkerPredictor(2, at_once=8), regressor, policy)
+    predictor, regressor, policy = map(round_to_half, networks)
     sites = Sites.from_names(body.marker_names)
     return PrimitiveStep(predictor, regressor, skin, sites, policy).eval()
 
