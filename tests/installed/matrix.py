@@ -55,13 +55,13 @@ def main() -> int:
     parser.add_argument(
         "--tested",
         help="the version that `make test` runs pinned: the newest packages alone are tried, with "
-        "the oldest and the newest Python",
+        "all other Pythons, or with this one if there is no other",
     )
     parser.add_argument("--jobs", type=int, default=2, help="environments at a time [2]")
     parser.add_argument("--limit", type=float, default=600, help="seconds for each one [600]")
     given = parser.parse_args()
     pythons = interpreters(given.versions, given.python)
-    ends = {*list(pythons)[:1], *list(pythons)[-1:]}
+    others = pythons.keys() - {given.tested} or pythons.keys()
     with tempfile.TemporaryDirectory(prefix="wayfarer-matrix-") as name:
         cells = [
             Cell(
@@ -73,7 +73,7 @@ def main() -> int:
             )
             for kind in given.kinds
             for version, python in pythons.items()
-            if not given.tested or (kind == "newest" and version in ends)
+            if not given.tested or (kind == "newest" and version in others)
         ]
         with ThreadPoolExecutor(given.jobs) as pool:
             for cell in pool.map(lambda cell: tried(cell, given.limit), cells):
