@@ -17,7 +17,7 @@ from wayfarer.config.limits import Limits
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.persistence.capture import capture_session
 from wayfarer.runtime.persistence.container import ContainerKind, seal, unseal
-from wayfarer.runtime.persistence.packing import get, pack, unpack
+from wayfarer.runtime.persistence.packing import get, pack, row_bytes, unpack
 from wayfarer.runtime.persistence.session_record import encode_record
 from wayfarer.runtime.persistence.snapshot import (
     AgentPart,
@@ -31,8 +31,11 @@ from wayfarer.runtime.persistence.snapshot import (
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
+from wayfarer.world.agents.slots import Motion
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
+from wayfarer.world.output.ground import Footing
+from wayfarer.world.rows import flat_columns
 
 LIMITS = Limits(agents=64, agents_per_session=16, path_goals=16)
 SPEC = SessionSpec("s", seed=2**64 - 1, attributes={"basis": "unity", "näme": "ö"})
@@ -229,6 +232,18 @@ def decode_and_put(data):
     world = fake_worlds(limits=LIMITS).live()
     world.members.put_session(decode(data), 0.0)
     return world
+
+
+def test_rows_keep_their_layout_and_hold_all_of_a_motion():
+    """Sessions that were kept until 2026-11-30 have rows of this size: a newer server goes on."""
+    assert row_bytes(AgentRows) == 2640
+    motion, columns = Motion.empty(2), flat_columns(Motion)
+    for number, column in enumerate(columns):
+        get(motion, column.path)[:] = 1 if column.dtype == np.bool_ else number
+    packed = pack(AgentRows.of(np.array([4, 5]), motion, Footing.empty(2))).tobytes()
+    kept = unpack(AgentRows, packed, "rows").motion
+    for column in columns:
+        assert (get(kept, column.path) == get(motion, column.path)).all(), column.path
 
 
 def rows_with(path, value):

@@ -67,13 +67,25 @@ class BodyStamp:
 
 @dataclass(slots=True)
 class RetiredColumns(Rows):
-    """Zeros in the places of what the foot lock used to remember: rows keep their layout."""
+    """Places of what the foot lock used to remember: rows keep their layout. All but `progress` are
+    zeros.
+    """
 
     soles: Annotated[Float, Shape(2, 4, 3)]
     contact: Annotated[Flags, Shape(2)]
-    hold: Annotated[Float, Shape(2)]
+    progress: Annotated[Float, Shape(2)]  # `Aims.stuck` and `Aims.advanced`
     shift: Annotated[Float, Shape(2, 3)]
     begun: Flags
+
+
+@dataclass(slots=True)
+class EarlierAims(Rows):
+    """The columns of `Aims` that rows have had from the start."""
+
+    wants: Flags
+    asked: Annotated[Float, Shape(2)]
+    spot: Annotated[Float, Shape(2)]
+    barred: Float
 
 
 @dataclass(slots=True)
@@ -86,13 +98,22 @@ class AgentRows(Rows):
     retired: RetiredColumns
     footing: Footing
     memory: Memory
-    aims: Aims
+    aims: EarlierAims
 
     @classmethod
     def of(cls, seq: Index, motion: Motion, footing: Footing) -> "AgentRows":
         """Joins its parts."""
-        retired = RetiredColumns.empty(len(seq))
-        return cls(seq, motion.seed, motion.gait, retired, footing, motion.memory, motion.aims)
+        retired, aims = RetiredColumns.empty(len(seq)), motion.aims
+        retired.progress[:, 0], retired.progress[:, 1] = aims.stuck, aims.advanced
+        earlier = EarlierAims(aims.wants, aims.asked, aims.spot, aims.barred)
+        return cls(seq, motion.seed, motion.gait, retired, footing, motion.memory, earlier)
+
+    @property
+    def motion(self) -> Motion:
+        """How the agents move."""
+        aims, (stuck, advanced) = self.aims, np.ascontiguousarray(self.retired.progress.T)
+        joined = Aims(aims.wants, aims.asked, aims.spot, aims.barred, stuck, advanced)
+        return Motion(self.seed, self.gait, self.memory, joined)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +227,7 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
     return AgentRecord(
         **{field.name: getattr(part, field.name) for field in fields(AgentPart)},
         seq=int(row.seq[0]),
-        motion=Motion(row.seed, row.gait, row.memory, row.aims),
+        motion=row.motion,
         footing=row.footing,
     )
 
