@@ -40,7 +40,7 @@ class Tracks:
     facing: Array | None  # [T, N, 2] unit vectors; None: not known, bodies are discs
     reached: Array  # [N] seconds at which they were at their goals; inf: never
     events: Counter[str]
-    told: list[tuple[float, int]]  # seconds at which `BLOCKED` was told, and of which person
+    told: list[tuple[float, int]]  # seconds at which `BLOCKED` came, and about whom
     wall_s: float  # seconds of the computer
 
 
@@ -143,7 +143,7 @@ def longest_still(place: Array, reached: Array, told: Sequence[tuple[float, int]
         on = (np.linalg.norm(line - anchor, axis=-1) > STILL) | (step / RATE >= reached)
         anchor[on] = line[on]
         since = np.where(on, 0, since + 1 / RATE)
-        since[[who for at, who in told if round(at * RATE) == step]] = -np.inf  # until it goes on
+        since[[who for at, who in told if round(at * RATE) == step]] = -np.inf  # until it moves on
         most = max(most, float(since.max(initial=0)))
     return most
 

@@ -6,8 +6,8 @@
 The world of a session in lock-step with the real engine and one candidate; time passes as fast as
 it is computed. It is compared with JuPedSim's collision-free speed model V2 on the same
 ground (`pip install jupedsim`; it is skipped if that is missing).
-*there*: people at their goals, or as near as others let them. *all_s*: seconds until all are there,
-from the start; *after_s*: from the first arrival.
+*there*: people at their goals, or as near as others let them. *all_s*: seconds from the start
+until all are there. *after_s*: the same from the first arrival.
 *through_s*: seconds until all are through the door. JuPedSim's people are removed at their goals,
 so they block nobody. *flow*, *per_m*: people per second through the door, also per metre.
 *door_idle_s*: longest time for which the door was empty although somebody stood before it.

@@ -235,7 +235,7 @@ def decode_and_put(data):
 
 
 def test_rows_keep_their_layout_and_hold_all_of_a_motion():
-    """Sessions that were kept until 2026-11-30 have rows of this size: a newer server goes on."""
+    """Sessions that were kept until 2026-11-30 have rows of this size, and can still be read."""
     assert row_bytes(AgentRows) == 2640
     motion, columns = Motion.empty(2), flat_columns(Motion)
     for number, column in enumerate(columns):

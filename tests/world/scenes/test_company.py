@@ -197,7 +197,7 @@ def told_stuck(speeds):
         ahead.position[0, :2] = hips[0] + np.array([0, 1])
         people.velocity[0] = 0, speed
         people.aims.stuck += np.float32(STEP_SECONDS)
-        if company._get_stuck(zero, hips, zero, people.aims, ahead)[0]:
+        if company._count_progress(zero, hips, zero, people.aims, ahead)[0]:
             found.append(number * STEP_SECONDS)
         hips += np.float32(STEP_SECONDS) * people.velocity
     return found

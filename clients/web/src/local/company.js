@@ -21,7 +21,7 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
 /**
  * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it
  * received. `spot`: where it will stand. `barred`: seconds for which standing people have blocked its way. `stuck`:
- * seconds for which it has not got on, whatever it did meanwhile; `advanced`: metres by which it has since then.
+ * seconds without progress, whatever it did meanwhile. `advanced`: metres along its way since then.
  * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number, stuck: number, advanced: number }} Aims
  */
 /** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */

@@ -216,7 +216,7 @@ export class Guide {
   }
 }
 
-/** Notes whether a person has a way to go, and for how long. One that begins or ends a way makes way no longer. @param {import("./company.js").Walker} walker @param {boolean} wanted */
+/** Notes whether a person has a way to go, and for how long. A person that begins or ends a way no longer makes way. @param {import("./company.js").Walker} walker @param {boolean} wanted */
 function begin(walker, wanted) {
   const { memory, aims } = walker;
   if (wanted !== aims.wants) {

@@ -111,7 +111,7 @@ class Company:
         places, aims, waited = goals.position[mine], start.aims, start.memory.waited[mine]
         barred = self._detours.update(some, hips[which], places, crowd, aims.barred[mine])
         aims.barred[mine] = seconds = barred.seconds.astype(np.float32)
-        stuck = self._get_stuck(some, hips[which], mine, aims, ahead)
+        stuck = self._count_progress(some, hips[which], mine, aims, ahead)
         stuck &= (seconds < REPORT_S) | (seconds >= REPORT_S + STUCK)  # else it has just been told
         for row in np.flatnonzero(stuck).tolist():
             everybody = crowd.session(int(some[row]))
@@ -223,7 +223,7 @@ class Company:
         slots = self._slots
         return np.flatnonzero(slots.avoids[rows] & (slots.scene[rows] != NOWHERE) & given)
 
-    def _get_stuck(
+    def _count_progress(
         self, rows: Index, hips: Float, mine: Index, aims: Aims, ahead: GoalColumns
     ) -> Flags:
         """Notes in rows `mine` of `aims` how far rows [A] at `hips` [A, 2] have got on to their

@@ -263,8 +263,8 @@ def _claimed(them: Everyone, those: Walkers, me: int, row: int, claims: Claims) 
 
 @inner
 def _is_room(them: Everyone, those: Walkers, me: int, row: int, claims: Claims, count: int) -> bool:
-    """Whether one of the spots near enough to a person's goal may be free: in a throng each search
-    would be in vain. Walls, and a millimetre, are left to the search.
+    """Whether one of the spots near enough to a person's goal may be free: in a throng no search
+    would find one. It is exact to a millimetre, and does not look at walls, as the search does.
     """
     goal_x, goal_y = those.asked[row, 0], those.asked[row, 1]
     x, y = them.position[me, 0] - goal_x, them.position[me, 1] - goal_y
