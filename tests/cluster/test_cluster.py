@@ -15,10 +15,11 @@ import pytest
 import pytest_asyncio
 import websockets
 
-from tests.cluster.local import HAS_STORE, LocalCluster, lives
-from tests.cluster.watchers import Stepped, Watcher
+from tests.cluster.local import HAS_STORE, LEASE_S, LocalCluster, lives
+from tests.cluster.watchers import Stepped, Watcher, go_on
 from tests.programs import run_program
 from tests.serving import needs_ray
+from wayfarer.spec import STEP_SECONDS
 from wayfarer.v1 import motion_pb2, motion_pb2_grpc
 from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, NotFound, Unavailable
 
@@ -26,6 +27,9 @@ STANDING = int(os.environ.get("WAYFARER_TEST_STANDING", "1"))
 """People of each of the 51 sessions that nobody watches: 12 makes 625 people with those that walk,
 for which CI's two cores would take as long as for half of all other tests.
 """
+
+LONG = int(LEASE_S / STEP_SECONDS) + 5
+"""Chunks that take longer than a lease."""
 
 pytestmark = [pytest.mark.slow, needs_ray, pytest.mark.asyncio(loop_scope="module")]
 
@@ -54,8 +58,7 @@ async def test_people_live_on_whatever_happens_to_a_node(cluster, record_testsui
         status = await cluster.until(lambda s: sum(n.load.sessions for n in s.nodes) == 58)
         counts = [node.load.sessions for node in status.nodes]
         assert all(16 <= count <= 24 for count in counts), counts
-        for one in watched:
-            await one.goes_on()
+        await go_on(watched)
         await asyncio.to_thread(javascript_follows, cluster.entry.http_url)
 
         async def put():
@@ -201,8 +204,7 @@ async def kill(cluster, watched, change, record_testsuite_property):
     check = await change()
     killed_at = time.monotonic()
     victim.kill()
-    for one in watched:
-        await one.goes_on(10)
+    await go_on(watched, 10)
     await check()
     for one in there:
         assert "gap" in one.events, "it is said that something was lost"
@@ -235,8 +237,7 @@ async def stop_for_long(cluster, watched, change):
     async with asyncio.timeout(3):
         while any(one.stream.reconnections == count for one, count in before.items()):
             await asyncio.sleep(0.05)
-    for one in watched:
-        await one.goes_on(10)
+    await go_on(watched, 10)
     assert not lives(process)
     await check()
 
@@ -293,12 +294,11 @@ async def the_head_returns(cluster, watched, client):
         one.clear()
     cluster.kill_head()
     assert not await asyncio.to_thread(cluster.head_answers)
-    for one in watched:
-        await one.goes_on(10)
+    await go_on(watched, LONG)
     await (await client.create_session()).delete()
     cluster.start_head()
+    await go_on(watched)
     for one in watched:
-        await one.goes_on()
         assert one.events == [] and set(np.diff(one.seqs)) == {1}
     assert await asyncio.to_thread(cluster.head_answers)
 
@@ -314,8 +314,8 @@ async def the_directory_returns(cluster, watched, client):
         while not cluster.entry.finder.ready:
             await asyncio.sleep(0.05)
     await (await client.create_session()).delete()
+    await go_on(watched, LONG)
     for one in watched:
-        await one.goes_on()
         assert one.events == [] and set(np.diff(one.seqs)) == {1}, "nobody had to be adopted"
 
 
@@ -329,8 +329,8 @@ async def drain(cluster, watched, record_testsuite_property):
         answer = await http.post(f"/v1/cluster/nodes/{name}/drain")
         assert answer.status_code == 202, answer.text
     await cluster.until(lambda status: name not in [one.node.name for one in status.nodes])
+    await go_on(watched, 10)
     for one in watched:
-        await one.goes_on(10)
         assert one.events == [], one.details  # nothing was lost
         assert set(np.diff(one.seqs)) == {1}, "every primitive came, and once"
     worst = max(np.diff(one.heard_at).max() for one in there)
@@ -342,13 +342,12 @@ async def restart_entry(cluster, watched):
     for one in watched:
         one.clear()
     await cluster.entry.stop()
-    for one in watched:
-        await one.goes_on()
+    await go_on(watched)
     settings = cluster.settings.model_copy(update={"grpc_port": port})
     cluster.entry = cluster.new_entry(settings)
     await cluster.entry.start()
+    await go_on(watched)
     for one in watched:
-        await one.goes_on()
         assert not one.events
         assert set(np.diff(one.seqs)) == {1}
     async with Client(cluster.entry.grpc_address) as client:

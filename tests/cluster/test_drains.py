@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.cluster.nodes import Link, info
-from tests.cluster.watchers import Watcher
+from tests.cluster.watchers import Watcher, go_on
 from tests.runtime.kept_worlds import fake_worlds
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.entry import Entry
@@ -87,14 +87,13 @@ async def test_streams_go_on_without_a_gap_though_the_node_that_takes_them_is_bu
         await cluster.add("n0")
         for number in range(ROUNDS):
             watched = [await Watcher.of(client) for _ in range(6)]
-            for one in watched:
-                await one.goes_on()
+            await go_on(watched)
             await cluster.add(f"n{number + 1}")
             for one in watched:
                 one.clear()
             await cluster.drain(f"n{number}")
+            await go_on(watched, 10)
             for one in watched:
-                await one.goes_on(10)
                 assert one.events == [], one.details
                 assert set(np.diff(one.seqs)) == {1}, "every primitive came, and once"
                 assert one.stream.reconnections

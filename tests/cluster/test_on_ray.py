@@ -18,7 +18,7 @@ import pytest
 
 from tests.certificates import Authority
 from tests.cluster.local import listening, lives, processes
-from tests.cluster.watchers import Watcher
+from tests.cluster.watchers import Watcher, go_on
 from tests.programs import run_program
 from tests.serving import LIGHT, Service, needs_ray
 from wayfarer import errors
@@ -133,7 +133,7 @@ async def all_go_on(everybody):
     """Forgets what has come so far, and waits for more of each."""
     for one in everybody:
         one.clear()
-    await asyncio.gather(*(one.goes_on() for one in everybody))
+    await go_on(everybody)
 
 
 async def people(session):

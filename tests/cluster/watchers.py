@@ -75,6 +75,11 @@ class Watcher:
         await asyncio.gather(self.task, return_exceptions=True)
 
 
+async def go_on(watchers, chunks=5):
+    """Waits until this many more chunks (0.2 s each) have come to each of them."""
+    await asyncio.gather(*(one.goes_on(chunks) for one in watchers))
+
+
 class Stepped:
     """Two people in lock-step in a scene. The same people do the same on any node."""
 
