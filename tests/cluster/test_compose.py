@@ -119,6 +119,7 @@ def services():
 
 async def test_the_commands_of_compose_make_a_cluster(services):
     entry = services.start("entry")
+    await services.until(services.begun, "Ray's head has started")  # each probe imports Ray
     await services.until(lambda: services.probe("entry") == 0, "Ray's head is well")
     replicas = 1  # of its three nodes, which are alike
     try:
