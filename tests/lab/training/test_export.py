@@ -1,23 +1,23 @@
-"""The whole step as a graph: the exported file is run against torch."""
+"""Exported graphs are run against torch: one that is made here, and the shipped steps.
 
-from unittest.mock import patch
+To export a step takes two minutes of a core. `wayfarer export` does it whenever a model is made,
+and checks it as here.
+"""
 
 import onnx
 import pytest
 import torch
 
-from wayfarer.body.library import load_body
 from wayfarer.engines.engine import LEFT_OUT
-from wayfarer.engines.torch.marker_bodies import marker_body
+from wayfarer.engines.torch.weights import load_step
 from wayfarer.errors import ArtifactError
-from wayfarer.models.artifacts import contract_for, contract_to_json, read_contract
-from wayfarer.models.bundle import DEFAULT_MODEL
-from wayfarer.motion import regressor as motion_regressor
-from wayfarer.motion.policy import GoalPolicy
-from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.motion.primitive import PrimitiveStep
-from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.models.artifacts import (
+    contract_for,
+    contract_to_json,
+    read_contract,
+)
+from wayfarer.models.bundle import DEFAULT_MODEL, load_models
+from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore, without_scores
 from wayfarer_lab.training.export import (
     TOLERANCE,
@@ -28,48 +28,47 @@ from wayfarer_lab.training.export import (
     save_graph,
     write_graph,
 )
-from wayfarer_lab.training.graphs import step_graph
+from wayfarer_lab.training.graphs import policy_graph, step_graph
 
 
-def small_step(seed: int) -> PrimitiveStep:
-    """The shipped step, whose regressor has one block in place of ten that are alike."""
+def random_policy(seed: int) -> TrajectoryPolicy:
     torch.manual_seed(seed)
-    body = load_body("anny52", "male")
-    skin = marker_body(body)
-    policy = GoalPolicy()
-    torch.nn.init.normal_(policy.output.weight, std=0.05)  # it begins as the prior
-    with patch.object(motion_regressor, "BLOCKS", 1):
-        regressor = BodyRegressor(skin)
-    networks = (MarkerPredictor(2, at_once=8), regressor, policy)
-    predictor, regressor, policy = map(round_to_half, networks)
-    sites = Sites.from_names(body.marker_names)
-    return PrimitiveStep(predictor, regressor, skin, sites, policy).eval()
+    policy = TrajectoryPolicy()
+    torch.nn.init.normal_(policy.net[-1].weight, std=0.05)  # it begins as the prior
+    return round_to_half(policy)
 
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("models")
-    graph, store = step_graph(small_step(0)), WeightStore()
-    contract = contract_for("step_male.onnx", "test", identity("anny52", "male"))
-    save_graph(graph, folder / "step_male.onnx", store, contract_to_json(contract))
+    graph, store = policy_graph(random_policy(0)), WeightStore()
+    contract = contract_for("policy.onnx", "test", identity("anny52", "male"))
+    save_graph(graph, folder / "policy.onnx", store, contract_to_json(contract))
     store.write(folder)
-    return graph, folder / "step_male.onnx"
+    return graph, folder / "policy.onnx"
 
 
-def test_torch_and_onnx_agree_over_batches_candidates_and_bodies(exported):
+def test_torch_and_onnx_agree(exported):
     graph, path = exported
     assert check_graph(path, graph) < TOLERANCE
 
 
+def test_the_shipped_step_is_torchs_over_batches_candidates_and_bodies():
+    graph = step_graph(load_step(load_models(DEFAULT_MODEL), "male", "float32"))
+    assert check_graph(DEFAULT_MODEL / "step_male.onnx", graph) < TOLERANCE
+    with pytest.raises(ArtifactError, match=r"differ|alike"):
+        check_graph(DEFAULT_MODEL / "step_female.onnx", graph)
+
+
 def test_the_file_carries_its_contract(exported):
     _, path = exported
-    assert read_contract(path) == contract_for("step_male.onnx", "test", identity("anny52", "male"))
+    assert read_contract(path) == contract_for("policy.onnx", "test", identity("anny52", "male"))
 
 
 def test_another_networks_file_is_refused(exported):
     _, path = exported
-    with pytest.raises(ArtifactError, match=r"differ|alike"):
-        check_graph(path, step_graph(small_step(1)))
+    with pytest.raises(ArtifactError, match="differ"):
+        check_graph(path, policy_graph(random_policy(1)))
 
 
 def test_a_graph_without_scores_moves_alike(tmp_path):
