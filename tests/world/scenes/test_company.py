@@ -17,7 +17,7 @@ from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.events import EventKind
-from wayfarer.world.scenes.company import Company
+from wayfarer.world.scenes.company import REPORT_S, Company
 from wayfarer.world.scenes.passages import turns
 from wayfarer.world.scenes.planner import Planner
 from wayfarer.world.scenes.routes import Routes
@@ -219,6 +219,22 @@ def test_a_person_is_told_within_ten_seconds_without_progress_whatever_it_did_me
     assert len(told_stuck(speeds)) == 1
     assert 9.0 <= told_stuck(speeds)[0] < 9.3
     assert told_stuck([0.0] * 40 + [0.5] * 4 + [0.0] * 40) == []
+
+
+@pytest.mark.parametrize("barred", [0.0, 3.4])
+def test_who_waits_too_far_from_its_goal_is_told_although_its_way_was_closed_before(barred):
+    slots, people, told = Slots.empty(1), People.empty(1), []
+    everybody = SimpleNamespace(people=people, slots=np.zeros(1, np.int64), stand=np.ones(1, bool))
+    crowd = SimpleNamespace(session=lambda slot: everybody)
+    avoidance = SimpleNamespace(crowd=crowd)
+    company = Company(slots, None, None, avoidance, lambda *event: told.append(event))
+    people.aims.barred[0] = barred
+    for _ in range(50):
+        company._wait(0, people.aims)
+    assert [kind for _, kind, *_ in told] == [EventKind.BLOCKED]
+    people.aims.barred[0] = REPORT_S + STEP_SECONDS  # it has been told that its way is closed
+    company._wait(0, people.aims)
+    assert len(told) == 1
 
 
 def told_stuck(speeds):
