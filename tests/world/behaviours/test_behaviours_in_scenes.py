@@ -1,6 +1,7 @@
 """Behaviours among walls, and among people to avoid."""
 
 import numpy as np
+import pytest
 
 from tests.world.scenes.grounds import BOX, enter, field, islands, world_in
 from wayfarer.world.agents.agent import AgentState
@@ -88,3 +89,17 @@ def test_a_wanderer_gives_up_a_place_where_somebody_stands():
     )
     assert apart.min() > 0.4
     assert world.get_agent(agents[0].agent_id).waypoint > 1
+
+
+@pytest.mark.parametrize(("stuck", "gives_up"), [(3.0, False), (4.2, True)])
+def test_a_wanderer_gives_up_a_place_that_it_gets_no_nearer_to(stuck, gives_up):
+    """It has made way meanwhile: it has not `waited`."""
+    world, _, _ = world_in(field())
+    agent, _ = enter(world, (2.0, 2.0), (2.0, 9.0))
+    world.give(agent.agent_id, Wander((9.0, 9.0), 2.0), 0.0)
+    tracks(world, 0.5)
+    before, planned = world.get_agent(agent.agent_id).goal, world.slots.planned
+    slot = int(planned.aims.wants.argmax())
+    planned.aims.stuck[slot], planned.memory.waited[slot] = stuck, 0.0
+    tracks(world, 0.9)
+    assert (world.get_agent(agent.agent_id).goal != before) == gives_up

@@ -13,10 +13,14 @@ from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.route import Passage
+from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.events import EventKind
-from wayfarer.world.scenes.company import Company
+from wayfarer.world.scenes.company import REPORT_S, Company
 from wayfarer.world.scenes.passages import turns
+from wayfarer.world.scenes.planner import Planner
+from wayfarer.world.scenes.routes import Routes
 
 CORRIDOR = bake(SceneSpec(floors=(Floor(((0, 0), (2, 0), (2, 16), (0, 16))),)))
 
@@ -179,12 +183,58 @@ def test_who_waits_too_far_from_its_goal_goes_on_when_there_is_room_nearer():
     assert np.linalg.norm(tracks[walker.agent_id][-1, :2] - (6.0, 7.0)) < 2.0
 
 
+@pytest.mark.parametrize(("beside", "settles"), [(0.3, False), (0.45, True)])
+def test_nobody_settles_in_another_one(beside, settles):
+    """Who closes the way faces a heading, so it stays; and it has the higher number."""
+    world, _, _ = world_in(CORRIDOR)
+    guards = [(x, 10.0 + beside) for x in (0.4, 1.0, 1.6)]
+    walker, *others = enter(world, (1.0, 10.0), *guards)
+    for agent, place in zip(others, guards, strict=True):
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    world.give(walker.agent_id, goal(1.0, 10.9), 0.0)
+    tracks, arrived = walked(world, 8.0)
+    assert (walker.agent_id in arrived) == settles
+    assert np.linalg.norm(tracks[walker.agent_id][:, :2] - (1.0, 10.0), axis=1).max() < 0.2
+
+
+@pytest.mark.parametrize("asked", [(1.0, 11.0), (0.2, 10.0)])
+def test_a_goal_stays_where_it_is_although_its_agent_stands_beside_others_at_a_wall(asked):
+    """There it is nearer to the wall than a goal may be; a goal that is there is moved."""
+    slots, start, goals, moved = Slots.empty(1), Motion.empty(1), GoalColumns.empty(1), []
+    scenery = SimpleNamespace(scene=lambda number: CORRIDOR)
+    tell, faults = (lambda *event: moved.append(event)), SimpleNamespace(any=False)
+    planner = Planner(slots, Routes(slots), scenery, tell, tell, 1, faults)
+    start.aims.asked[0], start.aims.spot[0] = asked, (0.2, 10.0)
+    goals.position[0, :2] = start.aims.spot[0]
+    planner.update(
+        np.zeros(1, np.int64), np.array([[1.0, 9.0]]), start, goals, np.ones(1, np.bool_)
+    )
+    assert slots.route.passage[0] == Passage.OPEN
+    assert bool(moved) == (asked == (0.2, 10.0))
+
+
 def test_a_person_is_told_within_ten_seconds_without_progress_whatever_it_did_meanwhile():
     """It makes way twice, and goes .2 m on."""
     speeds = [0.0] * 10 + [-0.5] * 5 + [0.5] * 5 + [0.0] * 15 + [-0.5] * 5 + [0.5] * 7 + [0.0] * 20
     assert len(told_stuck(speeds)) == 1
     assert 9.0 <= told_stuck(speeds)[0] < 9.3
     assert told_stuck([0.0] * 40 + [0.5] * 4 + [0.0] * 40) == []
+
+
+@pytest.mark.parametrize("barred", [0.0, 3.4])
+def test_who_waits_too_far_from_its_goal_is_told_although_its_way_was_closed_before(barred):
+    slots, people, told = Slots.empty(1), People.empty(1), []
+    everybody = SimpleNamespace(people=people, slots=np.zeros(1, np.int64), stand=np.ones(1, bool))
+    crowd = SimpleNamespace(session=lambda slot: everybody)
+    avoidance = SimpleNamespace(crowd=crowd)
+    company = Company(slots, None, None, avoidance, lambda *event: told.append(event))
+    people.aims.barred[0] = barred
+    for _ in range(50):
+        company._wait(0, people.aims)
+    assert [kind for _, kind, *_ in told] == [EventKind.BLOCKED]
+    people.aims.barred[0] = REPORT_S + STEP_SECONDS  # it has been told that its way is closed
+    company._wait(0, people.aims)
+    assert len(told) == 1
 
 
 def told_stuck(speeds):

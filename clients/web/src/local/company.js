@@ -132,11 +132,12 @@ export class Company {
     if (!touches) aims.spot = hips;
   }
 
-  /** Report, once, that a person waits at a spot too far from its goal. @param {Row} row @param {Seen[]} people */
+  /** Reports, once, that a person waits at a spot too far from its goal. @param {Row} row @param {Seen[]} people */
   #wait({ person, walker: { aims } }, people) {
-    if (aims.barred <= 0) {
+    if (aims.barred < TOLD) {
       const others = people.filter(({ stands, position }) => stands && Math.hypot(...minus(position, aims.asked)) < FARTHEST);
       this.tell(person, "blocked", person.waypoint, others.map((other) => other.person));
+      aims.barred = 4; // now it has been told
     }
     aims.barred = Math.fround(aims.barred + STEP);
   }

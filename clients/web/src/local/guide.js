@@ -6,6 +6,7 @@ import { Company } from "./company.js";
 import { MakingWay } from "./making_way.js";
 import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
+import { apart } from "./spots.js";
 import { STEP_SECONDS, WALKING, angleBetween, bounded, minus, plus, times } from "./steering.js";
 
 const FPS = 40;
@@ -121,7 +122,7 @@ export class Guide {
   }
 
   /** The route to a goal, computed if it is wanted and missing. @param {Row} row @param {boolean} wanted @returns {Route | undefined} */
-  #update({ person, hips, gait: { waypoint }, goal, walker: { route, memory } }, wanted) {
+  #update({ person, hips, gait: { waypoint }, goal, walker: { route, memory, aims } }, wanted) {
     const known = route.revision === person.revision && route.waypoint === waypoint ? route : undefined;
     const { wait } = route;
     let lost = false;
@@ -134,17 +135,18 @@ export class Guide {
     route.wait = Math.max(wait - 1, 0);
     if (!wanted || (known && !lost && (known.open || known.wait > 0)) || this.#looks >= QUERIES) return known;
     this.#looks += 1;
-    this.#look(person, hips, waypoint, goal, route, Boolean(known));
+    const isSpot = !apart(goal.place, aims.spot) && apart(aims.asked, aims.spot) > 0;
+    this.#look(person, hips, waypoint, goal, route, Boolean(known), isSpot);
     return route;
   }
 
-  /** @param {Person} person @param {Point} hips @param {number} waypoint @param {GoalRow} goal @param {Route} route @param {boolean} known */
-  #look(person, hips, waypoint, goal, route, known) {
+  /** Looks for the way to a goal, or to a spot beside others, which may be nearer to a wall than a goal. @param {Person} person @param {Point} hips @param {number} waypoint @param {GoalRow} goal @param {Route} route @param {boolean} known @param {boolean} isSpot */
+  #look(person, hips, waypoint, goal, route, known, isSpot) {
     const { revision } = person, wasOpen = route.open;
     route.wait = RETRY;
     try {
       const { points, moved } = this.scene.path(hips, goal.place), end = points[points.length - 1];
-      if (moved > MOVED) {
+      if (moved > MOVED && !isSpot) {
         person.moveGoal(waypoint, end);
         this.tell(person, "goal_moved", waypoint, end);
       }

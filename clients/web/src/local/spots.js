@@ -85,4 +85,4 @@ function reaches(goal, spot, clear, room) {
 /** Where a person stands, or will stand. @param {Seen} other */
 const claim = (other) => (other.stands ? other.position : other.aims.spot);
 /** @param {Point} a @param {Point} b */
-const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+export const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);

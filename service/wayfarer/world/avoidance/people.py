@@ -12,7 +12,7 @@ class Memory(Rows):
 
     preferred: Annotated[Float, Shape(2)]  # m/s: the velocity that it wanted
     chosen: Annotated[Float, Shape(2)]  # m/s: the velocity that it took
-    waited: Float  # seconds for which it has not advanced although it wanted to
+    waited: Float  # seconds for which it wanted to walk on and did not, since it made way last
     yields: Float  # seconds for which it still makes way for others
     retreat: Annotated[Float, Shape(2)]  # direction in which it makes way
 

@@ -186,14 +186,14 @@ class BehaviourRunner:
         since = np.where(slots.near_since[rows] > 0, slots.near_since[rows], np.maximum(chunks, 1))
         slots.near_since[rows] = np.where(near, since, 0)
         lingers = near & ((chunks - since) * STEP_SECONDS > GIVE_UP)
-        found: Index = rows[lingers | (slots.planned.memory.waited[rows] > GIVE_UP)]
+        found: Index = rows[lingers | (slots.planned.aims.stuck[rows] > GIVE_UP)]
         return found
 
     def _give_up(self, agent: Agent) -> None:
         """Sends it to another place."""
         doing, slot = self.doing(agent), agent.slot
         assert doing is not None  # its slot is fed
-        self.slots.planned.memory.waited[slot], self.slots.near_since[slot] = 0, 0
+        self.slots.planned.aims.stuck[slot], self.slots.near_since[slot] = 0, 0
         number = agent.passed + len(self.agent_paths.so_far(agent))
         self.agent_paths.replace_goals(agent, (doing.next_goal(_Actor(self, agent), number),))
 

@@ -240,15 +240,17 @@ class Company:
         return is_stuck
 
     def _wait(self, slot: int, aims: Aims) -> None:
-        """Counts how long an agent waits at a spot too far from its goal, and reports the start.
+        """Counts how long an agent waits at a spot too far from its goal, and reports the start,
+        unless it has just been told that its way there is closed.
 
         `aims` are its own: one row.
         """
-        if aims.barred[0] <= 0:
+        if aims.barred[0] < REPORT_S:
             everybody = self._avoidance.crowd.session(slot)
             gaps = np.linalg.norm(everybody.people.position - aims.asked[0], axis=-1)
             others = everybody.slots[(gaps < FARTHEST) & everybody.stand]
             self._blocked(slot, others, "stand at the goal and leave no room")
+            aims.barred[0] = REPORT_S
         aims.barred[0] += STEP_SECONDS
 
     def _blocked(self, slot: int, others: Index, why: str) -> None:

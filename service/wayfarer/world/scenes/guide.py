@@ -176,7 +176,7 @@ class SceneGuide:
         back = ~goals.through & (away > goals.radius + STRAYED) & (start.memory.yields <= 0)
         wanted = goals.given & (~gait.arrived | back)
         _begin(start, wanted)
-        self._planner.update(rows, hips, gait, goals, wanted)
+        self._planner.update(rows, hips, start, goals, wanted)
         known = (route.revision[rows] == self._slots.goal_revision[rows]) & (
             route.waypoint[rows] == gait.waypoint
         )

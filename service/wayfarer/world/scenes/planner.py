@@ -16,7 +16,7 @@ from wayfarer.navigation.scene_spec import Point3
 from wayfarer.world.agents.faults import Faults, Stage
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
-from wayfarer.world.agents.slots import Gait, Slots
+from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Array, Flags, Index
 from wayfarer.world.scenes.routes import Routes
@@ -59,10 +59,10 @@ class Planner:
     faults: Faults
 
     def update(
-        self, rows: Index, places: Array, gait: Gait, goals: GoalColumns, wanted: Flags
+        self, rows: Index, places: Array, start: Motion, goals: GoalColumns, wanted: Flags
     ) -> None:
         """Looks for ways of the rows that are `wanted` and need one: places [A, 2]."""
-        route = self.slots.route
+        gait, route = start.gait, self.slots.route
         known = (
             (route.passage[rows] != Passage.UNKNOWN)
             & (route.revision[rows] == self.slots.goal_revision[rows])
@@ -78,10 +78,12 @@ class Planner:
         due |= wanted & opened & self._closed(rows, opened)
         if self.faults.any:
             due &= ~self.faults.out(rows, Stage.WAY)
+        asked, spot = start.aims.asked, start.aims.spot
         for row in np.flatnonzero(due)[: self.at_once].tolist():
-            slot, waypoint = int(rows[row]), int(gait.waypoint[row])
+            slot, waypoint, goal = int(rows[row]), int(gait.waypoint[row]), goals.position[row]
+            is_spot = (goal[:2] == spot[row]).all() and (asked[row] != spot[row]).any()
             try:
-                self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
+                self._look(slot, places[row], waypoint, goal, bool(known[row]), bool(is_spot))
             except Exception as error:  # it waits in place, as if no way led to its goal
                 self.faults.agents([slot], Stage.WAY, error, holds=False)
 
@@ -113,7 +115,12 @@ class Planner:
             route.doubt[slot] = found[row]
         return found
 
-    def _look(self, slot: int, place: Array, waypoint: int, goal: Array, known: bool) -> None:
+    def _look(
+        self, slot: int, place: Array, waypoint: int, goal: Array, known: bool, is_spot: bool
+    ) -> None:
+        """Looks for a slot's way to its goal, or to its spot beside others (`is_spot`), which may
+        be nearer to a wall than a goal: its goal stays where it is.
+        """
         slots, route = self.slots, self.slots.route
         (x, y), (goal_x, goal_y, goal_z) = place.tolist(), goal.tolist()
         revision = int(slots.goal_revision[slot])
@@ -130,7 +137,7 @@ class Planner:
             route.revision[slot], route.waypoint[slot] = revision, waypoint
             route.doubt[slot] = False
             return
-        if path.goal_moved > MOVED:
+        if path.goal_moved > MOVED and not is_spot:
             self.move(slot, waypoint, path.points[-1])
             text = moved_text(path.goal_moved, path.goal)
             self.tell(slot, EventKind.GOAL_MOVED, waypoint, text)
