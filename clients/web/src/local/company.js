@@ -137,7 +137,7 @@ export class Company {
     if (aims.barred < TOLD) {
       const others = people.filter(({ stands, position }) => stands && Math.hypot(...minus(position, aims.asked)) < FARTHEST);
       this.tell(person, "blocked", person.waypoint, others.map((other) => other.person));
-      aims.barred = 4; // now it has been told
+      aims.barred = TOLD + 0.1; // now it has been told
     }
     aims.barred = Math.fround(aims.barred + STEP);
   }
