@@ -96,7 +96,7 @@ def parity(
 
     The share `freaks` of the rows that differ most is left out: where inputs are no bodies, one of
     them may lie where a rotation is ill-conditioned, and the last digit decides.
-    Raises ArtifactError above `TOLERANCE`, or when more than one row in a hundred chose
+    Raises ArtifactError above `TOLERANCE`, or when more than one row, and one in a hundred, chose
     another candidate (two candidates may cost the same to the last digit).
     """
     session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])
@@ -108,7 +108,7 @@ def parity(
     if "choice" in outputs:
         at = list(outputs).index("choice")
         same = got[at] == expected[at]
-        if same.mean() < 0.99:
+        if np.count_nonzero(~same) > max(1, 0.01 * len(same)):
             raise ArtifactError(
                 f"{path.name}: torch and ONNX choose alike in only {same.mean():.1%} of rows"
             )
