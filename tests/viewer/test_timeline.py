@@ -333,8 +333,7 @@ def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Pag
         "(() => { const { past } = wayfarer.replay; return (past.count - 1) / 30; })()"
     )
     assert moment == pytest.approx(seconds, abs=0.051)
-    # what the link holds, and what the page shows: its own notes are coarse where it has less than
-    # a picture a second
+    # the link is exact; the page notes coarsely where it has less than a picture a second
     for ago, before, bar in zip((0, 1, 2), seen, (1e-3, 0.025, 0.025), strict=True):
         held = page.evaluate(
             f"wayfarer.replay.past.people.map(({{ frames }}) => [...frames.at({-1 - 30 * ago})])"

@@ -1,4 +1,4 @@
-"""Exported graphs are run against torch: one that is made here, and the shipped steps.
+"""A graph that is exported here and the shipped step are run against torch.
 
 To export a step takes two minutes of a core. `wayfarer export` does it whenever a model is made,
 and checks it as here.
@@ -11,11 +11,7 @@ import torch
 from wayfarer.engines.engine import LEFT_OUT
 from wayfarer.engines.torch.weights import load_step
 from wayfarer.errors import ArtifactError
-from wayfarer.models.artifacts import (
-    contract_for,
-    contract_to_json,
-    read_contract,
-)
+from wayfarer.models.artifacts import contract_for, contract_to_json, read_contract
 from wayfarer.models.bundle import DEFAULT_MODEL, load_models
 from wayfarer.motion.policy import TrajectoryPolicy
 from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore, without_scores

@@ -185,7 +185,7 @@ def test_who_waits_too_far_from_its_goal_goes_on_when_there_is_room_nearer():
 
 @pytest.mark.parametrize(("beside", "settles"), [(0.3, False), (0.45, True)])
 def test_nobody_settles_in_another_one(beside, settles):
-    """Who closes the way faces a heading, so it stays; and it has the higher number."""
+    """The guards that close the way have a heading, so they stay; their numbers are higher."""
     world, _, _ = world_in(CORRIDOR)
     guards = [(x, 10.0 + beside) for x in (0.4, 1.0, 1.6)]
     walker, *others = enter(world, (1.0, 10.0), *guards)
@@ -232,7 +232,7 @@ def test_who_waits_too_far_from_its_goal_is_told_although_its_way_was_closed_bef
     for _ in range(50):
         company._wait(0, people.aims)
     assert [kind for _, kind, *_ in told] == [EventKind.BLOCKED]
-    people.aims.barred[0] = REPORT_S + STEP_SECONDS  # it has been told that its way is closed
+    people.aims.barred[0] = REPORT_S + STEP_SECONDS  # `BLOCKED` has said that its way is closed
     company._wait(0, people.aims)
     assert len(told) == 1
 

@@ -1,7 +1,7 @@
 // Where to walk among others: of some ways, the best one. The server's world/avoidance/, where the
 // rules are explained. World: metres, m/s, seconds.
 
-import { bounded } from "./steering.js";
+import { apart, bounded, times } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /**
@@ -43,7 +43,7 @@ export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0
  */
 export function avoid(people, self, preferred, clear, seconds, left = Infinity, half = Infinity) {
   const { memory, memory: { chosen } } = self, near = neighbours(people, self);
-  const aim = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred, Math.min(LANE, PASS_SHARE * half));
+  const aim = memory.yields > 0 ? times(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred, Math.min(LANE, PASS_SHARE * half));
   const speed = Math.hypot(...aim), slowest = Math.min(SLOWEST, speed);
   let least = Infinity, velocity = /** @type {Point} */ ([0, 0]);
   ways(aim, chosen).forEach((way, k) => {
@@ -52,7 +52,7 @@ export function avoid(people, self, preferred, clear, seconds, left = Infinity, 
     for (const each of near) pace = Math.min(pace, freePace(self, each, way, speed));
     const waits = pace <= SETS_OFF * slowest || (!way[0] && !way[1]);
     pace = waits ? 0 : Math.max(pace, slowest);
-    const tried = scaled(pace, way);
+    const tried = times(pace, way);
     let cost = DEVIATION * apart(tried, aim) + walls.cost * pace + speed * meetings(self, near, tried, left, half);
     if (chosen[0] || chosen[1]) cost += CHANGE * apart(tried, chosen);
     if (cost >= least - EVEN) return;
@@ -205,8 +205,3 @@ function makeWay(memory, self, near) {
   const away = [ahead[0] + across[0] / wide, ahead[1] + across[1] / wide], long = Math.max(Math.hypot(away[0], away[1]), 1e-6);
   return { ...memory, waited: 0, yields: YIELDING, retreat: [Math.fround(away[0] / long), Math.fround(away[1] / long)] };
 }
-
-/** @param {number} s @param {Point} p @returns {Point} */
-const scaled = (s, p) => [s * p[0], s * p[1]];
-/** @param {Point} a @param {Point} b */
-const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);

@@ -6,8 +6,7 @@ import { Company } from "./company.js";
 import { MakingWay } from "./making_way.js";
 import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
-import { apart } from "./spots.js";
-import { STEP_SECONDS, WALKING, angleBetween, bounded, minus, plus, times } from "./steering.js";
+import { STEP_SECONDS, WALKING, angleBetween, apart, bounded, minus, plus, times } from "./steering.js";
 
 const FPS = 40;
 const REACH = 1, SHARES = [1, 0.75, 0.5, 0.3, 0.15], LINE = 8;

@@ -13,7 +13,7 @@ const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Row} Row */
 /** @typedef {import("./company.js").Seen} Seen */
-/** The way of another person, the metres by which a place is to its left, and whether bodies touch there @typedef {{ way: Point, left: number, touches?: boolean }} Way */
+/** The way of another person. `left`: metres by which a place is to its left. `touches`: bodies touch there. @typedef {{ way: Point, left: number, touches?: boolean }} Way */
 
 export class MakingWay {
   /** @param {import("./scene.js").LocalScene | null} scene */

@@ -1,6 +1,8 @@
 // Where people stop that share a goal: each at its own spot. It mirrors the server's world/scenes/spots.py, which
 // explains the rules. World: metres.
 
+import { apart } from "./steering.js";
+
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
 
@@ -84,5 +86,3 @@ function reaches(goal, spot, clear, room) {
 
 /** Where a person stands, or will stand. @param {Seen} other */
 const claim = (other) => (other.stands ? other.position : other.aims.spot);
-/** @param {Point} a @param {Point} b */
-export const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);

@@ -218,6 +218,8 @@ export const plus = (a, b) => [a[0] + b[0], a[1] + b[1]];
 export const minus = (a, b) => [a[0] - b[0], a[1] - b[1]];
 /** @param {Point} a @param {Point} b */
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1];
+/** @param {Point} a @param {Point} b */
+export const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 /** @param {number} s @param {Point} a @returns {Point} */
 export const times = (s, a) => [s * a[0], s * a[1]];
 /** @param {Point} a @returns {Point} */

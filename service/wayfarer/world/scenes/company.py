@@ -241,7 +241,7 @@ class Company:
 
     def _wait(self, slot: int, aims: Aims) -> None:
         """Counts how long an agent waits at a spot too far from its goal, and reports the start,
-        unless it has just been told that its way there is closed.
+        unless `BLOCKED` has just said that its way there is closed.
 
         `aims` are its own: one row.
         """
