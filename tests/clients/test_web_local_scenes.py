@@ -11,6 +11,7 @@ from tests.clients.web_scripts import node
 from wayfarer.errors import InvalidArgument, Unreachable
 from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.world.avoidance.avoid import avoid
+from wayfarer.world.avoidance.kernel import Width
 from wayfarer.world.avoidance.people import Aims, Float, Memory, People
 from wayfarer.world.scenes.around import way_around
 from wayfarer.world.scenes.lanes import lanes
@@ -52,7 +53,7 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
     )
 
 
-def _sent(people: People, preferred: Float, left: Float, half: Float, ways: Float) -> list[dict]:
+def _sent(people: People, preferred: Float, left: Float, width: Width, ways: Float) -> list[dict]:
     return [
         {
             "number": int(people.number[k]),
@@ -61,7 +62,7 @@ def _sent(people: People, preferred: Float, left: Float, half: Float, ways: Floa
             "walks": bool(people.walks[k]),
             "preferred": preferred[k].tolist(),
             "left": float(left[k]),
-            "half": float(half[k]),
+            "width": {"most": float(width.most[k]), "least": float(width.least[k])},
             "way": ways[k, :3].tolist(),
             "ahead": ways[k].tolist(),
             "aims": {"wants": bool(people.aims.wants[k]), "spot": people.aims.spot[k].tolist()},
@@ -91,10 +92,10 @@ def test_choices_and_ways_are_the_servers(tmp_path):
         angle, speed = rng.uniform(0, 2 * np.pi, count), rng.uniform(0.3, 1.6, count)
         preferred = np.float32(np.stack([np.cos(angle), np.sin(angle)], -1) * speed[:, None])
         left = rng.uniform(0, 9, count).astype(np.float32)
-        half = rng.uniform(0.3, 2.0, count).astype(np.float32)
+        width = Width(*rng.uniform(0.3, 2.0, (2, count)).astype(np.float32))
         points = people.position[:, None] + preferred[:, None] * np.arange(0.1, 4, 0.3)[:, None]
-        crowds.append(_sent(people, preferred, left, half, points))
-        courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS, left, half))
+        crowds.append(_sent(people, preferred, left, width, points))
+        courses.append(avoid(people, np.arange(count), preferred, clear, SECONDS, left, width))
         kept.append(lanes(people, np.arange(count), points[:, :3], clear))
         waiting.append(turns(people, np.arange(count), points, clear))
     ways, paths = [], []
@@ -128,7 +129,7 @@ def test_choices_and_ways_are_the_servers(tmp_path):
     ]
     assert len(pairs) > 500
     found_lanes = [each for crowd in found["lanes"] for each in crowd]
-    for name in ("half", "keeps", "place", "turn", "way"):
+    for name in ("half", "least", "keeps", "place", "turn", "way"):
         theirs = np.array([each[name] for each in found_lanes])
         mine = np.concatenate([getattr(lane, name) for lane in kept])
         np.testing.assert_allclose(theirs, mine, atol=1e-5, err_msg=name)

@@ -16,7 +16,7 @@ const scene = await LocalScene.read(async (name) => {
 const { people, ways, grids } = JSON.parse(await readFile(crowds, "utf8"));
 const clear = (x, y) => scene.distance(x, y);
 console.log(JSON.stringify({
-  chosen: people.map((crowd) => crowd.map((self) => avoid(crowd, self, self.preferred, clear, 0.2, self.left, self.half))),
+  chosen: people.map((crowd) => crowd.map((self) => avoid(crowd, self, self.preferred, clear, 0.2, self.left, self.width))),
   lanes: people.map((crowd) => crowd.map((self) => lane(crowd, self, self.way, clear))),
   turns: people.map((crowd) => crowd.map((self) => turn(crowd, self, self.ahead, clear))),
   around: grids.map(({ room, columns }) => wayAround(

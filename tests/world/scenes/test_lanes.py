@@ -25,7 +25,8 @@ def lane_in(width: float, *others: tuple[float, float, float]) -> Lane:
 
 @pytest.mark.parametrize("width", [0.4, 0.95, 1.5])
 def test_half_of_a_ways_width_is_measured_wherever_it_runs(width):
-    assert lane_in(width).half == pytest.approx(width / 2)
+    lane = lane_in(width)
+    assert lane.half == pytest.approx(width / 2) == lane.least
 
 
 @pytest.mark.parametrize(
@@ -48,7 +49,7 @@ def test_before_who_comes_the_other_way_one_keeps_to_the_right_in_a_narrow_way(
         assert lane.place[0, 0] > LANE * width / 2  # the more, as it is not there yet
 
 
-def test_a_door_has_no_lanes():
+def test_a_door_is_seen_but_has_no_lanes():
     """People that come through in both directions would stop in them."""
     people = People.empty(2)
     people.walks[:] = True
@@ -62,6 +63,7 @@ def test_a_door_has_no_lanes():
         lambda p: np.where(np.abs(p[..., 1] - 0.4) < 0.2, 0.6, 2.0) - np.abs(p[..., 0]),
     )
     assert not lane.keeps[0] and lane.turn[0] == 0 and lane.half[0] > 0.9
+    assert lane.least[0] == pytest.approx(0.6)
 
 
 def test_shoulders_are_turned_where_two_pass_and_where_one_hardly_fits():

@@ -18,6 +18,7 @@ import { apart, bounded, times } from "./steering.js";
  * @property {Point} position @property {Point} velocity @property {boolean} walks @property {Memory} memory
  * @property {{ spot: Point }} aims where it will stand
  */
+/** Half of the width of a way in the next metre, in metres, where it is widest and narrowest. @typedef {{ most: number, least: number }} Width */
 /** @typedef {{ other: Other, dx: number, dy: number, distance: number }} Neighbour */
 
 const RADIUS = Math.fround(0.22); // of a person among others
@@ -25,11 +26,14 @@ const TURNS = [0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120];
 const FAN = TURNS.map((turn) => ({ x: Math.cos((turn * Math.PI) / 180), y: Math.sin((turn * Math.PI) / 180) }));
 const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SHORTEST = 0.7, SOON = 0.3, CLOSE = 1.5, SLOWEST = 0.5;
 export const REACTION = 0.3;
-const COMFORT = 0.35, SHARE = 0.5, APART = 0.05, SETS_OFF = 0.5, HEADWAY = 0.6, DEEP = 0.55, SQUEEZE = 0.95;
+const COMFORT = 0.35, SHARE = 0.5, APART = 0.05, SETS_OFF = 0.5, HEADWAY = 0.6, HEADWAY_AT_DOORS = 0.45, DEEP = 0.55, SQUEEZE = 0.95;
 const WAY = [0.2, 0.4, 0.7, 1], WALL_ROOM = 0.1, WALL_SLACK = 0.04, WALL_SHARE = 0.42, LANES = 0.9, PASSING = 0.3, PASS_SHARE = 0.8;
 const DEVIATION = 2, CHANGE = 0.7, COLLISION = 1.8, WALL = 1, TOUCH = 12, NEXT = 0.5, EVEN = 1e-4;
 const PUSH = 2, PATIENCE = 2.5, YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, BLOCKING = 1.6, FACING = 0.3;
 const OPPOSITE = 0.5, LANE = 0.6, LANE_SIGHT = 12, LANE_WIDE = 1.8, BESIDE = 1.2, LANE_SOON = 0.5, LANE_MOST = 0.8;
+
+/** @type {Width} */
+export const ENDLESS = { most: Infinity, least: Infinity };
 
 /** @returns {Memory} */
 export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0, yields: 0, retreat: [0, 0] });
@@ -37,19 +41,20 @@ export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0
 /**
  * The velocity of a person that would walk at `preferred`, not zero, and its new memory.
  * `clear`: metres to the nearest wall; null: there are none. `seconds`: since it was asked last.
- * `left`: metres to where it will stop; `half`: half the width of its way.
- * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds @param {number} [left] @param {number} [half]
+ * `left`: metres to where it will stop; `width`: of its way.
+ * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds @param {number} [left] @param {Width} [width]
  * @returns {{ velocity: Point, waits: boolean, memory: Memory }}
  */
-export function avoid(people, self, preferred, clear, seconds, left = Infinity, half = Infinity) {
+export function avoid(people, self, preferred, clear, seconds, left = Infinity, width = ENDLESS) {
+  const half = width.most, headway = width.least < LANES ? HEADWAY_AT_DOORS : HEADWAY;
   const { memory, memory: { chosen } } = self, near = neighbours(people, self);
   const aim = memory.yields > 0 ? times(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred, Math.min(LANE, PASS_SHARE * half));
   const speed = Math.hypot(...aim), slowest = Math.min(SLOWEST, speed);
   let least = Infinity, velocity = /** @type {Point} */ ([0, 0]);
   ways(aim, chosen).forEach((way, k) => {
     const walls = clear ? wallsOn(self, way, clear, half) : { free: Infinity, cost: 0 };
-    let pace = Math.min(speed, walls.free / HEADWAY);
-    for (const each of near) pace = Math.min(pace, freePace(self, each, way, speed));
+    let pace = Math.min(speed, walls.free / headway);
+    for (const each of near) pace = Math.min(pace, freePace(self, each, way, speed, headway));
     const waits = pace <= SETS_OFF * slowest || (!way[0] && !way[1]);
     pace = waits ? 0 : Math.max(pace, slowest);
     const tried = times(pace, way);
@@ -125,17 +130,17 @@ function precedes(self, { other, dx, dy }) {
   return (behind < 0 || (!behind && self.number < other.number)) && x * px + y * py > 0;
 }
 
-/** The pace at which a way is free, as one other has it. @param {Other} self @param {Neighbour} near @param {Point} way @param {number} speed */
-function freePace(self, near, [wayX, wayY], speed) {
+/** The pace at which a way is free, as one other has it. @param {Other} self @param {Neighbour} near @param {Point} way @param {number} speed @param {number} headway */
+function freePace(self, near, [wayX, wayY], speed, headway) {
   const { other, dx: x, dy: y } = near, [ux, uy] = self.velocity, [ox, oy] = other.velocity;
   const toX = x + REACTION * (ox - ux), toY = y + REACTION * (oy - uy);
   const narrow = precedes(self, near) ? SQUEEZE : Math.max(1 / (1 + self.memory.waited / PUSH), SQUEEZE);
   const touch = 2 * RADIUS * (other.walks ? narrow : 1);
   const ahead = toX * wayX + toY * wayY, aside = toY * wayX - toX * wayY, share = Math.min((aside * aside) / (touch * touch), 1);
-  let pace = share < 1 && ahead > 0 ? (ahead - DEEP * touch * Math.sqrt(1 - share)) / HEADWAY : Infinity;
+  let pace = share < 1 && ahead > 0 ? (ahead - DEEP * touch * Math.sqrt(1 - share)) / headway : Infinity;
   const wx = speed * wayX - ox, wy = speed * wayY - oy, square = Math.max(wx * wx + wy * wy, 1e-4);
   const on = toX * wx + toY * wy, beside = toY * wx - toX * wy, depth = touch * touch - (beside * beside) / square;
-  if (on > 0 && depth > 0) pace = Math.min(pace, (speed * (on / square - Math.sqrt(depth / square))) / HEADWAY);
+  if (on > 0 && depth > 0) pace = Math.min(pace, (speed * (on / square - Math.sqrt(depth / square))) / headway);
   return pace;
 }
 

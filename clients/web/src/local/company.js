@@ -26,7 +26,7 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
  */
 /** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
 /** A person as others see it at a moment. @typedef {import("./avoidance.js").Other & { person: Person, aims: Aims, stands: boolean }} Seen */
-/** A person about to be stepped; `goal`, `ahead` and `half`, of its way's width, are replaced. @typedef {{ person: Person, hips: Point, facing: Point, half: number, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
+/** A person about to be stepped; `goal`, `ahead` and `width` are replaced. @typedef {{ person: Person, hips: Point, facing: Point, width: import("./avoidance.js").Width, gait: import("./steering.js").Gait, goal: GoalRow, ahead: GoalRow, walker: Walker, self: Seen }} Row */
 
 export class Company {
   /** @param {import("./scene.js").LocalScene | null} scene @param {import("./guide.js").Tell} tell */
@@ -100,8 +100,8 @@ export class Company {
     if (!this.clear) return;
     for (const row of rows) {
       if (!row.ahead.given) continue;
-      const { half, keeps, place, turn: angle, way } = lane(people, row.self, this.#ahead(row, BEFORE), this.clear);
-      row.half = Math.fround(half);
+      const { half, least, keeps, place, turn: angle, way } = lane(people, row.self, this.#ahead(row, BEFORE), this.clear);
+      row.width = { most: Math.fround(half), least: Math.fround(least) };
       if (keeps && row.ahead.through) row.ahead = { ...row.ahead, place };
       const turned = row.person.planned.gait.mode === STRAFING && angleBetween(row.facing, way) > TURNED;
       if (row.ahead.strafe || !(turned || angle > TURNED)) continue;

@@ -1,7 +1,7 @@
 // Leads people around walls, and around each other. It mirrors the server's world/scenes (guide, planner,
 // collision_avoidance, people) on a level floor, which explain the rules. World: metres, Z up.
 
-import { avoid, freshMemory } from "./avoidance.js";
+import { ENDLESS, avoid, freshMemory } from "./avoidance.js";
 import { Company } from "./company.js";
 import { MakingWay } from "./making_way.js";
 import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
@@ -60,7 +60,7 @@ export class Guide {
     /** @type {Row[]} */
     const rows = begun.map(({ person, start, gait, goal }) => {
       const self = /** @type {Seen} */ (people.find((other) => other.person === person));
-      return { person, hips: start.hips, facing: start.facing, half: Infinity, gait, goal, ahead: goal, walker: this.#walker(person), self };
+      return { person, hips: start.hips, facing: start.facing, width: ENDLESS, gait, goal, ahead: goal, walker: this.#walker(person), self };
     });
     this.company?.place(rows, people);
     const courses = rows.map((row) => (this.scene ? this.#led(row, people) : this.#onFloor(row)));
@@ -85,12 +85,12 @@ export class Guide {
 
   /** Makes a person walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
   #bend(row, people) {
-    const { hips, goal, ahead, walker, self, half } = row;
+    const { hips, goal, ahead, walker, self, width } = row;
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);
     /** @type {Point} */
     const preferred = [Math.fround((way[0] / distance) * ahead.speed), Math.fround((way[1] / distance) * ahead.speed)];
     const left = goal.through ? Infinity : Math.fround(Math.hypot(...minus(goal.place, hips)));
-    const course = avoid(people, self, preferred, this.company?.clear ?? null, STEP_SECONDS, left, half);
+    const course = avoid(people, self, preferred, this.company?.clear ?? null, STEP_SECONDS, left, width);
     walker.memory = course.memory;
     row.ahead = turned(ahead, hips, preferred, course.velocity, course.waits);
   }

@@ -6,7 +6,7 @@ import { bounded, dot, minus, plus, times } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
-/** @typedef {{ half: number, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
+/** @typedef {{ half: number, least: number, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
 
 const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 0.3, BACK = 4, DRIFT = 0.5, SEES = 7, PAST = -0.3;
 const AGAINST = 0.5, TURNS = [0.46, 0.66], TURN = (40 * Math.PI) / 180, SQUEEZE = [0.23, 0.29], TURN_SECONDS = 1.4;
@@ -19,7 +19,8 @@ export const SIDEWAYS = 0.9;
 export function lane(people, self, points, clear) {
   const last = points[points.length - 1], whole = minus(last, points[0]);
   const way = times(1 / Math.max(Math.hypot(...whole), 1e-6), whole), right = /** @type {Point} */ ([way[1], -way[0]]);
-  const sides = points.map((point) => [-1, 1].map((sign) => sign * wall(point, times(sign, right), clear)));
+  const walls = points.map((point) => [-1, 1].map((sign) => wall(point, times(sign, right), clear)));
+  const sides = walls.map(([before, after]) => [-before.far, after.far]), least = Math.min(...walls.map(([before, after]) => Math.max(before.disc, after.disc)));
   const halves = sides.map(([low, high]) => (high - low) / 2), half = Math.max(...halves);
   const [low, high] = sides[sides.length - 1];
   let keeps = false, passes = false;
@@ -33,18 +34,19 @@ export function lane(people, self, points, clear) {
   const wanted = (high + low) / 2 + (LANE * (high - low)) / 2;
   const off = wanted - dot(minus(plus(self.position, times(REACTION, self.velocity)), last), right);
   const turn = Math.max(passes ? narrower(half, TURNS) + BACK * Math.min(off, 0) : 0, narrower(Math.min(...halves), SQUEEZE));
-  return { half, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };
+  return { half, least, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };
 }
 
-/** Metres from a point of a way to the wall beside it. @param {Point} point @param {Point} side @param {(x: number, y: number) => number} clear */
+/** Metres from a point of a way to the wall beside it, and the radius of the largest disc before it. @param {Point} point @param {Point} side @param {(x: number, y: number) => number} clear */
 function wall(point, side, clear) {
-  let most = 0;
+  let far = 0, disc = 0;
   for (let k = 0; k * STEP < REACH + 1e-6; k += 1) {
     const room = clear(...plus(point, times(k * STEP, side)));
     if (room <= 0) break;
-    most = Math.max(most, k * STEP + room);
+    far = Math.max(far, k * STEP + room);
+    disc = Math.max(disc, room);
   }
-  return most;
+  return { far, disc };
 }
 
 /** Radians by which shoulders are turned in a way of that half width. @param {number} half @param {number[]} between */

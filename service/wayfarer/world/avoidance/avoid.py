@@ -31,6 +31,7 @@ from wayfarer.world.avoidance.kernel import (
     Choices,
     Everybody,
     Next,
+    Width,
     decide,
 )
 from wayfarer.world.avoidance.people import Float, Memory, People
@@ -56,7 +57,7 @@ def avoid(
     clear: Clearance | None,
     seconds: float,
     left: Float | None = None,
-    half: Float | None = None,
+    width: Width | None = None,
     own: tuple[Index, Index] | None = None,
 ) -> NextVelocity:
     """The velocities that some people shall take.
@@ -64,24 +65,25 @@ def avoid(
     rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
     nearest wall at points [A, N, 2] of these rows, [A, N]; None: there are no walls. `seconds`:
     since they were asked last. `left` [A]: metres to where each will stop; None: nobody stops.
-    `half` [A]: metres, half the width of their ways; None: there are no narrow ones. `own` [N]:
+    `width` [A]: of their ways; None: there are no narrow ones. `own` [N]:
     where everybody's session begins and ends in `people`; None: all are of one.
     A row's result depends on the `people` of its session, not on who else is asked.
     """
     everybody, count = _everybody(people, own), len(rows)
     made = _room_for(count)
     stops = np.full(count, np.inf, np.float32) if left is None else left
-    wide = np.full(count, np.inf, np.float32) if half is None else half
-    aim(everybody, rows, preferred, wide, made)
+    endless = np.full(count, np.inf, np.float32)
+    width = width or Width(endless, endless)
+    aim(everybody, rows, preferred, width.most, made)
     if clear is not None:
-        _walls(people, rows, clear, wide, made)
+        _walls(people, rows, clear, width.most, made)
     found = Next(
         velocity=np.empty((count, 2), np.float32),
         waited=np.empty(count, np.float32),
         yields=np.empty(count, np.float32),
         retreat=np.empty((count, 2), np.float32),
     )
-    decide(everybody, rows, stops, wide, float(seconds), made, found)
+    decide(everybody, rows, stops, width, float(seconds), made, found)
     memory = Memory(made.preferred, found.velocity, found.waited, found.yields, found.retreat)
     return NextVelocity(found.velocity, (found.velocity == 0).all(-1), memory)
 
@@ -94,7 +96,7 @@ def prepare() -> None:
     warm(aim, _everybody(people, None), row, np.ones((1, 2), np.float32), one, made)
     still = np.zeros(1, np.float32), np.zeros(1, np.float32)
     found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
-    warm(decide, _everybody(people, None), row, one, one, 0.2, made, found)
+    warm(decide, _everybody(people, None), row, one, Width(one, one), 0.2, made, found)
 
 
 def _everybody(people: People, own: tuple[Index, Index] | None) -> Everybody:

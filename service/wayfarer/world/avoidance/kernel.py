@@ -33,6 +33,7 @@ REACTION: Final = 0.3  # seconds until a body follows a new velocity
 SLOWEST: Final = 0.5  # m/s: nobody walks well more slowly
 SETS_OFF: Final = 0.5  # share of it up to which a person waits instead
 HEADWAY: Final = 0.6  # a person's pace is at most the free way divided by these seconds
+HEADWAY_AT_DOORS: Final = 0.45  # and where the next metre is narrow somewhere
 DEEP: Final = 0.55  # depth of a body on this way, as a share of its width
 SQUEEZE: Final = 0.95  # least share of its width that a body needs to pass another one
 WAY: Final = (0.2, 0.4, 0.7, 1.0)  # metres at which a way is looked at for walls
@@ -100,6 +101,13 @@ class Choices(NamedTuple):
     known: Index  # [A]
 
 
+class Width(NamedTuple):
+    """Half of the width of some people's ways [A] in the next metre, in metres; inf: not known."""
+
+    most: Float  # where the way is widest: below `LANES` it has lanes
+    least: Float  # where it is narrowest: below `LANES` there is a door, or lanes
+
+
 class Fan(NamedTuple):
     """The ways [C] that one person tries, and what it thinks of them: room to work in."""
 
@@ -158,7 +166,9 @@ def _precedes(everybody: Everybody, me: int, other: int) -> bool:
 
 
 @inner
-def _free(everybody: Everybody, me: int, other: int, speed: float, fan: Fan) -> None:
+def _free(
+    everybody: Everybody, me: int, other: int, speed: float, headway: float, fan: Fan
+) -> None:
     """Slows the ways of the fan on which another person is too near, if it stops or if it walks."""
     own_x, own_y = float(everybody.velocity[me, 0]), float(everybody.velocity[me, 1])
     vx, vy = float(everybody.velocity[other, 0]), float(everybody.velocity[other, 1])
@@ -181,7 +191,7 @@ def _free(everybody: Everybody, me: int, other: int, speed: float, fan: Fan) -> 
         on, beside = to_x * wx + to_y * wy, to_y * wx - to_x * wy
         depth = max(touch * touch * square - beside * beside, 0.0)
         met = speed * (on - sqrt(depth)) / square if (depth > 0) & (on > 0) else FREE
-        fan.pace[k] = min(fan.pace[k], min(gap, met) / HEADWAY)
+        fan.pace[k] = min(fan.pace[k], min(gap, met) / headway)
 
 
 @inner
@@ -229,18 +239,19 @@ def _meet(everybody: Everybody, me: int, other: int, left: float, half: float, f
 
 @inner
 def _best(
-    everybody: Everybody, row: int, me: int, left: float, half: float, made: Choices, fan: Fan
+    everybody: Everybody, row: int, me: int, left: float, width: Width, made: Choices, fan: Fan
 ) -> int:
     """The way of least cost of the ones that a person tries. Their paces are in the fan then."""
     px, py = float(made.aim[row, 0]), float(made.aim[row, 1])
     last_x, last_y = float(everybody.chosen[me, 0]), float(everybody.chosen[me, 1])
-    speed = length(px, py)
+    speed, half = length(px, py), float(width.most[row])
+    headway = HEADWAY_AT_DOORS if width.least[row] < LANES else HEADWAY
     for k in range(TRIED):
         fan.x[k], fan.y[k] = made.ways[row, k, 0], made.ways[row, k, 1]
-        fan.pace[k] = min(speed, made.free[row, k] / HEADWAY)
+        fan.pace[k] = min(speed, made.free[row, k] / headway)
         fan.most[k], fan.total[k] = 0.0, 0.0
     for k in range(made.known[row]):
-        _free(everybody, me, made.near[row, k], speed, fan)
+        _free(everybody, me, made.near[row, k], speed, headway, fan)
     slowest = min(SLOWEST, speed)
     for k in range(TRIED):
         waits = fan.pace[k] <= SETS_OFF * slowest or (fan.x[k] == 0 and fan.y[k] == 0)
@@ -296,20 +307,20 @@ def decide(
     everybody: Everybody,
     rows: Index,
     left: Float,
-    half: Float,
+    width: Width,
     seconds: float,
     made: Choices,
     found: Next,
 ) -> None:
     """Take the ways of least cost, and remember them, into `found`.
 
-    left [A]: metres to where each will stop; half [A]: as in `aim`.
+    left [A]: metres to where each will stop.
     """
     room = np.zeros((6, WIDE))
     fan = Fan(room[0], room[1], room[2], room[3], room[4], room[5])
     for row in range(len(rows)):
         me = rows[row]
-        best = _best(everybody, row, me, float(left[row]), float(half[row]), made, fan)
+        best = _best(everybody, row, me, float(left[row]), width, made, fan)
         found.velocity[row, 0] = fan.pace[best] * fan.x[best]
         found.velocity[row, 1] = fan.pace[best] * fan.y[best]
         if best == 0 and fan.pace[0] == length(float(made.aim[row, 0]), float(made.aim[row, 1])):

@@ -11,6 +11,7 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
+from wayfarer.world.avoidance.kernel import Width
 from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import bounded
@@ -51,11 +52,11 @@ class CollisionAvoidance:
         memory: Memory,
         goals: GoalColumns,
         ahead: GoalColumns,
-        half: Float,
+        width: Width,
     ) -> None:
         """Makes rows `led` of `ahead` walk around others, or wait for them, and remember it.
 
-        `rows` are their slots, `hips` [A, 2] their places, `half` [A] half the width of their ways.
+        `rows` are their slots, `hips` [A, 2] their places, `width` [A] that of their ways.
         They will stop at their `goals`.
         """
         crowd, count = self.crowd, len(rows)
@@ -82,7 +83,7 @@ class CollisionAvoidance:
             self.clearance(some),
             STEP_SECONDS,
             left[:count],
-            half[which],
+            Width(width.most[which], width.least[which]),
             crowd.own,
         )
         memory.put(led[which], course.memory)

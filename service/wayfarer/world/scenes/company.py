@@ -10,6 +10,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
 from wayfarer.world.agents.slots import Mode, Motion, Slots
 from wayfarer.world.agents.velocity import SLOW
+from wayfarer.world.avoidance.kernel import Width
 from wayfarer.world.avoidance.people import Aims, Memory
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Float, Index
@@ -162,21 +163,21 @@ class Company:
 
     def keep_lanes(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
-    ) -> Float:
+    ) -> Width:
         """Keeps rows `led` to the right in narrow ways, and turns their shoulders there.
 
-        Returns half the width of their ways [A]; inf where nothing is known. See `bar`.
+        Returns the width of their ways [A]. See `bar`.
         """
         slots, crowd = self._slots, self._avoidance.crowd
-        half = np.full(len(rows), np.inf, np.float32)
+        width = Width(*np.full((2, len(rows)), np.inf, np.float32))
         which = self._in_scenes(rows, ahead.given[led])
         if not len(which):
-            return half
+            return width
         some = rows[which]
         points = self._routes.ahead(some, hips[which], goals.position[led[which]], BEFORE)
         clear = self._avoidance.clearance(some)
         lane = lanes(crowd.people, crowd.places[some], points, clear, crowd.own)
-        half[which] = lane.half
+        width.most[which], width.least[which] = lane.half, lane.least
         keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
         ahead.position[led[which[keeps]], :2] = lane.place[keeps]
         facing = facing_of(slots.planned.seed.rotations[some, -1, 0])
@@ -191,7 +192,7 @@ class Company:
         ahead.strafe[mine] = True
         ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
         ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
-        return half
+        return width
 
     def lead_on_floor(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns

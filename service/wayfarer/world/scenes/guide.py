@@ -166,8 +166,8 @@ class SceneGuide:
     ) -> None:
         self.company.bar(rows, hips, led, start, goals, ahead)
         self.company.take_turns(rows, hips, led, start.memory, goals, ahead)
-        half = self.company.keep_lanes(rows, hips, led, goals, ahead)
-        self.avoidance.bend(rows, hips, led, start.memory, goals, ahead, half)
+        width = self.company.keep_lanes(rows, hips, led, goals, ahead)
+        self.avoidance.bend(rows, hips, led, start.memory, goals, ahead, width)
 
     def _led(self, rows: Index, hips: Array, start: Motion, goals: GoalColumns) -> NextTarget:
         """The targets of rows that are all in scenes; see `course`."""

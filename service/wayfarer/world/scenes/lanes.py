@@ -62,6 +62,7 @@ class Lane(NamedTuple):
     """The demands of narrow ways on some people [A]."""
 
     half: Array  # metres: half of the way's width where it is widest in the next metre
+    least: Array  # metres: radius of the largest disc in the way where it is narrowest
     keeps: Flags  # whether it walks in its lane
     place: Array  # [A, 2] where the lane leads
     turn: Array  # radians to the right of the way that it faces; 0: it does not turn
@@ -98,7 +99,7 @@ def lanes(
     way = points[:, -1] - points[:, 0]
     way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
     right = np.stack([way[:, 1], -way[:, 0]], -1)
-    low, high = _walls(points, right, distance)
+    low, high, disc = _walls(points, right, distance)
     halves = (high - low) / 2
     half = halves.max(1)
     first, last = own or (np.zeros(count, np.int64), np.full(count, count))
@@ -121,11 +122,16 @@ def lanes(
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right
-    return Lane(half, keeps, lane, turn, way)
+    return Lane(half, disc.min(1), keeps, lane, turn, way)
 
 
-def _walls(points: Array, right: Array, distance: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Metres to the right of points [A, S, 2] of the walls beside them: [A, S] for each side."""
+def _walls(
+    points: Array, right: Array, distance: Callable[[Array], Array]
+) -> tuple[Array, Array, Array]:
+    """Metres to the right of points [A, S, 2] of the walls beside them: [A, S] for each side. And
+    the radius of the largest disc between these walls [A, S], which also sees a thin wall with a
+    door between two points.
+    """
     grid = points[:, :, None] + ACROSS[:, None] * right[:, None, None]
     room = distance(grid.reshape(len(points), -1, 2)).reshape(*points.shape[:2], len(ACROSS))
     free, middle = room > 0.0, len(ACROSS) // 2
@@ -133,7 +139,8 @@ def _walls(points: Array, right: Array, distance: Callable[[Array], Array]) -> t
     before = np.logical_and.accumulate(free[..., middle::-1], -1)
     high = np.where(after, ACROSS[middle:] + room[..., middle:], 0).max(-1)
     low = np.where(before, ACROSS[middle::-1] - room[..., middle::-1], 0).min(-1)
-    return low, high
+    disc = np.where(after, room[..., middle:], 0).max(-1)
+    return low, high, np.maximum(disc, np.where(before, room[..., middle::-1], 0).max(-1))
 
 
 @compiled
