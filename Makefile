@@ -18,7 +18,6 @@ ARGS ?=
 
 PACKAGE := pyproject.toml proto/build_hook.py proto/schema_classes.py $(shell find proto -name '*.proto')
 CLIENT := clients/python/pyproject.toml clients/python/build_hook.py
-VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 WEB := clients/web
 NPM_TOOLS := tests/node_modules/.package-lock.json
 BUF := tests/node_modules/.bin/buf
@@ -53,8 +52,6 @@ test: $(VENV)/.dev ## set up and run all tests
 	@if ! { command -v cmake && command -v clang++ && test -e /usr/include/boost/beast.hpp; } >/dev/null; then \
 	echo "skipped: clients/cpp and clients/unreal need compilers and libraries (.ci/run lists them)" >&2; [ -z "$${CI:-}" ]; fi
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
-	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
-	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
 
 lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	$(BIN)/ruff check $(CHECKED)
