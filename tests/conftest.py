@@ -3,10 +3,8 @@
 Tests that share an expensive server, browser or export also share a worker.
 """
 
-import importlib
 import os
 import sys
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -130,21 +128,6 @@ def lies_in(path: Path, names: tuple[str, ...]) -> bool:
     each test it was a quarter of the time to collect them.
     """
     return any(path.is_relative_to(HERE / name) for name in names)
-
-
-def pytest_collection(session: pytest.Session) -> None:
-    """Each worker begins to import at another file: on a clean checkout it compiles its share, and
-    loads what the others have compiled. In the same order each would compile everything.
-    """
-    if (told := getattr(session.config, "workerinput", None)) is None:
-        return
-    given = [HERE.parent / argument.partition("::")[0] for argument in session.config.args]
-    files = sorted({file for one in given for file in [one, *one.rglob("test_*.py")]})
-    first = len(files) * int(told["workerid"].removeprefix("gw")) // told["workercount"]
-    for file in files[first:]:
-        with suppress(Exception, pytest.skip.Exception):  # the collection tells of them
-            name = ".".join(file.relative_to(HERE.parent).with_suffix("").parts)
-            importlib.import_module(name)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
