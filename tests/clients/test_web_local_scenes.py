@@ -129,7 +129,11 @@ def test_choices_and_ways_are_the_servers(tmp_path):
     ]
     assert len(pairs) > 500
     found_lanes = [each for crowd in found["lanes"] for each in crowd]
-    for name in ("half", "least", "keeps", "place", "turn", "way"):
+    for name in Width._fields:
+        theirs = np.array([each["width"][name] for each in found_lanes])
+        mine = np.concatenate([getattr(lane.width, name) for lane in kept])
+        np.testing.assert_allclose(theirs, mine, atol=1e-5, err_msg=name)
+    for name in ("keeps", "place", "turn", "way"):
         theirs = np.array([each[name] for each in found_lanes])
         mine = np.concatenate([getattr(lane, name) for lane in kept])
         np.testing.assert_allclose(theirs, mine, atol=1e-5, err_msg=name)

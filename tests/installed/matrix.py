@@ -22,7 +22,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import cycle
+from itertools import count
 from pathlib import Path
 
 from tests.installed.process import PORTS, WALK, StepError, run, serving
@@ -64,7 +64,6 @@ def main() -> int:
     given = parser.parse_args()
     pythons = interpreters(given.versions, given.python)
     others = pythons.keys() - {given.tested} or pythons.keys()
-    cores = cycle(sorted(os.sched_getaffinity(0)))
     with tempfile.TemporaryDirectory(prefix="wayfarer-matrix-") as name:
         cells = [
             Cell(
@@ -78,7 +77,7 @@ def main() -> int:
             for version, python in pythons.items()
             if not given.tested or (kind == "newest" and version in others)
         ]
-        with ThreadPoolExecutor(given.jobs, initializer=partial(stay_on, cores)) as pool:
+        with ThreadPoolExecutor(given.jobs, initializer=partial(stay_on_a_core, count())) as pool:
             for cell in pool.map(lambda cell: tried(cell, given.limit), cells):
                 result = f"FAILED\n{cell.failure}" if cell.failure else cell.found
                 print(f"Python {cell.version}, {cell.kind}: {result}", flush=True)
@@ -88,11 +87,14 @@ def main() -> int:
     return int(any(cell.failure for cell in cells))
 
 
-def stay_on(cores: Iterator[int]) -> None:
-    """Keeps this thread, and all that it starts, on the next of these cores. On several, a service
-    compiles its rules in two processes. With NUMBA_OPT=0 numba keeps few, so that both compile all.
+def stay_on_a_core(turns: Iterator[int]) -> None:
+    """Keeps this thread, and all that it starts, on one core, where the system can. On several, a
+    service compiles its rules in two processes. With NUMBA_OPT=0 numba keeps few, so that both
+    compile all.
     """
-    os.sched_setaffinity(0, {next(cores)})
+    if hasattr(os, "sched_setaffinity"):  # not on macOS
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[next(turns) % len(cores)]})
 
 
 def interpreters(versions: Sequence[str], more: Sequence[str]) -> dict[str, Path]:

@@ -25,8 +25,8 @@ def lane_in(width: float, *others: tuple[float, float, float]) -> Lane:
 
 @pytest.mark.parametrize("width", [0.4, 0.95, 1.5])
 def test_half_of_a_ways_width_is_measured_wherever_it_runs(width):
-    lane = lane_in(width)
-    assert lane.half == pytest.approx(width / 2) == lane.least
+    measured = lane_in(width).width
+    assert measured.most == pytest.approx(width / 2) == measured.least
 
 
 @pytest.mark.parametrize(
@@ -62,8 +62,8 @@ def test_a_door_is_seen_but_has_no_lanes():
         points,
         lambda p: np.where(np.abs(p[..., 1] - 0.4) < 0.2, 0.6, 2.0) - np.abs(p[..., 0]),
     )
-    assert not lane.keeps[0] and lane.turn[0] == 0 and lane.half[0] > 0.9
-    assert lane.least[0] == pytest.approx(0.6)
+    assert not lane.keeps[0] and lane.turn[0] == 0 and lane.width.most[0] > 0.9
+    assert lane.width.least[0] == pytest.approx(0.6)
 
 
 def test_shoulders_are_turned_where_two_pass_and_where_one_hardly_fits():

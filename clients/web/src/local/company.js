@@ -100,8 +100,8 @@ export class Company {
     if (!this.clear) return;
     for (const row of rows) {
       if (!row.ahead.given) continue;
-      const { half, least, keeps, place, turn: angle, way } = lane(people, row.self, this.#ahead(row, BEFORE), this.clear);
-      row.width = { most: Math.fround(half), least: Math.fround(least) };
+      const { width, keeps, place, turn: angle, way } = lane(people, row.self, this.#ahead(row, BEFORE), this.clear);
+      row.width = { most: Math.fround(width.most), least: Math.fround(width.least) };
       if (keeps && row.ahead.through) row.ahead = { ...row.ahead, place };
       const turned = row.person.planned.gait.mode === STRAFING && angleBetween(row.facing, way) > TURNED;
       if (row.ahead.strafe || !(turned || angle > TURNED)) continue;

@@ -6,7 +6,7 @@ import { bounded, dot, minus, plus, times } from "./steering.js";
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
-/** @typedef {{ half: number, least: number, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
+/** @typedef {{ width: import("./avoidance.js").Width, keeps: boolean, place: Point, turn: number, way: Point }} Lane */
 
 const REACH = 1.2, STEP = 0.1, LANES = 0.9, LANE = 0.4, STEERS = 0.3, BACK = 4, DRIFT = 0.5, SEES = 7, PAST = -0.3;
 const AGAINST = 0.5, TURNS = [0.46, 0.66], TURN = (40 * Math.PI) / 180, SQUEEZE = [0.23, 0.29], TURN_SECONDS = 1.4;
@@ -34,10 +34,10 @@ export function lane(people, self, points, clear) {
   const wanted = (high + low) / 2 + (LANE * (high - low)) / 2;
   const off = wanted - dot(minus(plus(self.position, times(REACTION, self.velocity)), last), right);
   const turn = Math.max(passes ? narrower(half, TURNS) + BACK * Math.min(off, 0) : 0, narrower(Math.min(...halves), SQUEEZE));
-  return { half, least, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };
+  return { width: { most: half, least }, keeps, place: plus(last, times(wanted + STEERS * off - DRIFT * turn, right)), turn, way };
 }
 
-/** Metres from a point of a way to the wall beside it, and the radius of the largest disc before it. @param {Point} point @param {Point} side @param {(x: number, y: number) => number} clear */
+/** How far a wall is from a point of a way, and the radius of the largest disc before that wall. @param {Point} point @param {Point} side @param {(x: number, y: number) => number} clear */
 function wall(point, side, clear) {
   let far = 0, disc = 0;
   for (let k = 0; k * STEP < REACH + 1e-6; k += 1) {

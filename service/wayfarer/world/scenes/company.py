@@ -177,7 +177,7 @@ class Company:
         points = self._routes.ahead(some, hips[which], goals.position[led[which]], BEFORE)
         clear = self._avoidance.clearance(some)
         lane = lanes(crowd.people, crowd.places[some], points, clear, crowd.own)
-        width.most[which], width.least[which] = lane.half, lane.least
+        width.most[which], width.least[which] = lane.width
         keeps = np.flatnonzero(lane.keeps & ahead.through[led[which]])
         ahead.position[led[which[keeps]], :2] = lane.place[keeps]
         facing = facing_of(slots.planned.seed.rotations[some, -1, 0])

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wayfarer.process.compiled import compiled, warm
-from wayfarer.world.avoidance.kernel import REACTION
+from wayfarer.world.avoidance.kernel import REACTION, Width
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.rows import Array, Double, Flags, Float, Index
 
@@ -61,8 +61,7 @@ SIDEWAYS: Final = 0.9
 class Lane(NamedTuple):
     """The demands of narrow ways on some people [A]."""
 
-    half: Array  # metres: half of the way's width where it is widest in the next metre
-    least: Array  # metres: radius of the largest disc in the way where it is narrowest
+    width: Width  # where it is narrowest: the radius of the largest disc
     keeps: Flags  # whether it walks in its lane
     place: Array  # [A, 2] where the lane leads
     turn: Array  # radians to the right of the way that it faces; 0: it does not turn
@@ -122,15 +121,15 @@ def lanes(
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right
-    return Lane(half, disc.min(1), keeps, lane, turn, way)
+    return Lane(Width(half, disc.min(1)), keeps, lane, turn, way)
 
 
 def _walls(
     points: Array, right: Array, distance: Callable[[Array], Array]
 ) -> tuple[Array, Array, Array]:
-    """Metres to the right of points [A, S, 2] of the walls beside them: [A, S] for each side. And
-    the radius of the largest disc between these walls [A, S], which also sees a thin wall with a
-    door between two points.
+    """How far to the right of points [A, S, 2] the walls on both sides are, in metres: [A, S] for
+    each side, less than 0 to the left. The third result is the radius of the largest disc between
+    them [A, S]. It sees a door in a thin wall that lies between two points, too.
     """
     grid = points[:, :, None] + ACROSS[:, None] * right[:, None, None]
     room = distance(grid.reshape(len(points), -1, 2)).reshape(*points.shape[:2], len(ACROSS))

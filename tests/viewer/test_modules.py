@@ -1,4 +1,4 @@
-"""Modules of the page, without a browser: tests/viewer/*.test.mjs."""
+"""Modules of the page, without a browser: the *.test.mjs beside this file."""
 
 import shutil
 from pathlib import Path
@@ -7,10 +7,11 @@ import pytest
 
 from tests.programs import run_program
 
-FOLDER = Path(__file__).parent / "viewer"
+FOLDER = Path(__file__).parent
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="needs node: apt-get install nodejs")
 def test_their_own_tests_pass():
-    said = run_program("node", "--test", *sorted(FOLDER.glob("*.test.mjs"))).stdout
+    files = sorted(FOLDER.glob("*.test.mjs"))
+    said = run_program("node", "--test", "--test-reporter=tap", *files).stdout
     assert "# fail 0" in said and "# skipped 0" in said
