@@ -8,7 +8,7 @@ from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Floor, SceneSpec
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.scenes.lanes import LANE, TURN, Lane, lanes
+from wayfarer.world.scenes.lanes import LANE, LANES, TURN, Lane, lanes
 
 BEFORE = np.array([0.1, 0.4, 0.7, 1.0])
 
@@ -64,6 +64,26 @@ def test_a_door_is_seen_but_has_no_lanes():
     )
     assert not lane.keeps[0] and lane.turn[0] == 0 and lane.width.most[0] > 0.9
     assert lane.width.least[0] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("far", "is_door"), [(0.25, True), (0.4, True), (0.55, True), (5.0, False)]
+)
+def test_a_door_in_a_thin_wall_is_seen_and_a_wall_before_which_a_way_ends_is_none(far, is_door):
+    """A wall of .2 m with a door of .9 m, and a room of 4 m that ends .5 m behind the way's end."""
+
+    def distance(places):
+        beside, wall = np.abs(places[..., 0]) - 0.45, np.abs(places[..., 1] - far) - 0.1
+        outside = np.hypot(np.maximum(-beside, 0), np.maximum(wall, 0))
+        in_wall = np.where((beside > 0) & (wall < 0), np.maximum(-beside, wall), outside)
+        sides = np.minimum(2.0 - np.abs(places[..., 0]), 1.5 - places[..., 1])
+        return np.minimum(in_wall, sides)
+
+    people = People.empty(1)
+    points = np.stack([np.zeros(4), BEFORE], -1)[None]
+    lane = lanes(people, np.array([0]), points, distance)
+    half = lane.width.least[0]
+    assert half == pytest.approx(0.45, abs=0.15) if is_door else half > LANES
 
 
 def test_shoulders_are_turned_where_two_pass_and_where_one_hardly_fits():

@@ -20,6 +20,9 @@ from wayfarer.world.rows import Array, Double, Flags, Float, Index
 ACROSS: Final = np.arange(-1.2, 1.21, 0.1)
 """Metres to the right of a way at which walls are looked for."""
 
+THIN: Final = 0.15
+"""Metres: half of the way from one point to the next, between which a wall with a door may lie."""
+
 LANES: Final = 0.9
 """Half of a way's width within which it has lanes; in wider ones avoidance finds its own."""
 
@@ -61,7 +64,7 @@ SIDEWAYS: Final = 0.9
 class Lane(NamedTuple):
     """The demands of narrow ways on some people [A]."""
 
-    width: Width  # where it is narrowest: the radius of the largest disc
+    width: Width
     keeps: Flags  # whether it walks in its lane
     place: Array  # [A, 2] where the lane leads
     turn: Array  # radians to the right of the way that it faces; 0: it does not turn
@@ -98,8 +101,11 @@ def lanes(
     way = points[:, -1] - points[:, 0]
     way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
     right = np.stack([way[:, 1], -way[:, 0]], -1)
-    low, high, disc = _walls(points, right, distance)
+    grid = points[:, :, None] + ACROSS[:, None] * right[:, None, None]
+    room = distance(grid.reshape(len(points), -1, 2)).reshape(*points.shape[:2], len(ACROSS))
+    low, high = _walls(room, 0.0)
     halves = (high - low) / 2
+    left, beyond = _walls(room, THIN)
     half = halves.max(1)
     first, last = own or (np.zeros(count, np.int64), np.full(count, count))
     everybody = PeopleColumns(
@@ -121,25 +127,21 @@ def lanes(
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right
-    return Lane(Width(half, disc.min(1)), keeps, lane, turn, way)
+    return Lane(Width(half, (beyond - left).min(1) / 2), keeps, lane, turn, way)
 
 
-def _walls(
-    points: Array, right: Array, distance: Callable[[Array], Array]
-) -> tuple[Array, Array, Array]:
-    """How far to the right of points [A, S, 2] the walls on both sides are, in metres: [A, S] for
-    each side, less than 0 to the left. The third result is the radius of the largest disc between
-    them [A, S]. It sees a door in a thin wall that lies between two points, too.
+def _walls(room: Array, nearer: float) -> tuple[Array, Array]:
+    """Metres to the right at which walls are on both sides of points: [A, S] for each side.
+
+    `room` [A, S, G]: metres to the nearest wall at `ACROSS`. A place with no more room than
+    `nearer` counts as one in a wall.
     """
-    grid = points[:, :, None] + ACROSS[:, None] * right[:, None, None]
-    room = distance(grid.reshape(len(points), -1, 2)).reshape(*points.shape[:2], len(ACROSS))
-    free, middle = room > 0.0, len(ACROSS) // 2
+    free, middle = room > nearer, len(ACROSS) // 2
     after = np.logical_and.accumulate(free[..., middle:], -1)
     before = np.logical_and.accumulate(free[..., middle::-1], -1)
     high = np.where(after, ACROSS[middle:] + room[..., middle:], 0).max(-1)
     low = np.where(before, ACROSS[middle::-1] - room[..., middle::-1], 0).min(-1)
-    disc = np.where(after, room[..., middle:], 0).max(-1)
-    return low, high, np.maximum(disc, np.where(before, room[..., middle::-1], 0).max(-1))
+    return low, high
 
 
 @compiled
