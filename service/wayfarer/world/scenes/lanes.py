@@ -127,7 +127,8 @@ def lanes(
     turn = np.maximum(turn, np.interp(halves.min(1), SQUEEZE, (TURN, 0.0)))
     aim = wanted + STEERS * off - DRIFT * turn
     lane = points[:, -1] + aim[:, None] * right
-    return Lane(Width(half, (beyond - left).min(1) / 2), keeps, lane, turn, way)
+    width = Width(half.astype(np.float32), ((beyond - left).min(1) / 2).astype(np.float32))
+    return Lane(width, keeps, lane, turn, way)
 
 
 def _walls(room: Array, nearer: float) -> tuple[Array, Array]:
