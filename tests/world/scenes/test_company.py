@@ -158,7 +158,8 @@ def test_a_goal_amid_a_ring_of_people_is_reported():
     world.give(walker.agent_id, goal(6.0, 7.0), 1.0)
     _, arrived = walked(world, 15.0)
     assert not arrived
-    assert len(blocked(world)) == 1
+    first, again = blocked(world)
+    assert again.at - first.at == pytest.approx(8.0, abs=0.3)
 
 
 def test_who_waits_too_far_from_its_goal_goes_on_when_there_is_room_nearer():
@@ -214,11 +215,24 @@ def test_a_goal_stays_where_it_is_although_its_agent_stands_beside_others_at_a_w
 
 
 def test_a_person_is_told_within_ten_seconds_without_progress_whatever_it_did_meanwhile():
-    """It makes way twice, and goes .2 m on."""
-    speeds = [0.0] * 10 + [-0.5] * 5 + [0.5] * 5 + [0.0] * 15 + [-0.5] * 5 + [0.5] * 7 + [0.0] * 20
-    assert len(told_stuck(speeds)) == 1
-    assert 9.0 <= told_stuck(speeds)[0] < 9.3
-    assert told_stuck([0.0] * 40 + [0.5] * 4 + [0.0] * 40) == []
+    """It makes way twice, and goes .2 m on; then it stands, and is told again."""
+    speeds = [0.0] * 10 + [-0.5] * 5 + [0.5] * 5 + [0.0] * 15 + [-0.5] * 5 + [0.5] * 7 + [0.0] * 45
+    assert told_stuck(speeds) == pytest.approx([8.2, 17.4])
+
+
+@pytest.mark.parametrize("came", [0.0, 0.2, 0.38])
+@pytest.mark.parametrize("at", [1, 20, 37])
+def test_who_comes_forward_by_less_than_40_cm_in_ten_seconds_is_told_whenever_that_is(came, at):
+    """It walks before; small steps do not begin the ten seconds anew."""
+    speeds = [1.0] * 20 + [0.0] * 50
+    speeds[20 + at] = came / STEP_SECONDS
+    first, *_ = told_stuck(speeds)
+    assert 4.0 + 8.0 <= first <= 4.0 + 10.1
+
+
+def test_who_comes_forward_slowly_is_not_told():
+    assert told_stuck([0.21] * 500) == []
+    assert told_stuck(([0.0] * 30 + [1.2] * 6) * 10) == []
 
 
 @pytest.mark.parametrize("barred", [0.0, 3.4])

@@ -8,7 +8,7 @@ import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
 import { FARTHEST, takeSpot } from "./spots.js";
 import { STEP_SECONDS, STRAFING, angleBetween, dot, minus, plus, times } from "./steering.js";
 
-const REACH = 1, TOLD = 3.9, STUCK = 9, ADVANCES = 0.3, NEAR = 1.5, SHUFFLE = 0.3, WAITS = 0.4, GOAL_MOVES = 0.3;
+const REACH = 1, TOLD = 3.9, STUCK = 8, PACE = Math.fround(0.2), NEAR = 1.5, SHUFFLE = 0.3, WAITS = 0.4, GOAL_MOVES = 0.3;
 export const PATIENCE = 2.5, TOUCH = 0.4;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
@@ -21,7 +21,8 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
 /**
  * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it
  * received. `spot`: where it will stand. `barred`: seconds for which standing people have blocked its way. `stuck`:
- * seconds without progress, whatever it did meanwhile. `advanced`: metres along its way since then.
+ * seconds by which it has fallen behind a slow pace since it was told so last. `advanced`: metres along its way:
+ * negative while it makes up for having gone back.
  * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number, stuck: number, advanced: number }} Aims
  */
 /** State kept of a person. @typedef {{ route: import("./routes.js").Route, memory: import("./avoidance.js").Memory, aims: Aims }} Walker */
@@ -72,11 +73,13 @@ export class Company {
       const waits = near < STOPS + (person.planned.gait.speed < SLOW ? SHUFFLE : 0);
       this.#settle(row, waits, people);
       if (waits) row.ahead = { ...row.ahead, given: false };
-      if (isStuck(row) && (aims.barred < TOLD || aims.barred >= TOLD + STUCK)) { // else it has just been told
+      const reported = by.length && aims.barred >= TOLD && aims.barred < TOLD + STEP, stuck = isStuck(row);
+      if (reported) aims.stuck = 0;
+      if (stuck && !reported) {
         const others = people.filter(({ position, person: other }) => other !== person && Math.hypot(...minus(position, hips)) < NEAR);
         this.tell(person, "blocked", person.waypoint, others.map((other) => other.person));
       }
-      if (by.length && aims.barred >= TOLD && aims.barred < TOLD + STEP) this.tell(person, "blocked", person.waypoint, by.map((other) => other.person));
+      if (reported) this.tell(person, "blocked", person.waypoint, by.map((other) => other.person));
     }
   }
 
@@ -190,12 +193,13 @@ export class Company {
   }
 }
 
-/** Notes how far a person has got on; whether it has just been stuck for too long. @param {Row} row before its way is bent */
+/** Notes how far a person has got on; whether it has fallen too far behind: it is told, and begins anew. @param {Row} row before its way is bent */
 function isStuck({ hips, ahead, self: { velocity }, walker: { aims } }) {
   const way = minus(ahead.place, hips);
-  aims.advanced = Math.fround(aims.advanced + (STEP * dot(velocity, way)) / Math.max(Math.hypot(...way), 1e-6));
-  if (aims.advanced >= ADVANCES) aims.advanced = aims.stuck = 0;
-  return aims.stuck >= STUCK && aims.stuck < STUCK + STEP;
+  const advanced = Math.fround(aims.advanced + (STEP * dot(velocity, way)) / Math.max(Math.hypot(...way), 1e-6));
+  const seconds = Math.fround(aims.stuck - Math.max(advanced, 0) / PACE);
+  Object.assign(aims, { advanced: Math.min(advanced, 0), stuck: seconds >= STUCK ? 0 : Math.max(seconds, 0) });
+  return seconds >= STUCK;
 }
 
 /** Whether there is a way to a person's present goal. @param {Row} row */

@@ -25,8 +25,8 @@ class Aims(Rows):
     asked: Annotated[Float, Shape(2)]  # metres: the goal that it received
     spot: Annotated[Float, Shape(2)]  # metres: where it will stand, there or next to others
     barred: Float  # seconds for which standing people have closed its way
-    stuck: Float  # seconds without progress, whatever it did meanwhile
-    advanced: Float  # metres along its way since then, negative if it went back
+    stuck: Float  # seconds by which it has fallen behind a slow pace since it was told so last
+    advanced: Float  # metres along its way: negative while it makes up for having gone back
 
 
 @dataclass(slots=True, eq=False)

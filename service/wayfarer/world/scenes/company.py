@@ -29,12 +29,13 @@ REACH: Final = 1.0
 REPORT_S: Final = 4.0
 """Seconds for which people must close a way before the event `BLOCKED` reports it."""
 
-STUCK: Final = 9.0
-"""Seconds without progress after which `BLOCKED` names the people within `NEAR` metres: nobody is
-seen to stand for ten without it."""
+PACE: Final = 0.2
+"""Metres per second along its way below which an agent falls behind. A step aside, or back and
+forth, is no progress."""
 
-ADVANCES: Final = 0.3
-"""Metres along its way that are progress. A step aside and back is none."""
+STUCK: Final = 8.0
+"""Seconds by which it falls behind until `BLOCKED` names the people within `NEAR` metres, each time
+anew: who comes forward by less than .4 m in ten seconds is told within these."""
 
 NEAR: Final = 1.5
 
@@ -112,9 +113,10 @@ class Company:
         places, aims, waited = goals.position[mine], start.aims, start.memory.waited[mine]
         barred = self._detours.update(some, hips[which], places, crowd, aims.barred[mine])
         aims.barred[mine] = seconds = barred.seconds.astype(np.float32)
+        reported = barred.is_barred & (seconds >= REPORT_S) & (seconds < REPORT_S + 0.19)
         stuck = self._count_progress(some, hips[which], mine, aims, ahead)
-        stuck &= (seconds < REPORT_S) | (seconds >= REPORT_S + STUCK)  # else it has just been told
-        for row in np.flatnonzero(stuck).tolist():
+        aims.stuck[mine[reported]] = 0.0
+        for row in np.flatnonzero(stuck & ~reported).tolist():
             everybody = crowd.session(int(some[row]))
             gaps = np.linalg.norm(everybody.people.position - hips[which[row]], axis=-1)
             others = everybody.slots[(gaps < NEAR) & (everybody.slots != some[row])]
@@ -129,7 +131,6 @@ class Company:
         stays[stays] = ~crowd.near(some[stays], crowd.stand, TOUCH)
         aims.spot[mine[stays]] = hips[which[stays]]
         ahead.given[mine[waits]] = False
-        reported = barred.is_barred & (seconds >= REPORT_S) & (seconds < REPORT_S + 0.19)
         for row in np.flatnonzero(reported).tolist():
             first = crowd.own[0][crowd.places[some[row]]]
             others = crowd.slots[first + np.flatnonzero(barred.by[row])]
@@ -228,16 +229,17 @@ class Company:
         self, rows: Index, hips: Float, mine: Index, aims: Aims, ahead: GoalColumns
     ) -> Flags:
         """Notes in rows `mine` of `aims` how far rows [A] at `hips` [A, 2] have got on to their
-        places `ahead`. Returns which have just been stuck for too long.
+        places `ahead`. Returns which have fallen too far behind: they are told, and begin anew.
         """
         way = ahead.position[mine, :2] - hips
         crowd, step = self._avoidance.crowd, np.float32(STEP_SECONDS)
         gone = step * crowd.people.velocity[crowd.places[rows]] * way
         far = np.maximum(np.hypot(way[:, 0], way[:, 1]), np.float32(1e-6))
-        advanced, seconds = aims.advanced[mine] + (gone[:, 0] + gone[:, 1]) / far, aims.stuck[mine]
-        advances = advanced >= ADVANCES
-        aims.advanced[mine], aims.stuck[mine[advances]] = np.where(advances, 0, advanced), 0.0
-        is_stuck: Flags = ~advances & (seconds >= STUCK) & (seconds < STUCK + STEP_SECONDS)
+        advanced = aims.advanced[mine] + (gone[:, 0] + gone[:, 1]) / far
+        seconds = aims.stuck[mine] - np.maximum(advanced, 0) / np.float32(PACE)
+        is_stuck: Flags = seconds >= STUCK
+        aims.advanced[mine] = np.minimum(advanced, 0)
+        aims.stuck[mine] = np.where(is_stuck, 0, np.maximum(seconds, 0))
         return is_stuck
 
     def _wait(self, slot: int, aims: Aims) -> None:
