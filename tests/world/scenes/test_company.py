@@ -142,6 +142,22 @@ def test_an_agent_beside_its_goal_goes_there_once_nobody_is_in_its_place():
     assert np.linalg.norm(tracks[comes.agent_id][-1, :2] - (0.0, 5.0)) < 0.32
 
 
+def test_who_waits_knows_where_it_would_go_now():
+    """Others are asked to leave that way. It was in another one when it walked last."""
+    world, _, _ = world_in(CORRIDOR)
+    walker, *others = enter(world, (1.0, 6.5), (0.4, 8.0), (1.0, 8.0), (1.6, 8.0))
+    for agent, x in zip(others, (0.4, 1.0, 1.6), strict=True):
+        world.give(agent.agent_id, goal(x, 8.0, heading=0.0), 0.0)
+    world.give(walker.agent_id, goal(1.0, 11.5), 0.0)
+    walked(world, 4.0)
+    planned = world.slots.planned
+    slot = int(planned.aims.wants.argmax())
+    planned.memory.preferred[slot] = 1.0, 0.0
+    walked(world, 5.0)
+    x, y = planned.memory.preferred[slot]
+    assert y > 0.5 > 5 * abs(x)
+
+
 def test_a_goal_amid_a_ring_of_people_is_reported():
     world, _, _ = world_in(field())
     turn = 2 * np.pi * np.arange(16) / 16

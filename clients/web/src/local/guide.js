@@ -68,7 +68,7 @@ export class Guide {
     this.company?.bar(led, people);
     this.company?.takeTurns(led, people);
     this.company?.keepLanes(led, people);
-    if (this.company && people.length > 1) for (const row of led) if (row.ahead.given) this.#bend(row, people);
+    if (this.company && people.length > 1) for (const row of led) this.#bend(row, people);
     for (const row of rows) this.makingWay?.update(row, people);
     return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }
@@ -89,6 +89,10 @@ export class Guide {
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);
     /** @type {Point} */
     const preferred = [Math.fround((way[0] / distance) * ahead.speed), Math.fround((way[1] / distance) * ahead.speed)];
+    if (!ahead.given) {
+      walker.memory = { ...walker.memory, preferred }; // it waits, and would walk on
+      return;
+    }
     const left = goal.through ? Infinity : Math.fround(Math.hypot(...minus(goal.place, hips)));
     const course = avoid(people, self, preferred, this.company?.clear ?? null, STEP_SECONDS, left, width);
     walker.memory = course.memory;

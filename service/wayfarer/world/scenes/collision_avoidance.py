@@ -69,6 +69,7 @@ class CollisionAvoidance:
             led,
             (goals.position, goals.through),
             arrays,
+            memory.preferred,
             which,
             preferred,
             left,
@@ -115,12 +116,13 @@ def prefer(
     led: Index,
     goals: tuple[Float, Flags],
     ahead: GoalArrays,
+    wanted: Float,
     which: Index,
     preferred: Float,
     left: Float,
 ) -> int:
     """Finds which of `rows` walk on among others, at which velocities, and metres until they stop.
-    Returns their number.
+    Returns their number. Those that wait remember theirs in `wanted`.
 
     `crowd`: whether each slot avoids others, its place among the people, and the range of its
     session, [first, last). `goals`: their positions, and whether they are passed through.
@@ -128,12 +130,15 @@ def prefer(
     count, (avoids, places, first, last), (goal, through) = 0, crowd, goals
     for row in range(len(rows)):
         me, at = places[rows[row]], led[row]
-        if not (ahead.given[at] and avoids[rows[row]]) or last[me] - first[me] < 2:
+        if not avoids[rows[row]] or last[me] - first[me] < 2:
             continue
         x, y = ahead.position[at, 0] - hips[row, 0], ahead.position[at, 1] - hips[row, 1]
         far = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
-        preferred[count, 0] = x / far * ahead.speed[at]
-        preferred[count, 1] = y / far * ahead.speed[at]
+        x, y = x / far * ahead.speed[at], y / far * ahead.speed[at]
+        if not ahead.given[at]:
+            wanted[at, 0], wanted[at, 1] = x, y
+            continue
+        preferred[count, 0], preferred[count, 1] = x, y
         x, y = goal[at, 0] - hips[row, 0], goal[at, 1] - hips[row, 1]
         left[count] = np.float32(np.inf) if through[at] else np.float32(sqrt(x * x + y * y))
         which[count] = row
@@ -171,7 +176,7 @@ def prepare() -> None:
     row, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.ones((1, 2), np.float32)
     goal, goals = np.ones((1, 3), np.float32), columns(GoalArrays, GoalColumns.empty(1))
     crowd = flag, row, row, row
-    warm(prefer, crowd, row, place, row, (goal, flag), goals, row, place, place[0, :1])
+    warm(prefer, crowd, row, place, row, (goal, flag), goals, place, row, place, place[0, :1])
     warm(turn_aside, goals, row, place, place, place, flag)
 
 
