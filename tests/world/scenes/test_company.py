@@ -142,7 +142,7 @@ def test_an_agent_beside_its_goal_goes_there_once_nobody_is_in_its_place():
     assert np.linalg.norm(tracks[comes.agent_id][-1, :2] - (0.0, 5.0)) < 0.32
 
 
-def test_who_waits_knows_where_it_would_go_now():
+def test_who_waits_knows_where_it_would_go_now_and_for_how_long_it_has_not():
     """Others are asked to leave that way. It was in another one when it walked last."""
     world, _, _ = world_in(CORRIDOR)
     walker, *others = enter(world, (1.0, 6.5), (0.4, 8.0), (1.0, 8.0), (1.6, 8.0))
@@ -152,10 +152,13 @@ def test_who_waits_knows_where_it_would_go_now():
     walked(world, 4.0)
     planned = world.slots.planned
     slot = int(planned.aims.wants.argmax())
-    planned.memory.preferred[slot] = 1.0, 0.0
+    planned.memory.preferred[slot] = planned.memory.chosen[slot] = 1.0, 0.0
+    waited = planned.memory.waited[slot]
     walked(world, 5.0)
     x, y = planned.memory.preferred[slot]
     assert y > 0.5 > 5 * abs(x)
+    assert not planned.memory.chosen[slot].any()
+    assert planned.memory.waited[slot] - waited == pytest.approx(1.0, abs=0.25)
 
 
 def test_a_goal_amid_a_ring_of_people_is_reported():

@@ -90,11 +90,7 @@ export class Company {
       if (!row.ahead.given) continue;
       const found = turn(people, row.self, this.#ahead(row, AHEAD), this.clear);
       if (!found) continue;
-      const { walker } = row;
-      if (found.there) {
-        row.ahead = { ...row.ahead, given: false };
-        walker.memory = { ...walker.memory, waited: Math.fround(walker.memory.waited + STEP) };
-      } else row.ahead = passing(row.ahead, found.place, minus(found.place, row.hips));
+      row.ahead = found.there ? { ...row.ahead, given: false } : passing(row.ahead, found.place, minus(found.place, row.hips));
     }
   }
 

@@ -8,6 +8,7 @@ import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
 import { STEP_SECONDS, WALKING, angleBetween, apart, bounded, minus, plus, times } from "./steering.js";
 
+const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 const FPS = 40;
 const REACH = 1, SHARES = [1, 0.75, 0.5, 0.3, 0.15], LINE = 8;
 const ROOM = 0.2, SLACK = 0.01, ELBOW = 0.18, CLOSE = 0.05, PUSH = [2.5, 0.25], PRESSED = 1.5;
@@ -83,14 +84,14 @@ export class Guide {
     return walker;
   }
 
-  /** Makes a person walk around others, or wait for them. @param {Row} row @param {Seen[]} people */
+  /** Makes a person walk around others, or wait for them; one that waits remembers where it would walk now, and how long. @param {Row} row @param {Seen[]} people */
   #bend(row, people) {
     const { hips, goal, ahead, walker, self, width } = row;
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);
     /** @type {Point} */
     const preferred = [Math.fround((way[0] / distance) * ahead.speed), Math.fround((way[1] / distance) * ahead.speed)];
     if (!ahead.given) {
-      walker.memory = { ...walker.memory, preferred }; // it waits, and would walk on
+      walker.memory = { ...walker.memory, preferred, chosen: [0, 0], waited: Math.fround(walker.memory.waited + STEP) };
       return;
     }
     const left = goal.through ? Infinity : Math.fround(Math.hypot(...minus(goal.place, hips)));
@@ -228,7 +229,7 @@ function begin(walker, wanted) {
     walker.memory = { ...memory, yields: 0 };
     Object.assign(aims, { wants: wanted, stuck: 0, advanced: 0 });
   }
-  if (wanted) aims.stuck = Math.fround(aims.stuck + Math.fround(STEP_SECONDS));
+  if (wanted) aims.stuck = Math.fround(aims.stuck + STEP);
 }
 
 /** @param {GoalRow} ahead @param {Point} hips @param {Point} preferred @param {Point} chosen @param {boolean} waits @returns {GoalRow} */

@@ -69,7 +69,7 @@ class CollisionAvoidance:
             led,
             (goals.position, goals.through),
             arrays,
-            memory.preferred,
+            (memory.preferred, memory.chosen, memory.waited),
             which,
             preferred,
             left,
@@ -116,18 +116,20 @@ def prefer(
     led: Index,
     goals: tuple[Float, Flags],
     ahead: GoalArrays,
-    wanted: Float,
+    memory: tuple[Float, Float, Float],
     which: Index,
     preferred: Float,
     left: Float,
 ) -> int:
     """Finds which of `rows` walk on among others, at which velocities, and metres until they stop.
-    Returns their number. Those that wait remember theirs in `wanted`.
+    Returns their number. The others wait: they remember where they would walk now, and how long.
 
     `crowd`: whether each slot avoids others, its place among the people, and the range of its
     session, [first, last). `goals`: their positions, and whether they are passed through.
+    `memory`: the velocities that they wanted and took, and the seconds for which they have waited.
     """
     count, (avoids, places, first, last), (goal, through) = 0, crowd, goals
+    wanted, taken, waited = memory
     for row in range(len(rows)):
         me, at = places[rows[row]], led[row]
         if not avoids[rows[row]] or last[me] - first[me] < 2:
@@ -137,6 +139,8 @@ def prefer(
         x, y = x / far * ahead.speed[at], y / far * ahead.speed[at]
         if not ahead.given[at]:
             wanted[at, 0], wanted[at, 1] = x, y
+            taken[at, 0] = taken[at, 1] = 0.0
+            waited[at] += np.float32(STEP_SECONDS)
             continue
         preferred[count, 0], preferred[count, 1] = x, y
         x, y = goal[at, 0] - hips[row, 0], goal[at, 1] - hips[row, 1]
@@ -176,7 +180,8 @@ def prepare() -> None:
     row, flag, place = np.zeros(1, np.int64), np.ones(1, np.bool_), np.ones((1, 2), np.float32)
     goal, goals = np.ones((1, 3), np.float32), columns(GoalArrays, GoalColumns.empty(1))
     crowd = flag, row, row, row
-    warm(prefer, crowd, row, place, row, (goal, flag), goals, place, row, place, place[0, :1])
+    memory = place, place, place[0, :1]
+    warm(prefer, crowd, row, place, row, (goal, flag), goals, memory, row, place, place[0, :1])
     warm(turn_aside, goals, row, place, place, place, flag)
 
 

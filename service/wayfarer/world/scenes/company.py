@@ -11,7 +11,7 @@ from wayfarer.world.agents.heading import angle_between, facing_of
 from wayfarer.world.agents.slots import Mode, Motion, Slots
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.avoidance.kernel import Width
-from wayfarer.world.avoidance.people import Aims, Memory
+from wayfarer.world.avoidance.people import Aims
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
@@ -137,13 +137,7 @@ class Company:
             self._blocked(int(some[row]), others, "stand in the way, and no way leads round")
 
     def take_turns(
-        self,
-        rows: Index,
-        hips: Float,
-        led: Index,
-        memory: Memory,
-        goals: GoalColumns,
-        ahead: GoalColumns,
+        self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns
     ) -> None:
         """Makes rows `led` wait before narrow places that others come out of; see `bar`."""
         crowd = self._avoidance.crowd
@@ -157,7 +151,6 @@ class Company:
         turn = turns(crowd.people, crowd.places[some], points, clear, crowd.own)
         way = turn.place - hips[which]
         ahead.given[led[which[turn.there]]] = False
-        memory.waited[led[which[turn.there]]] += STEP_SECONDS
         aside = np.flatnonzero(turn.waits & ~turn.there)
         ahead.position[led[which[aside]], :2] = turn.place[aside]
         pass_through(ahead, led[which[aside]], way[aside])

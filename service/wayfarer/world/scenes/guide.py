@@ -165,7 +165,7 @@ class SceneGuide:
         ahead: GoalColumns,
     ) -> None:
         self.company.bar(rows, hips, led, start, goals, ahead)
-        self.company.take_turns(rows, hips, led, start.memory, goals, ahead)
+        self.company.take_turns(rows, hips, led, goals, ahead)
         width = self.company.keep_lanes(rows, hips, led, goals, ahead)
         self.avoidance.bend(rows, hips, led, start.memory, goals, ahead, width)
 
