@@ -35,7 +35,7 @@ forth, is no progress."""
 
 STUCK: Final = 8.0
 """Seconds by which it falls behind until `BLOCKED` names the people within `NEAR` metres, each time
-anew: who comes forward by less than .4 m in ten seconds is told within these."""
+anew: one that comes forward by less than .4 m in ten seconds is told within these."""
 
 NEAR: Final = 1.5
 
