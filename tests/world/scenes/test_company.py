@@ -286,8 +286,8 @@ def told_stuck(speeds):
     return found
 
 
-def before_a_door(*people, width=0.9):
-    """What people (place, goal, number) do before a door at the origin, `width` metres wide."""
+def before_a_door(*people, width=0.9, length=0.8):
+    """What people (place, goal, number) do before a door at the origin, in metres."""
     crowd = People.empty(len(people))
     crowd.position[:] = [place for place, _, _ in people]
     crowd.number[:] = [number for _, _, number in people]
@@ -297,7 +297,8 @@ def before_a_door(*people, width=0.9):
     points = np.stack([np.zeros((len(people), 20)), np.array(ahead)], -1)
 
     def distance(points):
-        return np.where(np.abs(points[..., 1]) < 0.4, width / 2 - np.abs(points[..., 0]), 2.0)
+        x, y = np.abs(points[..., 0]), np.abs(points[..., 1])
+        return np.where(y < length / 2, width / 2 - x, 2.0)
 
     return turns(crowd, np.arange(len(people)), points, distance)
 
@@ -335,6 +336,13 @@ def test_at_a_door_who_is_nearer_goes_first_and_others_of_its_way_follow():
 def test_a_door_of_1_5_m_is_passed_one_direction_at_a_time_and_a_wider_one_is_not(width, waits):
     me, nearer = ((0.0, -2.0), (0.0, 5.0), 2), ((0.0, 1.5), (0.0, -5.0), 3)
     assert waits_before_a_door(me, nearer, width=width) == waits
+
+
+@pytest.mark.parametrize("away", [1.9, 2.3, 2.7, 3.1, 3.5])  # with other last bits
+def test_two_pass_where_it_is_narrow_for_a_metre_from_wherever_they_come(away):
+    me, nearer = ((0.0, -away), (0.0, 5.0), 2), ((0.0, 1.5), (0.0, -5.0), 3)
+    assert waits_before_a_door(me, nearer, width=1.3, length=0.9)
+    assert not waits_before_a_door(me, nearer, width=1.3, length=1.1)
 
 
 def test_a_door_too_narrow_for_two_is_passed_both_ways():

@@ -6,7 +6,7 @@ import { dot, minus, plus, times, unit } from "./steering.js";
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Seen} Seen */
 
-const BESIDE_WAY = 0.5, NARROW = 1.65, LANES = [1.1, 1], OPEN = 0.6, INSIDE = 0.8, ENTERS = 0.2, CONTEST = 2.5, EAGER = 1, HESITATES = 6, AGAINST = 0.3;
+const BESIDE_WAY = 0.5, NARROW = 1.65, LANES = [1.1, 0.9], OPEN = 0.6, INSIDE = 0.8, ENTERS = 0.2, CONTEST = 2.5, EAGER = 1, HESITATES = 6, AGAINST = 0.3;
 const MOUTH = 0.9, ASIDE = 1.2, APART = 0.65, NEARER = 0.5, LAST = 100, BESIDE = 0.3, STAYS = 0.5, COASTS = 0.35, SLOW = 0.15;
 const PLACES = Array.from({ length: 25 }, (_, k) => [MOUTH + APART * Math.floor(k / 5), ASIDE + APART * (k % 5)]).concat([[MOUTH, 0.9]]);
 

@@ -20,8 +20,9 @@ BESIDE_WAY: Final = 0.5
 NARROW: Final = 1.65
 """Metres: narrower places are passed by one direction at a time; …"""
 
-LANES: Final = (1.1, 1.0)
-"""… but not those that are at least as wide and as long: two pass there (see lanes.py)."""
+LANES: Final = (1.1, 0.9)
+"""… but not those that are at least as wide and longer: two pass there (see lanes.py). Points of a
+way are .2 m apart: a length between two multiples of that is not decided by rounding."""
 
 OPEN: Final = 0.6
 """Metres from the wall to a place where people may wait."""
