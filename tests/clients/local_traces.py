@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.models.bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
 from wayfarer.navigation.scene import Scene
@@ -39,6 +40,16 @@ COMMANDS = (  # seconds, person, goals; none: stop
 )  # fmt: skip
 
 
+class _Counted(OnnxEngine):
+    """Counts its calls."""
+
+    calls = 0
+
+    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
+        self.calls += 1
+        return super().step(gender, inputs)
+
+
 def traced(
     specs: list[AgentSpec],
     commands: list[tuple],
@@ -48,7 +59,7 @@ def traced(
 ) -> dict:
     """The chunks of a world of the server for these people and commands, one candidate."""
     settings = WorldSettings(steering=Steering().with_search(candidates=1), phases=1)
-    engine, scenes = OnnxEngine(load_models(DEFAULT_MODEL), 1), SceneRegistry()
+    engine, scenes = _Counted(load_models(DEFAULT_MODEL), 1), SceneRegistry()
     poses = load_start_poses(START_POSES)
     world = World(engine, load_bodies("anny52"), poses, settings, scenes=scenes)
     number = scenes.create(SceneSource(scene.spec), baked=scene).scene_id if scene else ""
@@ -81,6 +92,7 @@ def traced(
     run(seconds)
     return {
         "seconds": seconds,
+        "calls": engine.calls,
         "avoid": avoid,
         "people": [
             {

@@ -105,6 +105,7 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
     told = traced(specs, commands, scene, seconds=20.0)  # they may wait for each other
     trace.write_text(json.dumps(told))
     found = json.loads(node("local_trace.js", exported, trace, tmp_path / "scene"))
+    assert found["calls"] == told["calls"]  # each sees the others at the same moments
     off = max(person["hips"] for person in found["people"])
     LOG.info("hips %.4f mm, met %s", 1000 * off, found["met"])
     for person, chunks in zip(found["people"], told["chunks"], strict=True):

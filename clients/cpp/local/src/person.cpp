@@ -6,7 +6,7 @@ namespace wayfarer::local {
 namespace {
 
 constexpr int LEAD = 1;                              // chunks that are planned ahead of their time
-constexpr int REPLAN_FRAMES = 3, REPLAN_MARGIN = 2;  // a chunk that is shown this soon is not planned again
+constexpr int REPLAN_FRAMES = 4, REPLAN_MARGIN = 2;  // a chunk that is shown this soon is not planned again
 constexpr double NEVER = std::numeric_limits<double>::infinity();
 
 // where the next step starts

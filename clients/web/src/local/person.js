@@ -9,7 +9,7 @@ import { STANDING, WALKING, facingOf, goalAt, goalRows, observe } from "./steeri
 
 export const FRAMES = 8, SEED = 2, TURN = 88;
 const LEAD = 1; // chunks planned ahead of their time
-const REPLAN_FRAMES = 3, REPLAN_MARGIN = 2; // a chunk shown this soon is not planned again
+const REPLAN_FRAMES = 4, REPLAN_MARGIN = 2; // a chunk shown this soon is not planned again
 const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
 
 /** @typedef {import("./steering.js").Gait} Gait */
