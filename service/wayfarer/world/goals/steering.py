@@ -132,6 +132,8 @@ class Steering:
         dwelt = gait.slow_seconds >= self.slow_seconds + goals.dwell - 1e-3
         done = goals.through | ((gait.mode == Mode.STANDING) & dwelt)
         onward = goals.more & gait.arrived & done
+        if not onward.any():
+            return gait
         return replace(
             gait,
             mode=np.where(onward, Mode.WALKING, gait.mode).astype(np.int8),

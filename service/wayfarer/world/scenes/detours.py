@@ -81,7 +81,7 @@ class Detours:
         route.wait[rows[flat]] = np.maximum(route.wait[rows[flat]] - 1, 0)
         due = np.flatnonzero(barred.is_barred & (route.wait[rows] == 0))
         sessions = slots.session[rows[due]]
-        for number in np.unique(sessions).tolist():
+        for number in sorted(set(sessions.tolist())):
             some = due[sessions == number]
             row = int(some[barred.seconds[some].argmax()])
             slot = int(rows[row])

@@ -140,6 +140,8 @@ class MakingWay:
         gait, memory, spots = start.gait, start.memory, start.aims.spot
         crowd = self._avoidance.crowd
         which = np.flatnonzero((stays | ~ahead.given) & self._may_step(rows, hips, start, ahead))
+        if not len(which):
+            return
         mine, aside = crowd.places[rows[which]], stays[which] & (memory.yields[which] > 0)
         has_place = aside | (np.linalg.norm(spots[which] - hips[which], axis=-1) < HOME)
         homes = np.where(has_place[:, None], spots[which], hips[which])

@@ -379,8 +379,10 @@ class Scheduler:
         slots, faults = self._table.rows, self._faults
         outer, faults.stage = faults.stage, Stage.STEERING
         start = slots.planned.take(rows)
-        start.gait = self._steering.advance(start.gait, self._paths.at(rows, start.gait.waypoint))
         goals = self._paths.at(rows, start.gait.waypoint)
+        gait = self._steering.advance(start.gait, goals)
+        if gait is not start.gait:
+            start.gait, goals = gait, self._paths.at(rows, gait.waypoint)
         ready = sets_off(
             slots.noise_seed[rows], slots.planned_chunks[rows], self._steering.reactions
         )
