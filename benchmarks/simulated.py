@@ -18,7 +18,7 @@ figures, so one order of steps can be compared with another.
 import argparse
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -146,18 +146,19 @@ class Machine:
         """Implements `EnginePipeline`."""
         return bool(self._under_way) and self._under_way[0][2] <= self.now
 
-    def submit(self, schedule: Callable[..., Sequence[PendingStep]]) -> bool:
+    def submit(self, schedule: Callable[..., PendingStep | None]) -> bool:
         """Implements `EnginePipeline`."""
-        steps = schedule(at_once)
-        if steps:
-            self.work(SCHEDULE, sum(step.call.rows for step in steps))
-        for step in steps:
-            seconds = self._scale * (self._call[0] + self._call[1] * step.call.rows)
-            begins = max(self.now, self._under_way[-1][2] if self._under_way else self.now)
-            self._under_way.append([step, seconds, begins + seconds])
-            self.engine_busy += seconds
-            self.calls += 1
-        return bool(steps)
+        step = schedule(at_once)
+        if step is None:
+            return False
+        rows = step.call.rows
+        seconds = self._scale * (self._call[0] + self._call[1] * rows)
+        self.work(SCHEDULE, rows)
+        begins = max(self.now, self._under_way[-1][2] if self._under_way else self.now)
+        self._under_way.append([step, seconds, begins + seconds])
+        self.engine_busy += seconds
+        self.calls += 1
+        return True
 
     def completed(self) -> Iterator[tuple[PendingStep, float]]:
         """Implements `EnginePipeline`."""

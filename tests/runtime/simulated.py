@@ -84,15 +84,16 @@ class Pipeline:
         return now - self._calls[0][1] if self._calls else 0.0
 
     def submit(self, schedule: Callable) -> bool:
-        steps = schedule(lambda call: call)
+        step = schedule(lambda call: call)
+        if step is None:
+            return False
         began = self._machine.now
-        for step in steps:
-            work = self._call + self._row * step.call.rows * step.call.candidates
-            self._last_ended = self._machine.after(max(began, self._last_ended), work)
-            self._calls.append((step, began, self._last_ended))
-        if steps:
-            self._machine.work(1e-3)
-        return bool(steps)
+        work = self._call + self._row * step.call.rows * step.call.candidates
+        ends = self._machine.after(max(began, self._last_ended), work)
+        self._last_ended = ends
+        self._calls.append((step, began, ends))
+        self._machine.work(1e-3)
+        return True
 
     def completed(self) -> Iterator[tuple[object, float]]:
         while self.has_completed:

@@ -26,7 +26,7 @@ class Bench:
             if fail is not None:
                 raise fail
 
-        assert self.pipeline.submit(lambda launch: [SimpleNamespace(outputs=launch(call))])
+        assert self.pipeline.submit(lambda launch: SimpleNamespace(outputs=launch(call)))
         return let_go
 
     def land(self, let_go, at):
@@ -54,7 +54,7 @@ def test_there_is_room_for_two(bench):
 
 
 def test_nothing_to_begin_takes_no_room(bench):
-    assert not bench.pipeline.submit(lambda launch: [])
+    assert not bench.pipeline.submit(lambda launch: None)
     assert bench.pipeline.has_room and bench.pipeline.age(5.0) == 0.0
 
 
@@ -101,19 +101,6 @@ def test_a_call_that_fails_lands_and_leaves_the_next_one_alone(bench):
     assert bench.pipeline.has_completed
     [(step, _)] = bench.pipeline.completed()
     assert step.outputs() is None
-
-
-def test_calls_that_begin_together_end_one_by_one(bench):
-    gates = [threading.Event() for _ in range(DEPTH + 1)]
-    assert bench.pipeline.submit(
-        lambda launch: [SimpleNamespace(outputs=launch(lambda g=g: g.wait(10))) for g in gates]
-    )
-    for number, gate in enumerate(gates, 1):
-        assert bench.pipeline.has_room == (number > DEPTH)
-        bench.land(gate, 0.1 * number)
-        [(step, seconds)] = bench.pipeline.completed()
-        assert step.outputs() and seconds == pytest.approx(0.1)
-    assert bench.pipeline.is_idle
 
 
 def test_waking_comes_when_the_result_can_be_had(bench):

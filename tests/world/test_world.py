@@ -55,13 +55,12 @@ def test_what_is_being_made_for_those_who_leave_is_lost():
     """A long engine call ends after its session was packed for another server."""
     world, _ = populated(2)
     list(world.advance(1.0))
-    while not (steps := world.schedule(world.next_event())):
+    while (step := world.schedule(world.next_event())) is None:
         world.collect(world.next_event())
     session = world.registry.session("s")
     assert not world.members.freeze(session, True), "a call is under way"
     world.take_rest("s")
-    for step in steps:
-        world.apply(step)
+    world.apply(step)
     assert world.collect(1000.0) == []
     world.members.freeze(session, False)
     assert {chunk.alias for chunk in world.advance(3.0)} == {1, 2}, "who stays goes on"
@@ -112,24 +111,6 @@ def test_a_batch_is_no_larger_than_the_largest_size():
     tracks = by_agent(world.advance(1.0))
     assert {rows for _, rows, _ in engine.calls} == {4}
     assert {len(chunks) for chunks in tracks.values()} == {4}
-
-
-def test_genders_are_scheduled_together_as_long_as_the_largest_size_has_room():
-    for sizes, together in (((4, 8), [[(4, 3), (4, 3)]]), ((4,), [[(4, 3)], [(4, 3)]])):
-        world, _ = populated(6, phases=1, batch_sizes=sizes)
-        now, found = world.next_event(), []
-        while steps := world.schedule(now):
-            found.append([(step.call.rows, len(step.batch.rows)) for step in steps])
-        assert found == together
-
-
-def test_whoever_shares_a_step_moves_as_it_does_alone():
-    everybody = by_agent(populated(6, phases=1)[0].advance(2.0))
-    alone = by_agent(populated(6, phases=1, batch_sizes=(1,))[0].advance(2.0))
-    for agent, chunks in everybody.items():
-        for chunk, other in zip(chunks, alone[agent], strict=True):
-            assert (chunk.translation == other.translation).all()
-            assert (chunk.rotations == other.rotations).all()
 
 
 def test_replan_replaces_only_what_has_not_been_sent():

@@ -1,21 +1,19 @@
 """Runs engine calls beside the motion thread.
 
-Calls are submitted while fewer than two are in progress, and are taken out in order. While agents
-are due, the next ones are submitted before one is complete, so the engine's threads do not wait for
-Python.
+At most two calls are in progress at a time, and they are taken out in order. While agents are due,
+the next call is submitted before one is complete, so the engine's threads do not wait for Python.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 from wayfarer.engines.engine import StepOutputs
 from wayfarer.world.stepping.engine_call import Launch, Outputs, PendingStep
 
 DEPTH: Final = 2
-"""Engine calls in progress from which no more are submitted, and how many run at a time."""
+"""Maximum engine calls in progress at a time."""
 
 
 @dataclass(slots=True)
@@ -60,20 +58,22 @@ class EnginePipeline:
         """Whether the first call is complete."""
         return bool(self._calls) and self._calls[0].ended_at is not None
 
-    def submit(self, schedule: Callable[[Launch], Sequence[PendingStep]]) -> bool:
-        """Starts calls; returns False if `schedule` finds nothing to do."""
+    def submit(self, schedule: Callable[[Launch], PendingStep | None]) -> bool:
+        """Starts a call; returns False if `schedule` finds nothing to do."""
         futures: list[Future[StepOutputs]] = []
 
         def launch(call: Outputs) -> Outputs:
             futures.append(self._pool.submit(call))
-            return futures[-1].result
+            return futures[0].result
 
         started_at = self._clock()
-        calls = tuple(_Call(step, started_at) for step in schedule(launch))
-        self._calls += calls
-        for call, future in zip(calls, futures, strict=True):
-            future.add_done_callback(partial(self._end, call))
-        return bool(calls)
+        step = schedule(launch)
+        if step is None:
+            return False
+        call = _Call(step, started_at)
+        self._calls += (call,)
+        futures[0].add_done_callback(lambda _: self._end(call))
+        return True
 
     def completed(self) -> Iterator[tuple[PendingStep, float]]:
         """Takes out complete steps in order, each with the seconds that the engine spent on it."""
@@ -89,6 +89,6 @@ class EnginePipeline:
         """Submits nothing more; calls in progress are lost."""
         self._pool.shutdown(wait=False)
 
-    def _end(self, call: _Call, _: Future[StepOutputs]) -> None:
+    def _end(self, call: _Call) -> None:
         call.ended_at = self._clock()
         self._wake()

@@ -335,12 +335,12 @@ class World:
 
     def schedule(
         self, now: float, launch: Launch = at_once, level: DegradationLevel | None = None
-    ) -> list[PendingStep]:
-        """Starts engine calls for the agents most urgently due; see `Scheduler.begin`.
+    ) -> PendingStep | None:
+        """Starts an engine call for the agents most urgently due; see `Scheduler.begin`.
 
         It uses the degradation level that the load requires, unless `level` is given. If the level
         says so, agents that are seen only as a root coast first, and due agents with nothing to do
-        are held.
+        are held. None: there is no batch to step.
         """
         frame, self.faults.now = self._timeline.frame(now), now
         self._scene_context.refresh()
@@ -354,10 +354,10 @@ class World:
             self.scheduler.unstepped.coast(frame)
         if level.hold_idle:
             self.scheduler.unstepped.hold(frame)
-        steps = self.scheduler.begin(frame, level, launch)
+        step = self.scheduler.begin(frame, level, launch)
         if self.faults.any:
             self.scheduler.unstepped.stand_aside(frame)
-        return steps
+        return step
 
     def apply(self, step: PendingStep) -> int:
         """Plans the chunks that a scheduled step has made; returns how many agents it stepped."""
@@ -365,7 +365,8 @@ class World:
 
     def step(self, now: float, level: DegradationLevel | None = None) -> int:
         """`schedule`, then `apply`. Returns how many agents were stepped."""
-        return sum(map(self.apply, self.schedule(now, level=level)))
+        step = self.schedule(now, level=level)
+        return 0 if step is None else self.apply(step)
 
     def take_due(self, until: float) -> list[Due]:
         """The planned chunks that are due by `until`, by session.

@@ -56,4 +56,4 @@ def test_whoever_is_stepped_early_moves_alike():
 def test_the_engine_does_not_run_ahead():
     world, _ = eight(HALF + 0.03)
     list(world.advance(1.0))
-    assert not world.schedule(world.next_event() - 0.02), "somebody due later needs company"
+    assert world.schedule(world.next_event() - 0.02) is None, "somebody due later needs company"

@@ -97,8 +97,7 @@ export class LocalWorld {
       const due = [...this.#people].filter((person) => person.planFrame <= frame);
       if (!due.length) return;
       due.sort((a, b) => a.planFrame - b.planFrame); // the most urgent first, otherwise in order
-      const genders = [...new Set(due.map(({ spec }) => spec.gender))]; // in one step, with a call for each
-      await this.#step(genders.map((gender) => due.filter(({ spec }) => spec.gender === gender)));
+      await this.#step(due.filter(({ spec }) => spec.gender === due[0].spec.gender));
       this.#send(frame, sent);
     }
   }
@@ -113,22 +112,20 @@ export class LocalWorld {
     for (const person of this.#people) while (person.sendFrame <= frame) sent(person, person.send());
   }
 
-  /** @param {Person[][]} parts people of one gender each */
-  async #step(parts) {
-    const call = (this.#lastCall += 1), people = parts.flat(), begun = people.map((person) => person.begin());
+  /** @param {Person[]} people of one gender */
+  async #step(people) {
+    const call = (this.#lastCall += 1), begun = people.map((person) => person.begin());
     const courses = this.#guide?.courses(begun, this.#people) ?? begun.map(({ goal }) => ({ ahead: goal, judged: goal }));
     const asked = people.map((person, k) => person.next(begun[k], courses[k]));
     for (const person of people) person.stepping = call;
-    for (const part of parts) {
-      const theirs = asked.splice(0, part.length), outputs = await this.run(part[0].spec.gender, this.#feeds(part, theirs));
-      this.stats.calls += 1;
-      this.stats.rows += part.length;
-      part.forEach((person, row) => {
-        if (person.stepping !== call) return; // replanned or removed meanwhile
-        person.stepping = 0;
-        person.take(theirs[row], this.#made(outputs, row, person.mirrored));
-      });
-    }
+    const outputs = await this.run(people[0].spec.gender, this.#feeds(people, asked));
+    this.stats.calls += 1;
+    this.stats.rows += people.length;
+    people.forEach((person, row) => {
+      if (person.stepping !== call) return; // replanned or removed meanwhile
+      person.stepping = 0;
+      person.take(asked[row], this.#made(outputs, row, person.mirrored));
+    });
   }
 
   /** @param {Person[]} people @param {ReturnType<Person["next"]>[]} asked */

@@ -1,6 +1,6 @@
 """Decides which agents are stepped, and when; their new frames enter playback."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -10,7 +10,7 @@ import numpy as np
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepOutputs, no_obstacles
 from wayfarer.engines.models import LoadedModels
-from wayfarer.engines.padding import cut, fitting, pad, part, pick, whole
+from wayfarer.engines.padding import cut, fitting, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.faults import ENGINE_CALLS, Faults, NotFiniteError, Stage, check_finite
@@ -50,7 +50,7 @@ REPLANNED, ARRIVED, REDUCED, FIRST = (
 
 
 class Scheduler:
-    """Steps due agents, with an engine call for each model and gender."""
+    """Steps due agents, those of one model and gender at a time."""
 
     def __init__(
         self,
@@ -125,23 +125,24 @@ class Scheduler:
 
     def begin(
         self, frame: float, level: DegradationLevel | None = None, launch: Launch = at_once
-    ) -> list[PendingStep]:
-        """Starts engine calls for agents that are due by world frame `frame`, or soon after it; see
-        `schedule`.
+    ) -> PendingStep | None:
+        """Starts an engine call for agents that are due by world frame `frame`, or soon after it;
+        see `schedule`.
 
-        Tries as many candidates as steering requests, or fewer if `level` allows fewer. Until
-        `finish`, agents in a call are not due; the plan of an agent that is replanned or leaves is
-        lost.
+        Tries as many candidates as steering requests, or fewer if `level` allows fewer. None: there
+        is no batch to step. Until `finish`, agents in the call are not due; the plan of an agent
+        that is replanned or leaves is lost.
         """
-        begun = []
-        for batch, inputs, call in self.schedule(frame, level):
-            outputs = launch(call)
-            self._engine_calls += 1
-            self.under_way += 1
-            self._table.rows.engine_call[batch.rows] = self._engine_calls
-            size = Call(len(inputs.goal), batch.candidates)
-            begun.append(PendingStep(self._engine_calls, batch, size, outputs))
-        return begun
+        ready = self.schedule(frame, level)
+        if ready is None:
+            return None
+        batch, inputs, call = ready
+        outputs = launch(call)
+        self._engine_calls += 1
+        self.under_way += 1
+        self._table.rows.engine_call[batch.rows] = self._engine_calls
+        size = Call(len(inputs.goal), batch.candidates)
+        return PendingStep(self._engine_calls, batch, size, outputs)
 
     def finish(self, step: PendingStep) -> int:
         """Plans the next chunk of the agents in the call. Returns their number."""
@@ -161,12 +162,11 @@ class Scheduler:
             self._apply(step.batch.take(kept), pick(outputs, kept))
         return len(rows)
 
-    def schedule(self, frame: float, level: DegradationLevel | None = None) -> list[Ready]:
-        """Batches of due agents, and of others that fit into them whose next chunks are shown
-        first. So a replanned agent, which has less time, goes before others.
+    def schedule(self, frame: float, level: DegradationLevel | None = None) -> Ready | None:
+        """A batch with the agent that is due first, and the agents that fit into it whose next
+        chunks are shown first. So a replanned agent, which has less time, goes before others.
 
-        All see each other at the same moment: what they do is found once for all batches. Nobody is
-        stepped before somebody is due: an agent with a new goal would find no company.
+        Nobody is stepped before somebody is due: an agent with a new goal would find no company.
         """
         slots = self._table.rows
         rows = self._due(frame + self._company)
@@ -174,26 +174,25 @@ class Scheduler:
             rows = rows[slots.sight[rows] < Sight.ROOT]  # the others coast
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any():
-            return []
+            return None
         if level is not None and level.by_sight and slots.sight[rows].any():
-            rows, is_due = self._near_first(rows, frame)
-        rows = rows[self._filled(rows, is_due)]
+            rows, due = self._near_first(rows, frame)
+        else:
+            alike = self._alike(rows, int(is_due.argmax()))
+            rows, due = rows[alike], int(is_due[alike].sum())
+        rows = rows[: whole(due, len(rows), self._sizes, self._full)]
+        if not len(rows):
+            return None
         try:
-            return [self._ready(batch) for batch in self._batches(rows, level)]
+            return self._ready(self._batch(rows, level))
         except Exception as error:
             sound = self._faults.sound(
-                rows,
-                lambda some: [self._ready(one) for one in self._batches(rows[some], level)],
-                error,
+                rows, lambda some: self._ready(self._batch(rows[some], level)), error
             )
-            return [self._ready(batch) for batch in self._batches(rows[sound], level)]
+            return self._ready(self._batch(rows[sound], level)) if len(sound) else None
 
-    def _batches(self, rows: Index, level: DegradationLevel | None) -> list[Batch]:
-        """Batches of the slots [A], those of a kind beside each other, that are tried with as many
-        candidates as the first.
-        """
-        if not len(rows):
-            return []
+    def _batch(self, rows: Index, level: DegradationLevel | None) -> Batch:
+        """A batch of the slots [A] that are tried with as many candidates as the first."""
         slots = self._table.rows
         self._faults.stage = Stage.STEERING
         start, course = self._next(rows)
@@ -208,23 +207,18 @@ class Scheduler:
         seed, gait = start.seed, start.gait
         # a single candidate is not scored
         obstacles = self._guide.obstacles(rows, seed) if count > 1 else no_obstacles(len(rows))
-        inputs = gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles)
-        mirrored = is_mirrored(slots.noise_seed[rows])
-        mirrored &= self._mirrors and self._rules.acts("mirror")
-        return [
-            Batch(
-                rows=rows[first:last],
-                model=int(slots.model[rows[first]]),
-                gender=GENDERS[slots.gender[rows[first]]],
-                start=start.part(first, last),
-                goals=course.judged.part(first, last),
-                inputs=part(inputs, first, last),
-                candidates=count,
-                reduced=asked[first:last] > count,
-                mirrored=mirrored[first:last],
-            )
-            for first, last in self._parts(rows)
-        ]
+        return Batch(
+            rows=rows,
+            model=int(slots.model[rows[0]]),
+            gender=GENDERS[slots.gender[rows[0]]],
+            start=start,
+            goals=course.judged,
+            inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
+            candidates=count,
+            reduced=asked > count,
+            mirrored=is_mirrored(slots.noise_seed[rows])
+            & (self._mirrors and self._rules.acts("mirror")),
+        )
 
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
         """Puts the new frames into playback; the next step starts at their end."""
@@ -328,32 +322,15 @@ class Scheduler:
                 batch.rows, lambda some: self.apply(batch.take(some), pick(outputs, some)), error
             )
 
-    def _kinds(self, rows: Index) -> Index:
-        """A number for each agent [A]: those of one model and gender may be in one batch."""
+    def _alike(self, rows: Index, one: int = 0) -> Flags:
+        """Which agents may be in one batch with the agent `one`."""
         slots = self._table.rows
-        return slots.model[rows] * len(GENDERS) + slots.gender[rows]
+        model, gender = slots.model[rows], slots.gender[rows]
+        alike: Flags = (model == model[one]) & (gender == gender[one])
+        return alike
 
-    def _parts(self, rows: Index) -> Iterator[tuple[int, int]]:
-        """The first and last row of each kind."""
-        ends = np.flatnonzero(np.diff(self._kinds(rows), append=-1)) + 1
-        return zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True)
-
-    def _filled(self, rows: Index, is_due: Flags) -> Index:
-        """Which agents [A] are stepped: of each kind with due agents as many as cost least."""
-        kinds = self._kinds(rows)
-        chosen: list[Index] = []
-        room = self._sizes[-1]
-        for kind in dict.fromkeys(kinds[is_due].tolist()):
-            mine = np.flatnonzero(kinds == kind)
-            due = int(np.count_nonzero(is_due[mine]))
-            count = whole(due, len(mine), self._sizes, self._full)
-            if not chosen or count <= room:
-                chosen.append(mine[:count])
-                room -= count
-        return np.concatenate(chosen)
-
-    def _near_first(self, rows: Index, frame: float) -> tuple[Index, Flags]:
-        """The rows of a batch of one kind, and which of them cannot wait.
+    def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
+        """The rows of a batch, and how many of them cannot wait.
 
         A due agent that is not near waits for agents that cannot wait (`PATIENCE`), and joins their
         batch: a call with few rows takes half as long as a full one, so small calls would delay
@@ -364,15 +341,13 @@ class Scheduler:
         patience = np.where(is_due, self._patience[self._table.rows.sight[rows]], 0)
         must = is_due & (waited >= patience)
         order = np.lexsort((patience - waited, ~is_due, ~must))
-        kinds = self._kinds(rows[order])
-        order = order[kinds == kinds[0]]
+        order = order[self._alike(rows[order])]
         if count := int(must[order].sum()):
             due = int(is_due[order].sum())
             most = max(fitting(count, self._sizes), min(due, self._full))
-            order = order[:most]
-            return rows[order], np.arange(len(order)) < max(count, due)
+            return rows[order[:most]], min(max(count, due), most)
         order = order[: self._full]
-        return rows[order], is_due[order]
+        return rows[order], int(is_due[order].sum())
 
     def _next(self, rows: Index) -> tuple[Motion, NextTarget]:
         """The motion that slots continue from, with their next gait, and the targets of a step."""
