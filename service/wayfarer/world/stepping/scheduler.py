@@ -50,7 +50,11 @@ REPLANNED, ARRIVED, REDUCED, FIRST = (
 
 
 class Scheduler:
-    """Steps due agents, those of one model and gender at a time."""
+    """Steps due agents, those of one model and gender at a time.
+
+    One schedule for all would save a twentieth of the server's time. But people that decide at the
+    same moment step into each other's way: at a corner 2 of 100 no longer arrived.
+    """
 
     def __init__(
         self,
