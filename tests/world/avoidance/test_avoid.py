@@ -65,7 +65,7 @@ def test_at_a_door_people_follow_more_closely():
         width = Width(np.full(1, 2.0, np.float32), np.full(1, least, np.float32))
         preferred = np.array([(0.0, 1.2)], np.float32)
         course = avoid(people, np.array([0]), preferred, corridor, 0.2, width=width)
-        assert course.velocity[0, 0] == 0  # behind the other one, not beside it
+        assert course.velocity[0, 0] == 0  # it stays behind the other one
         paces.append(float(course.velocity[0, 1]))
     assert paces[1] == pytest.approx(paces[0] * HEADWAY / HEADWAY_AT_DOORS, rel=1e-5)
     assert paces[1] < 1.2

@@ -142,7 +142,7 @@ def test_an_agent_beside_its_goal_goes_there_once_nobody_is_in_its_place():
     assert np.linalg.norm(tracks[comes.agent_id][-1, :2] - (0.0, 5.0)) < 0.32
 
 
-def test_who_waits_knows_where_it_would_go_now_and_for_how_long_it_has_not():
+def test_a_person_that_waits_knows_where_it_would_go_now_and_for_how_long_it_has_waited():
     """Others are asked to leave that way. It was in another one when it walked last."""
     world, _, _ = world_in(CORRIDOR)
     walker, *others = enter(world, (1.0, 6.5), (0.4, 8.0), (1.0, 8.0), (1.6, 8.0))
@@ -234,22 +234,22 @@ def test_a_goal_stays_where_it_is_although_its_agent_stands_beside_others_at_a_w
 
 
 def test_a_person_is_told_within_ten_seconds_without_progress_whatever_it_did_meanwhile():
-    """It makes way twice, and goes .2 m on; then it stands, and is told again."""
+    """It makes way twice, and goes .2 m on. Then it stands, and another event comes."""
     speeds = [0.0] * 10 + [-0.5] * 5 + [0.5] * 5 + [0.0] * 15 + [-0.5] * 5 + [0.5] * 7 + [0.0] * 45
     assert told_stuck(speeds) == pytest.approx([8.2, 17.4])
 
 
 @pytest.mark.parametrize("came", [0.0, 0.2, 0.38])
 @pytest.mark.parametrize("at", [1, 20, 37])
-def test_who_comes_forward_by_less_than_40_cm_in_ten_seconds_is_told_whenever_that_is(came, at):
-    """It walks before; small steps do not begin the ten seconds anew."""
+def test_a_person_that_advances_less_than_40_cm_in_ten_seconds_is_told_whenever_that_is(came, at):
+    """It walks first. Small steps do not restart the ten seconds."""
     speeds = [1.0] * 20 + [0.0] * 50
     speeds[20 + at] = came / STEP_SECONDS
     first, *_ = told_stuck(speeds)
     assert 4.0 + 8.0 <= first <= 4.0 + 10.1
 
 
-def test_who_comes_forward_slowly_is_not_told():
+def test_a_person_that_comes_forward_slowly_is_not_told():
     assert told_stuck([0.21] * 500) == []
     assert told_stuck(([0.0] * 30 + [1.2] * 6) * 10) == []
 

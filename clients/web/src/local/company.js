@@ -6,14 +6,13 @@ import { SIDEWAYS, lane } from "./lanes.js";
 import { turn } from "./passages.js";
 import { follow, lay, lengthOf, passing, pointAt, restOf } from "./routes.js";
 import { FARTHEST, takeSpot } from "./spots.js";
-import { STEP_SECONDS, STRAFING, angleBetween, dot, minus, plus, times } from "./steering.js";
+import { STEP, STRAFING, angleBetween, dot, minus, plus, times } from "./steering.js";
 
 const REACH = 1, TOLD = 3.9, STUCK = 8, PACE = Math.fround(0.2), NEAR = 1.5, SHUFFLE = 0.3, WAITS = 0.4, GOAL_MOVES = 0.3;
 export const PATIENCE = 2.5, TOUCH = 0.4;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
 const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
-const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./person.js").Person} Person */
@@ -21,7 +20,7 @@ const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on t
 /**
  * Where a person goes among others, from step to step. `wants`: it has a way to go; `asked`: the goal that it
  * received. `spot`: where it will stand. `barred`: seconds for which standing people have blocked its way. `stuck`:
- * seconds by which it has fallen behind a slow pace since it was told so last. `advanced`: metres along its way:
+ * seconds by which it has fallen behind a slow pace since the last "blocked". `advanced`: metres along its way,
  * negative while it makes up for having gone back.
  * @typedef {{ wants: boolean, asked: Point, spot: Point, barred: number, stuck: number, advanced: number }} Aims
  */
@@ -73,7 +72,7 @@ export class Company {
       const waits = near < STOPS + (person.planned.gait.speed < SLOW ? SHUFFLE : 0);
       this.#settle(row, waits, people);
       if (waits) row.ahead = { ...row.ahead, given: false };
-      const reported = by.length && aims.barred >= TOLD && aims.barred < TOLD + STEP, stuck = isStuck(row);
+      const reported = by.length > 0 && aims.barred >= TOLD && aims.barred < TOLD + STEP, stuck = isStuck(row);
       if (reported) aims.stuck = 0;
       if (stuck && !reported) {
         const others = people.filter(({ position, person: other }) => other !== person && Math.hypot(...minus(position, hips)) < NEAR);
@@ -189,7 +188,7 @@ export class Company {
   }
 }
 
-/** Notes how far a person has got on; whether it has fallen too far behind: it is told, and begins anew. @param {Row} row before its way is bent */
+/** Notes how far a person has got on. Returns whether it has fallen too far behind; its count begins again then. @param {Row} row before its way is bent */
 function isStuck({ hips, ahead, self: { velocity }, walker: { aims } }) {
   const way = minus(ahead.place, hips);
   const advanced = Math.fround(aims.advanced + (STEP * dot(velocity, way)) / Math.max(Math.hypot(...way), 1e-6));

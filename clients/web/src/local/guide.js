@@ -6,9 +6,8 @@ import { Company } from "./company.js";
 import { MakingWay } from "./making_way.js";
 import { follow, lay, lengthOf, noRoute, passing, pointAt } from "./routes.js";
 import { Unreachable } from "./scene.js";
-import { STEP_SECONDS, WALKING, angleBetween, apart, bounded, minus, plus, times } from "./steering.js";
+import { STEP, STEP_SECONDS, WALKING, angleBetween, apart, bounded, minus, plus, times } from "./steering.js";
 
-const STEP = Math.fround(STEP_SECONDS); // times are counted in float32, as on the server
 const FPS = 40;
 const REACH = 1, SHARES = [1, 0.75, 0.5, 0.3, 0.15], LINE = 8;
 const ROOM = 0.2, SLACK = 0.01, ELBOW = 0.18, CLOSE = 0.05, PUSH = [2.5, 0.25], PRESSED = 1.5;
@@ -84,7 +83,7 @@ export class Guide {
     return walker;
   }
 
-  /** Makes a person walk around others, or wait for them; one that waits remembers where it would walk now, and how long. @param {Row} row @param {Seen[]} people */
+  /** Makes a person walk around others, or wait for them. A person that waits remembers where it would walk now, and for how long it has waited. @param {Row} row @param {Seen[]} people */
   #bend(row, people) {
     const { hips, goal, ahead, walker, self, width } = row;
     const way = minus(ahead.place, hips), distance = Math.max(Math.hypot(...way), 1e-6);

@@ -4,6 +4,7 @@
 export const STANDING = 0, WALKING = 1, STOPPING = 2, TURNING = 3, STRAFING = 4;
 export const MODES = Object.freeze(["STANDING", "WALKING", "STOPPING", "TURNING", "STRAFING"]);
 export const STEP_SECONDS = 0.2;
+export const STEP = Math.fround(STEP_SECONDS); // for sums of seconds, which the server has in float32
 
 const TRIM_GAIN = 0.12, TRIM_MOST = 0.15, STEADY = 0.3;
 const GONE_BY = 0.2; // metres

@@ -25,7 +25,7 @@ class Aims(Rows):
     asked: Annotated[Float, Shape(2)]  # metres: the goal that it received
     spot: Annotated[Float, Shape(2)]  # metres: where it will stand, there or next to others
     barred: Float  # seconds for which standing people have closed its way
-    stuck: Float  # seconds by which it has fallen behind a slow pace since it was told so last
+    stuck: Float  # seconds by which it has fallen behind a slow pace since the last `BLOCKED`
     advanced: Float  # metres along its way: negative while it makes up for having gone back
 
 

@@ -124,7 +124,8 @@ class Steering:
         return replace(self, searches=searches)
 
     def advance(self, gait: Gait, goals: GoalColumns) -> Gait:
-        """Sends agents that are done with their goal on to the next one.
+        """Sends agents that are done with their goal on to the next one. If there are none, `gait`
+        itself is returned.
 
         A goal to pass through is done once it is reached; otherwise an agent has to come to a stand
         there, and to dwell.

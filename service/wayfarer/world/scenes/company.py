@@ -34,8 +34,9 @@ PACE: Final = 0.2
 forth, is no progress."""
 
 STUCK: Final = 8.0
-"""Seconds by which it falls behind until `BLOCKED` names the people within `NEAR` metres, each time
-anew: one that comes forward by less than .4 m in ten seconds is told within these."""
+"""Seconds by which it falls behind until `BLOCKED` names the people within `NEAR` metres; then the
+count begins again. An agent that comes forward by less than .4 m in ten seconds gets the event
+within these."""
 
 NEAR: Final = 1.5
 
@@ -222,7 +223,7 @@ class Company:
         self, rows: Index, hips: Float, mine: Index, aims: Aims, ahead: GoalColumns
     ) -> Flags:
         """Notes in rows `mine` of `aims` how far rows [A] at `hips` [A, 2] have got on to their
-        places `ahead`. Returns which have fallen too far behind: they are told, and begin anew.
+        places `ahead`. Returns which have fallen too far behind; their count begins again.
         """
         way = ahead.position[mine, :2] - hips
         crowd, step = self._avoidance.crowd, np.float32(STEP_SECONDS)

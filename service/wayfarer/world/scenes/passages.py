@@ -18,11 +18,12 @@ BESIDE_WAY: Final = 0.5
 """Metres to either side of a way at which its width is measured."""
 
 NARROW: Final = 1.65
-"""Metres: narrower places are passed by one direction at a time; …"""
+"""Metres: narrower places are passed by one direction at a time, unless they have lanes."""
 
 LANES: Final = (1.1, 0.9)
-"""… but not those that are at least as wide and longer: two pass there (see lanes.py). Points of a
-way are .2 m apart: a length between two multiples of that is not decided by rounding."""
+"""Metres: a narrow place at least as wide as the first and longer than the second is passed both
+ways at once (see lanes.py). Points of a way are .2 m apart, so a length between two multiples of
+that is not decided by rounding."""
 
 OPEN: Final = 0.6
 """Metres from the wall to a place where people may wait."""

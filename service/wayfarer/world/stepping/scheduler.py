@@ -50,11 +50,7 @@ REPLANNED, ARRIVED, REDUCED, FIRST = (
 
 
 class Scheduler:
-    """Steps due agents, those of one model and gender at a time.
-
-    One schedule for all would save a twentieth of the server's time. But people that decide at the
-    same moment step into each other's way: at a corner 2 of 100 no longer arrived.
-    """
+    """Steps due agents, those of one model and gender at a time."""
 
     def __init__(
         self,
