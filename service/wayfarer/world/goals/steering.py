@@ -105,6 +105,7 @@ class Steering:
     astray: float = radians(14)  # a turn begins beyond this
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
     turn_radius: float = 0.35  # metres from the spot to the aim of a turn, halfway to the heading
+    turn_return: float = 0.25  # metres from the spot beyond which the steps of a turn lead back
     turn_speed: float = 0.5  # m/s of its steps: without a way, a body turns like a turntable
     climbing: float = 2.0  # steps per second on stairs, where each is as long as a tread
     strafe_speed: float = 1.2  # maximum speed of side steps and steps backward
