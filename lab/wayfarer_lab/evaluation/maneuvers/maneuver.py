@@ -35,6 +35,7 @@ Figures:
         a take
     heading_range_deg*: stand: range of the hips' heading
     pivot_deg: turn: turn of all stances together, mean of both feet, in 6 s
+    faces: turn: share within 15° of the asked heading after 6 s
     peak_deg_s: greatest speed of the hips' heading, over 0.05 s
     turn_s: seconds from 10 % to 90 % of the turn
     apart_cm*: stop: ankle to ankle along the facing, 2 s after rest (hips and ankles slower than 8

@@ -25,7 +25,12 @@ from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.tasks import Plan
 
 SECONDS: Final = 6.0
-ANGLES: Final = (90.0, 180.0)
+ANGLES: Final = (30.0, 90.0, 180.0)
+STEPPED: Final = (90.0, 180.0)
+"""Angles that nobody turns by without a step."""
+
+FACED: Final = 15.0
+"""Degrees off its heading within which a person faces it: what the API promises."""
 
 
 def to_either_side(angle: float) -> Callable[[Request], Plan]:
@@ -45,6 +50,7 @@ def measure_turn(shot: MeasuredTake) -> Figures:
     return {
         "turned_deg": abs(final),
         "error_deg": abs(final - target),
+        "faces": float(abs(final - target) <= FACED),
         "lifts": float(lifts),
         "no_lift": float(lifts == 0),
         "pivot_deg": feet.pivot(take.stances),
@@ -77,6 +83,7 @@ def turn_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
             turn_s="median of turn_s",
             turned_deg="mean of turned_deg",
             error_deg_median="median of error_deg",
+            faces="mean of faces",
             drift_cm="mean of drift_cm",
             tilt_max_deg="mean of tilt_max_deg",
         )
@@ -85,21 +92,24 @@ def turn_row(shots: Sequence[MeasuredTake], each: Sequence[Figures]) -> Figures:
     )
 
 
-def _bars(case: str) -> list[Bar]:
+def _bars(angle: float) -> list[Bar]:
+    case = f"{angle:g}°"
+    steps = [Bar("no_lift", high=0, case=case)] if angle in STEPPED else []
     return [
-        Bar("no_lift", high=0, case=case),
+        *steps,
         Bar("airborne_share", high=0.01, case=case, origin="a hop is no step"),
+        Bar("faces", low=0.95, case=case, origin="docs/api.md: heading"),
     ]
 
 
 TURN = Maneuver(
     name="turn",
-    about="facing 90° or 180° elsewhere on the spot, to the left and to the right in turn",
+    about="facing 30°, 90° or 180° elsewhere on the spot, to the left and to the right in turn",
     agents=48,
     cases=tuple(case(f"{angle:g}°", SECONDS, to_either_side(angle)) for angle in ANGLES),
     measure=measure_turn,
     row=turn_row,
-    bars=(*_bars("90°"), *_bars("180°")),
+    bars=tuple(bar for angle in ANGLES for bar in _bars(angle)),
     worst="pivot_deg",
     strip=lambda shot: part(shot.take, 0.0, 3.0),
 )

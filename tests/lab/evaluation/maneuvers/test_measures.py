@@ -111,7 +111,9 @@ def test_a_turntable() -> None:
     turned = 90 * np.clip((time(6.0) - 1) / 0.5, 0, 1)
     row = turn.measure_turn(shot(take(6.0, heading=turned), (0.0, 0.0), 100.0))
     assert row["turned_deg"] == pytest.approx(90, abs=0.1)
-    assert row["error_deg"] == pytest.approx(10, abs=0.1)
+    assert row["error_deg"] == pytest.approx(10, abs=0.1) and row["faces"] == 1
+    short = turn.measure_turn(shot(take(6.0, heading=turned), (0.0, 0.0), 106.0))
+    assert short["faces"] == 0
     assert row["lifts"] == 0 and row["no_lift"] == 1
     assert row["pivot_deg"] == pytest.approx(90, abs=1)
     assert row["peak_deg_s"] == pytest.approx(180, abs=2)

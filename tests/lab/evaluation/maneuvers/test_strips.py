@@ -19,8 +19,8 @@ def test_the_worst_and_the_middle_one_are_drawn() -> None:
 
 def test_each_case_has_its_sheet(tmp_path: Path) -> None:
     played = Played(replace(turn.TURN, cases=turn.TURN.cases[:1]))
-    played.add("90°", "sent", [shot(take(4.0), (0.0, 0.0), 0.0), shot(take(4.0), (0.0, 0.0), 0.0)])
+    played.add("30°", "sent", [shot(take(4.0), (0.0, 0.0), 0.0), shot(take(4.0), (0.0, 0.0), 0.0)])
     [sheet] = strips.draw(played, tmp_path)
-    assert sheet.name == "turn_90.png"
+    assert sheet.name == "turn_30.png"
     picture = Image.open(sheet)
     assert picture.width > strips.MOMENTS * 100 and picture.height > 2 * strips.HEIGHT
