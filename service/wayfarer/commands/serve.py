@@ -53,10 +53,11 @@ computing."""
 M_ARENA_MAX, M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -8, -1, -3
 """Constants of glibc's malloc.h."""
 
-KEPT_FREE: Final = 128 << 20
-"""Bytes of freed memory that each heap keeps. An engine call takes and frees 30 MB, and two are
-made at a time: with 64 MB the kernel cleared memory again for each call.
-"""
+KEPT_FREE: Final = 16 << 20
+"""Bytes of freed memory that each heap keeps."""
+
+LARGE: Final = 1 << 20
+"""Bytes from which an array lies outside the heaps, and its memory is free when it is."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -146,16 +147,16 @@ def warn_if_open(settings: Settings) -> None:
 
 
 def share_heaps() -> None:
-    """Lets threads share one heap per core, which keeps freed memory (`KEPT_FREE`).
+    """Lets threads share one heap per core, and sets limits that the start's arrays have raised.
 
-    glibc makes up to eight: 45 MB more with OpenVINO on two cores.
+    glibc makes up to eight heaps: 45 MB more with OpenVINO on two cores.
     """
     if any(name.startswith("MALLOC_") for name in os.environ):
         return  # the environment sets it
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
         libc.mallopt(M_ARENA_MAX, cores())
         libc.mallopt(M_TRIM_THRESHOLD, KEPT_FREE)
-        libc.mallopt(M_MMAP_THRESHOLD, KEPT_FREE // 4)  # a call takes 21 MB in one piece
+        libc.mallopt(M_MMAP_THRESHOLD, LARGE)
 
 
 def settle() -> None:

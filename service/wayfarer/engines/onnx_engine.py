@@ -4,6 +4,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
+from functools import cache
 from typing import Final
 
 import onnxruntime
@@ -96,8 +97,8 @@ class OnnxEngine(WarmEngine):
         path = self._models.graph(kind, gender, SEED_FRAMES)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1  # see row_partitioner.py
-        # each session's own would keep the most that any call has taken: 40 MB, and no faster
-        options.enable_cpu_mem_arena = False
+        share_arena()
+        options.add_session_config_entry("session.use_env_allocators", "1")
         session = open_session(path, options)
         for names, found, expected in (
             ("inputs", [i.name for i in session.get_inputs()], INPUTS),
@@ -106,3 +107,13 @@ class OnnxEngine(WarmEngine):
             if set(found) != set(expected):
                 raise ArtifactError(f"{path}: {names}: found {found}, expected {list(expected)}")
         return session, outputs
+
+
+@cache
+def share_arena() -> None:
+    """All sessions take the memory of their calls from one arena, which keeps it. An arena of each
+    would keep the most that any of its calls has taken; the heap would mix it with other arrays.
+    """
+    kind, purpose = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, onnxruntime.OrtMemType.DEFAULT
+    memory = onnxruntime.OrtMemoryInfo("Cpu", kind, 0, purpose)
+    onnxruntime.create_and_register_allocator(memory, None)

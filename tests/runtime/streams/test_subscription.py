@@ -1,6 +1,7 @@
 import asyncio
 import math
 
+import numpy as np
 import pytest
 
 from tests.runtime.chunks import KeepingMeter, chunk, entry, subscription, together
@@ -14,9 +15,16 @@ from wayfarer.errors import (
 )
 from wayfarer.runtime.streams.publications import Publication, SlowReader
 from wayfarer.runtime.streams.sequence_tracker import SILENCE
-from wayfarer.runtime.streams.subscription import MAX_EVENTS, QueuedPublication, SubscriptionStart
-from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.runtime.streams.subscription import (
+    MAX_EVENTS,
+    KeptPublication,
+    QueuedPublication,
+    SubscriptionStart,
+)
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.world.agents.agent import ChunkFlag, MotionChunks
 from wayfarer.world.events import Event, EventKind
+from wayfarer.world.rows import flat_columns
 
 
 def put(queue, entries, spare=False):
@@ -151,16 +159,39 @@ async def test_a_filtered_reader_is_not_behind_when_nothing_concerns_it():
 
 
 def ring(*numbers, agents=("a",)):
-    return tuple(entry(seq, *agents) for seq in numbers)
+    return kept(*(entry(seq, *agents) for seq in numbers))
+
+
+def kept(*entries):
+    return tuple(map(KeptPublication.of, entries))
 
 
 async def test_an_agent_that_began_after_the_resumed_position_is_first():
     born = QueuedPublication(Publication(5, together(chunk(4, "a"), chunk(0, "z"))), 0.8)
     after = QueuedPublication(Publication(6, together(chunk(5, "a"), chunk(1, "z"))), 1.0)
-    start = SubscriptionStart("epoch", 3, 0.6, resumed=True, held=(*ring(2, 3), born, after))
+    start = SubscriptionStart("epoch", 3, 0.6, resumed=True, held=(*ring(2, 3), *kept(born, after)))
     got = await take(subscription(start=start), 3)
     none = ChunkFlag.NONE
     assert flags(got) == [[none], [none, ChunkFlag.FIRST], [none, none]]
+
+
+def test_a_kept_publication_is_the_same_but_for_rounded_rotations():
+    rotations = np.random.default_rng(1).normal(size=(NEW_FRAMES, POSED_JOINTS, 4))
+    rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
+    chunks = together(chunk(3, rotations=rotations.astype(np.float32)), chunk(3, "b"))
+    before = QueuedPublication(Publication(5, chunks, (gone := Event(EventKind.GAP, 1.0),)), 0.8)
+    one = KeptPublication.of(before)
+    after = one.whole
+    assert (after.publication.position, after.publication.events, after.motion) == (5, (gone,), 0.8)
+    same = {name.path for name in flat_columns(MotionChunks)} - {"rotations"}
+    for name in same:
+        found, expected = (getattr(e.publication.chunks, name) for e in (after, before))
+        assert found.tolist() == expected.tolist(), name
+    turned = after.publication.chunks.rotations
+    assert turned.dtype == np.float32
+    angle = 2 * np.linalg.norm(turned.astype(float) - chunks.rotations, axis=-1)
+    assert 0.003 < np.degrees(angle.max()) <= 0.007
+    assert (KeptPublication.of(after).rotations == one.rotations).all(), "on the next server, too"
 
 
 async def test_a_replay_longer_than_the_queue_is_not_dropped_at_once():

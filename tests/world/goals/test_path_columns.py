@@ -68,6 +68,15 @@ def test_goals_keep_their_numbers_while_a_path_goes_round_its_ring():
     assert paths.at(row(1), row(0)).position[0, 0] == 100, "the other slot's path is untouched"
 
 
+def test_a_long_path_makes_room_and_leaves_the_others_where_they_are():
+    paths = PathColumns(SlotTable(limit=2, capacity=2).rows, limit=40)
+    paths.put(1, line(5, 6, 7, 8), HERE, 5)
+    paths.put(0, line(*range(33)), HERE)
+    found = paths.at(np.ones(4, int), np.arange(5, 9))
+    assert found.position[:, 0].tolist() == [5, 6, 7, 8]
+    assert paths.places(np.zeros(33, int), np.arange(33))[:, 0].tolist() == [*range(33)]
+
+
 def test_a_slot_without_goals_has_no_next_one():
     paths = PathColumns(SlotTable(limit=1).rows, limit=2)
     paths.put(0, [], HERE, 7)

@@ -35,7 +35,7 @@ from wayfarer.runtime.persistence.snapshot import (
 )
 from wayfarer.runtime.streams.publications import Publication
 from wayfarer.runtime.streams.publisher import SessionLog
-from wayfarer.runtime.streams.subscription import QueuedPublication
+from wayfarer.runtime.streams.subscription import KeptPublication, QueuedPublication
 from wayfarer.spec import FPS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import MotionChunks
 from wayfarer.world.agents.records import LiveRows, SessionRecord
@@ -179,7 +179,7 @@ def _log_part(log: SessionLog) -> tuple[_LogPart, list[MotionChunks]]:
         room -= len(one.publication.chunks)
         if room < 0:
             break
-        kept.append(one)
+        kept.append(one.whole)
     kept.reverse()
     chunks = [one.publication.chunks for one in kept if one.publication.chunks]
     part = _LogPart(
@@ -215,11 +215,12 @@ def _log(part: _LogPart, rows: _ChunkRows) -> SessionLog:
     agent_ids = np.empty(len(names), np.object_)
     agent_ids[:] = names
     every = MotionChunks(agent_id=agent_ids, **columns)
-    held, row = list[QueuedPublication](), 0
+    held, row = list[KeptPublication](), 0
     for one in part.publications:
         chunks = every.take(np.arange(row, row + one.chunks))
         row += one.chunks
-        held.append(QueuedPublication(Publication(one.position, chunks, one.events), one.motion))
+        publication = Publication(one.position, chunks, one.events)
+        held.append(KeptPublication.of(QueuedPublication(publication, one.motion)))
     if row != len(rows.alias):
         raise InvalidArgument("has the chunks of other publications", "log.publications")
     return SessionLog(

@@ -22,7 +22,12 @@ from wayfarer.runtime.streams.goal_events import GoalEvents
 from wayfarer.runtime.streams.publications import Publication, Resume, SlowReader
 from wayfarer.runtime.streams.root_tracks import Roots, RootTracks
 from wayfarer.runtime.streams.sights import best_of
-from wayfarer.runtime.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
+from wayfarer.runtime.streams.subscription import (
+    KeptPublication,
+    QueuedPublication,
+    Subscription,
+    SubscriptionStart,
+)
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks, Sight
 from wayfarer.world.agents.faults import Faults, Stage
@@ -213,7 +218,7 @@ class SessionLog:
     motion: float  # seconds so far
     last_at: float | None  # Unix seconds of the last motion
     stopping: Mapping[str, tuple[int, int]]  # see `GoalEvents`
-    held: tuple[QueuedPublication, ...]  # for streams that resume
+    held: tuple[KeptPublication, ...]  # for streams that resume
 
 
 class _Log:
@@ -227,7 +232,7 @@ class _Log:
         self.is_waiting = False  # the agents wait for their readers
         self.roots: RootTracks | None = None  # from the first subscriber that asks for them
         self._resume_s = resume_s
-        self._ring: deque[QueuedPublication] = deque()
+        self._ring: deque[KeptPublication] = deque()
         self.motion = 0.0  # seconds of motion so far
         self._last_at: float | None = None
         self._subscribers: list[weakref.ref[Subscription]] = []
@@ -240,10 +245,11 @@ class _Log:
         self.position += 1
         publication = Publication(self.position, chunks, events, roots=roots)
         self.motion += self._step(publication)
-        self._ring.append(QueuedPublication(publication, self.motion))
+        entry = QueuedPublication(publication, self.motion)
+        self._ring.append(KeptPublication.of(entry))
         while self.motion - self._ring[0].motion > self._resume_s:
             self._ring.popleft()
-        return self._ring[-1]
+        return entry
 
     def _step(self, publication: Publication) -> float:
         """Seconds of motion since the last publication; a gap in the schedule does not count."""

@@ -2,12 +2,12 @@
 
 Goals of a path are numbered from 0 in order, and keep their numbers when more are added to its end:
 *waypoint* n of a path stays waypoint n, and lies at row n modulo the ring. Passed goals are
-overwritten. The waypoint that an agent walks to is in its gait, so it is discarded together with
-the frames that were planned for it.
+overwritten. All rings have the length that the longest path has needed. The waypoint that an agent
+walks to is in its gait, so it is discarded together with the frames that were planned for it.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from wayfarer.world.agents.goal import Goal, GoalColumns, goal_columns
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Flags, Index
+
+SHORT: Final = 4
+"""Goals of a ring at first. All its lengths are powers of two."""
 
 
 class PathColumns:
@@ -24,7 +27,8 @@ class PathColumns:
         """`limit`: maximum number of goals per slot that are known at a time."""
         self._slots = slots
         self.limit = limit
-        self._goals = GoalColumns.empty(len(slots.active) * limit)
+        self._length = SHORT
+        self._goals = GoalColumns.empty(len(slots.active) * SHORT)
 
     def put(
         self, slot: int, goals: Sequence[Goal], start: tuple[float, float], first: int = 0
@@ -34,7 +38,7 @@ class PathColumns:
 
         Without goals, it has no path.
         """
-        self._reserve()
+        self._reserve(len(goals))
         waypoints = first + np.arange(max(len(goals), 1))
         columns = goal_columns(goals, start) if goals else GoalColumns.empty(1)
         self._goals.put(self._place(np.array([slot]), waypoints), columns)
@@ -51,7 +55,7 @@ class PathColumns:
 
     def move(self, slot: int, waypoint: int, place: NDArray[np.floating[Any]]) -> None:
         """Moves a goal of a slot's path to place [3]."""
-        self._goals.position[slot * self.limit + waypoint % self.limit] = place
+        self._goals.position[slot * self._length + waypoint % self._length] = place
 
     def rewrite(self, slot: int, waypoint: int, row: GoalColumns) -> None:
         """Replaces a goal of a slot's path with another one, one row."""
@@ -64,9 +68,14 @@ class PathColumns:
         return ~self._goals.more[self._place(slots, waypoints)]
 
     def _place(self, slots: Index, waypoints: Index) -> Index:
-        return slots * self.limit + waypoints % self.limit
+        return slots * self._length + waypoints % self._length
 
-    def _reserve(self) -> None:
-        rows = len(self._slots.active) * self.limit
+    def _reserve(self, goals: int = 0) -> None:
+        length = 1 << max(goals - 1, 0).bit_length()
+        if length > self._length:  # rings repeat, and each goal lies in one of the copies
+            rings = np.arange(len(self._goals.given)).reshape(-1, self._length)
+            self._goals = self._goals.take(np.tile(rings, length // self._length).ravel())
+            self._length = length
+        rows = len(self._slots.active) * self._length
         if rows > len(self._goals.given):
             self._goals.grow(rows)
