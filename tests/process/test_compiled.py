@@ -186,9 +186,10 @@ room[0, 0] = room[-1, -1] = 1
 count = way_around(room, np.array([0, 0]), np.array([29, 39]), corners)
 own, stand = (np.repeat([0, 12], [12, 8]), np.repeat([12, 20], [12, 8])), ~people.walks
 near, by, who = np.full(20, 9.0), np.zeros((20, 12), np.bool_), np.arange(20)
+nearest, places = np.full(20, -1), np.float64(people.position)
 ways = people.position[:, None] + np.arange(0, 2, 0.2)[:, None] * people.velocity[:, None]
 standing = people.position, people.height, stand
-stand_before(who, np.float64(people.position), np.float64(ways), own, standing, 0.4, near, by)
+stand_before(who, places, np.float64(ways), own, standing, 0.4, near, nearest, by)
 cells = cells_of(own[0], people.position)
 pressed = find_near(who, own[0], cells, people.position, people.height, people.walks, PRESSED)
 beside, crowd = np.full((20, 4, 7), -1, "f4"), Gathering(people, who, own, stand, who, cells)
@@ -232,6 +233,7 @@ KEPT = {
     "noise": 0,
     "np.concatenate(packed)": 0,
     "near": 1e-6,
+    "nearest": 0,
     "by": 0,
     "pressed": 0,
     "taken": 0,

@@ -367,6 +367,12 @@ def test_standing_it_shifts_its_weight_aside_and_neighbours_not_together():
     assert np.corrcoef(ways[:, 0], others[:, 0])[0, 1] < 0.8
 
 
+def test_standing_close_to_others_it_does_not_shift_its_weight():
+    standing = gait(Mode.STANDING, slow_seconds=9, stop_place=(3, 1), stop_facing=facing(0))
+    assert STEERING.targets(standing, at(0), goal(3)).place[0].tolist() != [3, 1]
+    assert STEERING.targets(standing, at(0), goal(3, close=True)).place[0].tolist() == [3, 1]
+
+
 @pytest.mark.parametrize(("aside", "passed"), [(0.45, True), (0.55, False)])
 def test_a_point_that_is_left_behind_is_passed_a_little_beyond_its_radius(aside, passed):
     """An agent neither turns back for a few centimetres nor gets stuck there."""

@@ -161,6 +161,30 @@ def test_a_person_that_waits_knows_where_it_would_go_now_and_for_how_long_it_has
     assert planned.memory.waited[slot] - waited == pytest.approx(1.0, abs=0.25)
 
 
+def test_a_person_that_waits_asks_the_nearest_one_in_its_way():
+    world, _, _ = world_in(CORRIDOR)
+    walker, *others = enter(world, (1.0, 6.5), (0.7, 8.0), (1.3, 8.1))
+    for agent, place in zip(others, ((0.7, 8.0), (1.3, 8.1)), strict=True):
+        world.give(agent.agent_id, goal(*place, heading=0.0), 0.0)
+    world.give(walker.agent_id, goal(1.0, 11.5), 0.0)
+    walked(world, 6.0)
+    planned = world.slots.planned
+    slot = int(planned.aims.wants.argmax())
+    hips, asks = planned.seed.translation[:, -1, :2], planned.memory.preferred[slot]
+    ways = np.delete(hips, slot, 0) - hips[slot]
+    way = ways[np.linalg.norm(ways, axis=1)[:2].argmin()]
+    assert way @ asks == pytest.approx(np.linalg.norm(way) * np.linalg.norm(asks), rel=1e-3)
+
+
+@pytest.mark.parametrize(("off", "close"), [(0.61, True), (0.63, False)])
+def test_it_is_noted_which_agents_stand_beside_others(off, close):
+    world, _ = on_floor((0.0, 0.0), (off, 0.0))
+    walked(world, 1.0)
+    company, ahead = world.guide.company, GoalColumns.empty(2)
+    company.stand_close(np.arange(2), ahead)
+    assert ahead.close.tolist() == [close, close]
+
+
 def test_a_goal_amid_a_ring_of_people_is_reported():
     world, _, _ = world_in(field())
     turn = 2 * np.pi * np.arange(16) / 16

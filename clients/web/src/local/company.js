@@ -12,7 +12,7 @@ const REACH = 1, TOLD = 3.9, STUCK = 8, PACE = Math.fround(0.2), NEAR = 1.5, SHU
 export const PATIENCE = 2.5, TOUCH = 0.4;
 const AHEAD = Array.from({ length: 20 }, (_, k) => 0.2 + 0.2 * k);
 const IN_WAY = 0.36, PASSES = 0.42, AROUND = 8, ASIDE = 5, CELL = 0.15, SLACK = 0.05, LONGER = 2, BIT = 1, STOPS = 1.2;
-const BEFORE = [0.1, 0.4, 0.7, 1], TURNED = 0.25, RETRY = 5, SLOW = 0.15;
+const BEFORE = [0.1, 0.4, 0.7, 1], CLOSE = 0.62, TURNED = 0.25, RETRY = 5, SLOW = 0.15;
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./person.js").Person} Person */
@@ -68,11 +68,11 @@ export class Company {
     }
     for (const { row, by } of found) {
       const { person, hips, walker: { aims } } = row;
-      const near = Math.min(...by.map(({ position }) => Math.hypot(...minus(position, hips))));
+      const gaps = by.map(({ position }) => Math.hypot(...minus(position, hips))), near = Math.min(...gaps);
       const waits = near < STOPS + (person.planned.gait.speed < SLOW ? SHUFFLE : 0);
-      this.#settle(row, waits, people);
-      if (waits) row.ahead = { ...row.ahead, given: false };
       const reported = by.length > 0 && aims.barred >= TOLD && aims.barred < TOLD + STEP, stuck = isStuck(row);
+      this.#settle(row, waits, people);
+      if (waits) row.ahead = { ...row.ahead, given: false, place: by[gaps.indexOf(near)].position }; // it asks that one to make way
       if (reported) aims.stuck = 0;
       if (stuck && !reported) {
         const others = people.filter(({ position, person: other }) => other !== person && Math.hypot(...minus(position, hips)) < NEAR);
@@ -106,6 +106,12 @@ export class Company {
       const heading = plus(times(Math.cos(angle), way), times(Math.sin(angle), [way[1], -way[0]]));
       row.ahead = { ...row.ahead, heading, strafe: true, speed: Math.min(row.ahead.speed, Math.fround(SIDEWAYS)) };
     }
+  }
+
+  /** Notes whether others are beside a person. @param {Row} row @param {Seen[]} people */
+  standClose(row, people) {
+    const { self } = row;
+    row.ahead = { ...row.ahead, close: people.some((other) => other !== self && Math.hypot(...minus(other.position, self.position)) < CLOSE) };
   }
 
   /** The way around others on the endless floor. @param {Row} row */

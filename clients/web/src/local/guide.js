@@ -69,7 +69,10 @@ export class Guide {
     this.company?.takeTurns(led, people);
     this.company?.keepLanes(led, people);
     if (this.company && people.length > 1) for (const row of led) this.#bend(row, people);
-    for (const row of rows) this.makingWay?.update(row, people);
+    for (const row of rows) {
+      this.company?.standClose(row, people);
+      this.makingWay?.update(row, people);
+    }
     return rows.map(({ ahead }, k) => ({ ahead, judged: courses[k].judged }));
   }
 

@@ -4,11 +4,12 @@
 import { PATIENCE, TOUCH } from "./company.js";
 import { stop } from "./passages.js";
 import { FARTHEST } from "./spots.js";
-import { STANDING, STEP_SECONDS, bounded, dot, minus, plus, times, unit } from "./steering.js";
+import { STEP_SECONDS, bounded, dot, minus, plus, times, unit } from "./steering.js";
 
-const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, NEARER = 0.9, ROOMIER = 0.05, SWAYS = 0.15, RETURNS = 1, HOME = 0.25;
-const SIDES = [75, 45, 105, 135, -75, -45, -105, -135, 0, 180].map((angle) => (angle * Math.PI) / 180);
-const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math.cos(turned), aside: size * Math.sin(turned) })));
+const SIGHT = 2.5, CLOSES = 0.5, ASIDE = 0.8, APART = 0.46, BODY = 0.37, NEARER = 0.9, ROOMIER = 0.05, RETURNS = 1, HOME = 0.25;
+const SIDES = [75, 45, 105, 135, -75, -45, -105, -135].map((angle) => (angle * Math.PI) / 180);
+const STEPS = [1, 0.6].flatMap((size) => SIDES.map((turned) => ({ x: size * Math.cos(turned), aside: size * Math.sin(turned) })))
+  .concat([1, 0.6, -1, -0.6].map((x) => ({ x, aside: 0 })));
 
 /** @typedef {import("./scene.js").Point} Point */
 /** @typedef {import("./company.js").Row} Row */
@@ -48,7 +49,7 @@ export class MakingWay {
     const roomAt = (/** @type {Point} */ place) => Math.min(...others.map((other) => Math.hypot(...minus(place, stop(other)))));
     const found = STEPS.map(({ x, aside }) => ({ x, y: side * aside })).map(({ x, y }) => {
       const step = /** @type {Point} */ ([x * way[0] - y * way[1], x * way[1] + y * way[0]]), place = plus(hips, times(ASIDE, step));
-      const may = (touches || Math.abs(left + ASIDE * y) >= CLOSES) && Math.hypot(...minus(place, goal)) < FARTHEST
+      const may = (touches || Math.abs(left + ASIDE * y) >= CLOSES || (!y && x > 0)) && Math.hypot(...minus(place, goal)) < FARTHEST
         && (!this.scene || this.scene.distance(...place) >= this.scene.radius) && !isStopped(hips, place, others);
       return { step, room: may ? roomAt(place) : 0 };
     });
@@ -87,23 +88,12 @@ function comer(others, self, place, anybody) {
 /** Like `comer`, of the nearest that is still where a person stands: a way through it, past the person. @param {Seen[]} others @param {Seen} self @returns {Way | null} */
 function toucher(others, self) {
   const touches = others.filter((other) =>
-    !other.velocity[0] && !other.velocity[1] && ((other.walks && self.stands) || other.number < self.number) && apart(self, other) < TOUCH,
+    !other.velocity[0] && !other.velocity[1] && ((other.walks && self.stands) || other.number < self.number) && Math.hypot(...minus(self.position, other.position)) < TOUCH,
   ).map((other) => {
     const to = minus(self.position, other.position);
-    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to), far: apart(self, other), touches: true };
+    return { way: unit([to[1], -to[0]]), left: Math.hypot(...to), touches: true };
   });
-  return touches.length ? touches.reduce((a, b) => (b.far < a.far ? b : a)) : null;
-}
-
-/** Metres between two people; if both stay, between the places around which they sway. @param {Seen} one @param {Seen} other */
-function apart(one, other) {
-  const place = one.walks || other.walks ? (/** @type {Seen} */ { position }) => position : stance;
-  return Math.hypot(...minus(place(one), place(other)));
-}
-
-/** Where a standing person stands, around which its hips sway. @param {Seen} person @returns {Point} */
-function stance({ position, person: { planned: { gait: { mode, stopPlace } } } }) {
-  return mode === STANDING && Math.hypot(...minus(stopPlace, position)) < SWAYS ? stopPlace : position;
+  return touches.length ? touches.reduce((a, b) => (b.left < a.left ? b : a)) : null;
 }
 
 /** Whether others stand in the way of a person that steps from here to a place. @param {Point} here @param {Point} place @param {Seen[]} others */

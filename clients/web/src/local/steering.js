@@ -26,6 +26,7 @@ const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one i
  * @property {boolean} given @property {Point} place @property {number} radius @property {number} speed
  * @property {Point | null} heading unit vector to face @property {boolean} strafe @property {boolean} through
  * @property {number} dwell @property {boolean} more @property {number} bend radians @property {Point} onward
+ * @property {boolean} close somebody is beside the person: standing, it does not shift its weight
  */
 /**
  * A goal as it is given: core frame, metres.
@@ -42,7 +43,7 @@ const PACE = 0.7; // m/s: least speed on the way to a goal, unless a lower one i
 /** @type {GoalRow} */
 const NO_GOAL = {
   given: false, place: [0, 0], radius: 0, speed: 0, heading: null, strafe: false, through: false, dwell: 0, more: false,
-  bend: 0, onward: [0, 0],
+  bend: 0, onward: [0, 0], close: false,
 };
 
 /** The rows of a path that is walked from `start`. @param {CoreGoal[]} goals @param {Point} start @returns {GoalRow[]} */
@@ -58,7 +59,7 @@ export function goalRows(goals, start) {
       given: true, place: [goal.x, goal.y], radius: goal.radius ?? 0.3, speed: goal.speed ?? 1.2,
       heading: heading === undefined ? null : [-Math.sin(heading), Math.cos(heading)],
       strafe: goal.strafe ?? false, through: !stop, dwell: goal.dwell ?? 0, more: k + 1 < goals.length,
-      bend: between(ways[k], onward), onward,
+      bend: between(ways[k], onward), onward, close: false,
     };
   });
 }
@@ -151,7 +152,7 @@ export class Steering {
       return { place: near ? plus(stopPlace, times(share, arc)) : stopPlace, facing: stopFacing, speed: this.turnSpeed };
     }
     if (mode !== WALKING && mode !== STRAFING) {
-      const aside = mode === STANDING ? this.weightShift * leans(stopPlace, gait.slowSeconds) : 0;
+      const aside = mode === STANDING && !goal.close ? this.weightShift * leans(stopPlace, gait.slowSeconds) : 0;
       return { place: plus(stopPlace, times(aside, [stopFacing[1], -stopFacing[0]])), facing: stopFacing, speed: 0 };
     }
     /** @type {Point} */

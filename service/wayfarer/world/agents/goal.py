@@ -115,6 +115,7 @@ class GoalColumns(Rows):
     bend: Float  # radians by which the path turns here
     onward: Annotated[Float, Shape(2)]  # unit vector of the path after here
     tread: Float  # metres from riser to riser if the way leads over stairs; otherwise 0
+    close: Flags  # somebody is beside the agent: standing, it does not shift its weight
 
 
 def goal_columns(goals: Sequence[Goal], start: tuple[float, float]) -> GoalColumns:

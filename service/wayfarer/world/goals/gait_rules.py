@@ -102,6 +102,7 @@ class GoalArrays(NamedTuple):
     bend: Float
     onward: Float
     tread: Float
+    close: Flags
 
 
 @inner
@@ -263,7 +264,7 @@ def aim_rows(
                 wide = limits.turn_radius / max(sqrt(arc_x * arc_x + arc_y * arc_y), 0.1)
                 place_x, place_y = place_x + wide * arc_x, place_y + wide * arc_y
             speed = limits.turn_speed
-        elif mode == STANDING:
+        elif mode == STANDING and not goals.close[row]:
             leans = _leans(place_x, place_y, float(gait.slow_seconds[row]))
             place_x += limits.weight_shift * leans * facing_y
             place_y -= limits.weight_shift * leans * facing_x

@@ -141,10 +141,11 @@ def stand_before(
     standing: tuple[Float, Float, Flags],
     beside: float,
     near: Double,
+    first: Index,
     by: Flags,
 ) -> None:
     """Finds the people that stand in the ways of people `me` [A] of their sessions. Writes them to
-    `by` [A, S], and the metres to the nearest one to `near` [A].
+    `by` [A, S], the nearest one to `first` [A], and the metres to it to `near` [A].
 
     hips [A, 2]; points [A, P, 2] of their ways; `own` [A]: ranges [start, end) of their sessions.
     `standing` [N]: places, heights, and whether each stands. `beside`: metres from a way that
@@ -152,8 +153,8 @@ def stand_before(
     """
     place, height, stand = standing
     for row in range(len(me)):
-        first = own[0][row]
-        for other in range(first, own[1][row]):
+        begin = own[0][row]
+        for other in range(begin, own[1][row]):
             if not stand[other] or other == me[row]:
                 continue
             if abs(height[other] - height[me[row]]) >= 1.0:
@@ -164,9 +165,11 @@ def stand_before(
                 dx, dy = points[row, point, 0] - x, points[row, point, 1] - y
                 least = min(least, dx * dx + dy * dy)
             if sqrt(least) < beside:
-                by[row, other - first] = True
+                by[row, other - begin] = True
                 dx, dy = hips[row, 0] - x, hips[row, 1] - y
-                near[row] = min(near[row], sqrt(dx * dx + dy * dy))
+                far = sqrt(dx * dx + dy * dy)
+                if far < near[row]:
+                    near[row], first[row] = far, other
 
 
 @cache
@@ -175,7 +178,8 @@ def prepare() -> None:
     one, places = np.zeros(1, np.int64), np.zeros((1, 2))
     standing = np.zeros((1, 2), np.float32), np.zeros(1, np.float32), np.zeros(1, np.bool_)
     by = np.zeros((1, 1), np.bool_)
-    warm(stand_before, one, places, np.zeros((1, 1, 2)), (one, one), standing, 0.3, np.ones(1), by)
+    ways, near = np.zeros((1, 1, 2)), np.ones(1)
+    warm(stand_before, one, places, ways, (one, one), standing, 0.3, near, one, by)
     room, corner = np.ones((2, 2)), np.zeros(2, np.int64)
     warm(keep_apart, room, np.zeros(2), 0.15, standing[0], 0.4)
     warm(way_around, room, corner, corner + 1, np.empty((4, 2), np.int64))

@@ -56,6 +56,10 @@ BEFORE: Final = np.array([0.1, 0.4, 0.7, 1.0])
 TOUCH: Final = 0.4
 """Metres between the places of two standing people within which their bodies are in each other."""
 
+CLOSE: Final = 0.62
+"""Metres to another one within which a standing agent does not shift its weight: the width of a
+body, and what two shift towards each other."""
+
 TURNED: Final = 0.25
 """Radians from which shoulders count as turned."""
 
@@ -131,7 +135,8 @@ class Company:
         # it makes no progress, and stops where it is if it is in nobody there
         stays[stays] = ~crowd.near(some[stays], crowd.stand, TOUCH)
         aims.spot[mine[stays]] = hips[which[stays]]
-        ahead.given[mine[waits]] = False
+        ahead.given[mine[waits]] = False  # it asks the nearest one to make way
+        ahead.position[mine[waits], :2] = crowd.people.position[barred.first[waits]]
         for row in np.flatnonzero(reported).tolist():
             first = crowd.own[0][crowd.places[some[row]]]
             others = crowd.slots[first + np.flatnonzero(barred.by[row])]
@@ -188,6 +193,13 @@ class Company:
         ahead.heading[mine] = np.cos(turn) * way + np.sin(turn) * right
         ahead.speed[mine] = np.minimum(ahead.speed[mine], SIDEWAYS)
         return width
+
+    def stand_close(self, rows: Index, ahead: GoalColumns) -> None:
+        """Notes which rows have others beside them."""
+        which = np.flatnonzero(self._slots.avoids[rows])
+        if len(which):
+            crowd = self._avoidance.crowd
+            ahead.close[which] = crowd.near(rows[which], np.ones_like(crowd.stand), CLOSE)
 
     def lead_on_floor(
         self, rows: Index, hips: Float, led: Index, goals: GoalColumns, ahead: GoalColumns

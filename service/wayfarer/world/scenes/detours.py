@@ -54,6 +54,7 @@ class Barred(NamedTuple):
 
     is_barred: Flags
     near: Array  # metres to the nearest of them; inf: none
+    first: Index  # that one
     by: NDArray[np.bool_]  # [A, S] which people of their session: rows from its first on
     seconds: Array  # for which they have closed the way
 
@@ -96,14 +97,15 @@ class Detours:
         self, rows: Index, hips: Array, goals: Array, crowd: Gathering, seconds: Float
     ) -> Barred:
         me, (first, last) = crowd.places[rows], crowd.own
-        near = np.full(len(rows), np.inf)
+        near, nearest = np.full(len(rows), np.inf), np.zeros(len(rows), np.int64)
         by = np.zeros((len(rows), int((last - first).max())), np.bool_)
         if crowd.stand.any():
             points, people = self._routes.ahead(rows, hips, goals, AHEAD), crowd.people
             own, standing = (first[me], last[me]), (people.position, people.height, crowd.stand)
-            stand_before(me, np.float64(hips), points, own, standing, IN_WAY, near, by)
+            stand_before(me, np.float64(hips), points, own, standing, IN_WAY, near, nearest, by)
         is_barred = np.isfinite(near)
-        return Barred(is_barred, near, by, np.where(is_barred, seconds + STEP_SECONDS, 0))
+        since = np.where(is_barred, seconds + STEP_SECONDS, 0)
+        return Barred(is_barred, near, nearest, by, since)
 
     def _look(self, slot: int, place: Array, goal: Array, everybody: SessionPeople) -> bool:
         """Looks for a way around, and lays it; returns whether there is one."""

@@ -152,6 +152,7 @@ class SceneGuide:
             some, places = rows[led], hips[led]
             self.company.lead_on_floor(some, places, led, goals, ahead)
             self._go_among_others(some, places, led, start, goals, ahead)
+        self.company.stand_close(rows, ahead)
         self.making_way.update(rows, hips, start, ~wanted, ahead)
         return NextTarget(ahead, goals)
 
@@ -189,6 +190,7 @@ class SceneGuide:
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
             self._go_among_others(rows[led], hips[led], led, start, goals, ahead)
+        self.company.stand_close(rows, ahead)
         self.making_way.update(rows, hips, start, ~wanted, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 

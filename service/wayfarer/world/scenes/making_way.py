@@ -1,8 +1,8 @@
 """Making way: a standing agent steps aside when another is stuck before it or waits in its place,
 and returns when its place is free. If it is in the way where it stepped, it steps again, but never
-too far from its goal. If two agents stand or wait in each other, the one with the higher number
-steps aside, and a standing one always does so for a waiting one. A step leads through nobody. A
-standing body shifts its weight: of two that stay, the places around which their hips sway count.
+too far from its goal. If there is no room beside the way, it steps on along it. If two agents stand
+or wait in each other, the one with the higher number steps aside, and a standing one always does so
+for a waiting one. A step leads through nobody.
 
 `Memory.yields` counts the seconds until it returns, `Aims.spot` is the place that it left,
 `Memory.retreat` the way from there to where it steps, in `ASIDE`. World's frame, metres.
@@ -17,8 +17,9 @@ import numpy as np
 from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.slots import Feeding, Gait, Mode, Motion, Slots
+from wayfarer.world.agents.slots import Feeding, Motion, Slots
 from wayfarer.world.avoidance.people import Memory, People
+from wayfarer.world.output.turns import apart
 from wayfarer.world.rows import Array, Flags, Float, Index, Int
 from wayfarer.world.scenes.cells import Cells, beside, cells_of
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
@@ -37,10 +38,16 @@ CLOSES: Final = 0.5
 ASIDE: Final = 0.8
 """Metres of a step aside."""
 
-SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135, 0, 180])
-STEPS: Final = np.concatenate([s * np.stack([np.cos(SIDES), np.sin(SIDES)], 1) for s in (1, 0.6)])
+SIDES: Final = np.radians([75, 45, 105, 135, -75, -45, -105, -135])
+STEPS: Final = np.concatenate(
+    [s * np.stack([np.cos(SIDES), np.sin(SIDES)], 1) for s in (1, 0.6)]
+    + [np.array([(1, 0), (0.6, 0), (-1, 0), (-0.6, 0)])]
+)
 """Such steps [S, 2], and shorter ones: along a way, and to the side on which the person stands. The
 ones along the way leave it closed, but lead out of another one, beside a wall, too."""
+
+ON: Final = (STEPS[:, 0] > 0) & (STEPS[:, 1] == 0)
+"""Which of them lead on along the way: a person that cannot leave it walks before the other."""
 
 APART: Final = 0.46
 """Metres that a step leaves between two people."""
@@ -51,9 +58,6 @@ that one: a step leads out of another one, not through it."""
 
 ROOMIER: Final = 0.05
 """Metres of more room that make a step out of another one worthwhile where no place is free."""
-
-SWAYS: Final = 0.15
-"""Metres from its place within which a standing body sways: farther away it stands elsewhere."""
 
 RETURNS: Final = 1.0
 """Seconds for which people remain aside once their places are in nobody's way."""
@@ -74,7 +78,6 @@ class Neighbours(NamedTuple):
     cells: Cells
     number: Int
     position: Float
-    stance: Float  # where it stands, or is if it does not
     height: Float
     velocity: Float
     walks: Flags
@@ -84,18 +87,14 @@ class Neighbours(NamedTuple):
     spot: Float
 
     @classmethod
-    def of(cls, crowd: Gathering, gait: Gait) -> "Neighbours":
-        """The people of a gathering, of all slots' `gait`."""
-        people, slots = crowd.people, crowd.slots
-        place = gait.stop_place[slots]
-        stands = np.linalg.norm(place - people.position, axis=-1) < SWAYS
-        stands &= gait.mode[slots] == Mode.STANDING
+    def of(cls, crowd: Gathering) -> "Neighbours":
+        """The people of a gathering."""
+        people = crowd.people
         return cls(
             *crowd.own,
             crowd.cells,
             people.number,
             people.position,
-            np.where(stands[:, None], place, people.position),
             people.height,
             people.velocity,
             people.walks,
@@ -145,7 +144,7 @@ class MakingWay:
         mine, aside = crowd.places[rows[which]], stays[which] & (memory.yields[which] > 0)
         has_place = aside | (np.linalg.norm(spots[which] - hips[which], axis=-1) < HOME)
         homes = np.where(has_place[:, None], spots[which], hips[which])
-        asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd, self._slots.planned.gait)
+        asks, everybody = Asks.empty(len(which)), Neighbours.of(crowd)
         find_asks(everybody, mine, hips[which], homes, stays[which], aside, asks)
         is_asked = (asks.touches >= 0) | (asks.asks >= 0)
         for at in np.flatnonzero(is_asked | aside).tolist():
@@ -198,14 +197,15 @@ class MakingWay:
         """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place to which
         nobody stops it, near its `goal` [2]. Neighbours would come to a stand at `others` [N, 2].
 
-        A person that `touches` another need not leave the way. If no place is free, it takes the
-        one with the most room, if that is more than it has.
+        A person that cannot leave the way steps on along it. One that `touches` another need not
+        leave it, and if no place is free, takes the one with the most room, if that is more than
+        it has.
         """
         clear, wide = self._scenery.walls(slot)
         tried = STEPS * [1, 1 if left >= 0 else -1]
         steps = tried @ np.array([way, [-way[1], way[0]]])
         places = here + ASIDE * steps
-        may = touches | (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
+        may = touches | ON | (np.abs(left + ASIDE * tried[:, 1]) >= CLOSES)
         may &= np.linalg.norm(places - goal, axis=-1) < FARTHEST
         may &= (clear(places) >= wide) & ~are_stopped(here, places, others)
         gaps = np.linalg.norm(np.append(places, here[None], 0)[:, None] - others, axis=-1)
@@ -270,7 +270,7 @@ def _toucher(them: Neighbours, me: int) -> int:
         begin, end = beside(them.cells, them.first[me], x, y, side)
         for k in range(begin, end):
             other = them.cells.rows[k]
-            far = _apart(them, me, other)
+            far = apart(them.position, me, them.position, other)
             if far > nearest or (far == nearest and other > first) or not is_level(them, me, other):
                 continue  # of equally near ones the lower row is found
             rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
@@ -278,14 +278,6 @@ def _toucher(them: Neighbours, me: int) -> int:
             if rests and (waits or them.number[other] < them.number[me]):
                 nearest, first = far, other
     return first
-
-
-@inner
-def _apart(them: Neighbours, me: int, other: int) -> np.float32:
-    """Metres between two people; if both stay, between the places around which they sway."""
-    places = them.position if them.walks[me] or them.walks[other] else them.stance
-    x, y = places[me, 0] - places[other, 0], places[me, 1] - places[other, 1]
-    return np.float32(sqrt(x * x + y * y))
 
 
 @inner
@@ -363,7 +355,7 @@ def prepare() -> None:
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     flags, one = (flag, flag, flag), place[0, :1]
     them = Neighbours(
-        row, row + 1, cells_of(row, place), row, place, place, one, place, *flags, place, place
+        row, row + 1, cells_of(row, place), row, place, one, place, *flags, place, place
     )
     warm(find_asks, them, row, place, place, flag, flag, Asks.empty(1))
     warm(find_stops, them, row[0], place[0], place[0])
