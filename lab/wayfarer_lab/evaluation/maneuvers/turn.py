@@ -30,7 +30,7 @@ STEPPED: Final = (90.0, 180.0)
 """Angles that nobody turns by without a step."""
 
 FACED: Final = 15.0
-"""Degrees off its heading within which a person faces it: what the API promises."""
+"""Degrees off its heading within which a person faces it, as docs/api.md promises."""
 
 
 def to_either_side(angle: float) -> Callable[[Request], Plan]:

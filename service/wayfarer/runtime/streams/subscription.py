@@ -57,7 +57,7 @@ class KeptPublication:
 
     @classmethod
     def of(cls, entry: QueuedPublication) -> Self:
-        """Rounds; what was rounded before stays the same."""
+        """Rounds rotations. Rounded ones stay the same."""
         publication, chunks = entry.publication, entry.publication.chunks
         steps = chunks.rotations * np.float32(STEPS_PER_ONE)
         rounded = np.rint(steps, out=steps).astype(np.int16)

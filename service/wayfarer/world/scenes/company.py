@@ -195,7 +195,7 @@ class Company:
         return width
 
     def stand_close(self, rows: Index, ahead: GoalColumns) -> None:
-        """Notes which rows have others beside them."""
+        """Notes which rows have somebody within `CLOSE`."""
         which = np.flatnonzero(self._slots.avoids[rows])
         if len(which):
             crowd = self._avoidance.crowd

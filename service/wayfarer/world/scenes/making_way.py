@@ -197,9 +197,9 @@ class MakingWay:
         """A slot's step, in `ASIDE`, from `here` [2], `left` of a way [2], to a free place to which
         nobody stops it, near its `goal` [2]. Neighbours would come to a stand at `others` [N, 2].
 
-        A person that cannot leave the way steps on along it. One that `touches` another need not
-        leave it, and if no place is free, takes the one with the most room, if that is more than
-        it has.
+        A person that cannot leave the way steps on along it. A person that `touches` another need
+        not leave it. If no place is free, it takes the one with the most room, if that is more
+        than it has.
         """
         clear, wide = self._scenery.walls(slot)
         tried = STEPS * [1, 1 if left >= 0 else -1]
