@@ -39,7 +39,8 @@ class ClearanceField:
         """Distance [...] at points [..., 2]."""
         from wayfarer.navigation.sampling import bilinear
 
-        return bilinear(self.distance, self.grid.places(points))
+        grid = self.grid
+        return bilinear(self.distance, points, (*grid.origin, grid.cell, 0.5))
 
     def _slope(self, points: Array) -> Array:
         """Gradient by central differences one cell apart. [..., 2]"""

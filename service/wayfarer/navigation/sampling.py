@@ -2,7 +2,7 @@
 
 from functools import cache
 from math import floor
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,26 +12,40 @@ from wayfarer.process.compiled import compiled, warm
 Array = NDArray[np.floating[Any]]
 
 
-def bilinear(values: NDArray[np.float32], places: Array) -> NDArray[np.float64]:
-    """Values [rows, columns] at places [..., 2] in cells, held constant beyond the border."""
+CELLS: Final = (0.0, 0.0, 1.0, 0.0)
+"""The frame of places that are in cells; see `sample`."""
+
+
+def bilinear(
+    values: NDArray[np.float32],
+    places: Array,
+    frame: tuple[float, float, float, float] = CELLS,
+) -> NDArray[np.float64]:
+    """Values [rows, columns] at places [..., 2], held constant beyond the border."""
     found = np.empty(places.shape[:-1])
     spots = np.ascontiguousarray(places, np.float64)
-    sample(values, spots.reshape(-1, 2), found.reshape(-1))
+    sample(values, spots.reshape(-1, 2), frame, found.reshape(-1))
     return found
 
 
 @compiled
 def sample(
-    values: NDArray[np.float32], places: NDArray[np.float64], found: NDArray[np.float64]
+    values: NDArray[np.float32],
+    places: NDArray[np.float64],
+    frame: tuple[float, float, float, float],
+    found: NDArray[np.float64],
 ) -> None:
-    """Into `found` [N]; places [N, 2]."""
+    """Into `found` [N]; places [N, 2]. `frame`: the origin (x, y) of the cells, their size, and the
+    place of the first value in the first cell, in cells.
+    """
     rows, columns = values.shape
+    left, front, cell, middle = frame
     for k in range(len(found)):
-        if np.isnan(places[k, 0]) or np.isnan(places[k, 1]):
+        x, y = (places[k, 0] - left) / cell - middle, (places[k, 1] - front) / cell - middle
+        if np.isnan(x) or np.isnan(y):
             found[k] = np.nan  # it would be a cell beyond the array
             continue
-        x = min(max(places[k, 0], 0.0), columns - 1.0)
-        y = min(max(places[k, 1], 0.0), rows - 1.0)
+        x, y = min(max(x, 0.0), columns - 1.0), min(max(y, 0.0), rows - 1.0)
         c, r = min(floor(x), columns - 2), min(floor(y), rows - 2)
         x, y = x - c, y - r
         low = values[r, c] * (1 - x) + values[r, c + 1] * x
@@ -42,4 +56,4 @@ def sample(
 @cache
 def prepare() -> None:
     """Compiles the rule, or loads it, before agents walk."""
-    warm(sample, np.zeros((2, 2), np.float32), np.zeros((1, 2)), np.zeros(1))
+    warm(sample, np.zeros((2, 2), np.float32), np.zeros((1, 2)), CELLS, np.zeros(1))

@@ -1,7 +1,5 @@
 """People who stand in the way make way. The fake engine walks them."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -11,12 +9,16 @@ from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.scenes.cells import cells_of
 from wayfarer.world.scenes.making_way import (
+    ASIDE,
+    STEPS,
     Asks,
-    MakingWay,
     Neighbours,
-    are_stopped,
+    Stepping,
+    best_step,
     find_asks,
+    find_steps,
     find_stops,
+    is_stopped,
 )
 from wayfarer.world.scenes.people import Gathering
 
@@ -229,19 +231,22 @@ def step(
     """The step of a person at (0, 0), .2 m left of a way along y. A wall is at x = -`wall`, and its
     goal is at (`goal`, 0).
     """
-    ground = SimpleNamespace(walls=lambda slot: (lambda places: places[:, 0] + wall, 0.3))
-    here, way = np.zeros(2), np.array([0.0, 1.0])
-    at = np.array([goal, 0.0])
-    return MakingWay(None, ground, None)._step(0, here, at, way, 0.2, touches, np.array(others))
+    asks, places = Asks.empty(1), np.empty((1, len(STEPS), 2))
+    asks.touches[0], asks.way[0], asks.left[0] = 0 if touches else -1, (0, 1), 0.2
+    row, here, at = np.zeros(1, np.int64), np.zeros(2, np.float32), np.array([goal, 0], np.float32)
+    find_steps(Stepping(row, row, here[None], here[None], row > 0), asks, places)
+    room = places[0, :, 0] + wall - 0.3
+    found = best_step(here, at, asks, 0, places[0], room, np.array(others, np.float32))
+    return None if found < 0 else places[0, found] / ASIDE
 
 
 def test_a_step_leads_where_nobody_stops_it():
-    zero, far = np.zeros(2), np.array([-9.0, 0.0])
+    zero, far = np.zeros(2, np.float32), np.array([-9.0, 0.0])
     first = step(far)
     assert first[0] < 0, "the person is to the left of the way, and steps to the left"
     second = step(far, 0.25 * first)
     assert second @ first < 0.75
-    assert not are_stopped(zero, second[None], 0.25 * first[None])[0]
+    assert not is_stopped(zero, *second, np.float32(0.25 * first[None]))
 
 
 def test_a_person_without_room_beside_the_way_steps_on_along_it():
@@ -288,8 +293,9 @@ def test_beside_a_wall_a_person_steps_along_it_out_of_another_one():
     ],
 )
 def test_people_that_stand_before_a_step_stop_it(other, stopped):
-    zero, place = np.zeros(2), np.array([[0.8, 0.0], [0.0, -0.8]])
-    assert are_stopped(zero, place, np.array([other])).tolist() == [stopped, False]
+    zero, others = np.zeros(2, np.float32), np.array([other], np.float32)
+    assert is_stopped(zero, 0.8, 0.0, others) == stopped
+    assert not is_stopped(zero, 0.0, -0.8, others)
 
 
 def test_those_near_a_person_or_its_place_are_seen_where_they_come_to_a_stand():

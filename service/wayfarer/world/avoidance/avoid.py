@@ -21,13 +21,7 @@ from wayfarer.process.compiled import warm
 from wayfarer.world.avoidance.aim import aim
 from wayfarer.world.avoidance.kernel import (
     NEIGHBOURS,
-    REACTION,
     TRIED,
-    WALL,
-    WALL_ROOM,
-    WALL_SHARE,
-    WALL_SLACK,
-    WAY,
     Choices,
     Everybody,
     Next,
@@ -35,6 +29,7 @@ from wayfarer.world.avoidance.kernel import (
     decide,
 )
 from wayfarer.world.avoidance.people import Float, Memory, People
+from wayfarer.world.avoidance.walls import SEEN, see_walls, see_ways
 from wayfarer.world.rows import Index
 
 Clearance = Callable[[Float], Float]
@@ -76,7 +71,10 @@ def avoid(
     width = width or Width(endless, endless)
     aim(everybody, rows, preferred, width.most, made)
     if clear is not None:
-        _walls(people, rows, clear, width.most, made)
+        points = np.empty((count, SEEN, 2), np.float32)
+        see_ways(everybody, rows, made, points)
+        room = np.ascontiguousarray(clear(points), np.float32)
+        see_walls(everybody, rows, width.most, room, made)
     found = Next(
         velocity=np.empty((count, 2), np.float32),
         waited=np.empty(count, np.float32),
@@ -94,6 +92,9 @@ def prepare() -> None:
     people, row = People.empty(1), np.zeros(1, np.int64)
     made, one = _room_for(1), np.ones(1, np.float32)
     warm(aim, _everybody(people, None), row, np.ones((1, 2), np.float32), one, made)
+    points = np.zeros((1, SEEN, 2), np.float32)
+    warm(see_ways, _everybody(people, None), row, made, points)
+    warm(see_walls, _everybody(people, None), row, one, points[..., 0].copy(), made)
     still = np.zeros(1, np.float32), np.zeros(1, np.float32)
     found = Next(np.zeros((1, 2), np.float32), *still, np.zeros((1, 2), np.float32))
     warm(decide, _everybody(people, None), row, one, Width(one, one), 0.2, made, found)
@@ -131,22 +132,3 @@ def _room_for(count: int) -> Choices:
         near=np.empty((count, NEIGHBOURS), np.int64),
         known=np.empty(count, np.int64),
     )
-
-
-def _walls(people: People, rows: Index, clear: Clearance, half: Float, made: Choices) -> None:
-    """How far each way is free of walls, and what it costs to come near one, into `made`."""
-    start, far = people.position[rows], np.array(WAY, np.float32)
-    slip = REACTION * people.velocity[rows]
-    points = (start + slip)[:, None, None] + made.ways[:, :, None] * far[:, None]
-    count, fan = made.ways.shape[:2]
-    flat = np.concatenate([points.reshape(count, -1, 2), start[:, None]], 1)
-    room = clear(flat.astype(np.float32))
-    # a person that is too near already may go wherever it is no nearer
-    here, radius = room[:, -1], people.radius[rows]
-    room = room[:, :-1].reshape(count, fan, len(far))
-    wanted = np.minimum(np.minimum(radius + WALL_ROOM, WALL_SHARE * half), here)
-    least = np.minimum(np.minimum(radius - WALL_SLACK, WALL_SHARE * half), here)
-    lack = np.maximum(wanted[:, None, None] - room, 0).max(-1)
-    made.walls[:] = WALL * np.minimum(lack, WALL_ROOM) / WALL_ROOM
-    barred = room < least[:, None, None] - 1e-4
-    made.free[:] = np.where(barred.any(-1), np.append(0, far)[barred.argmax(-1)], np.inf)

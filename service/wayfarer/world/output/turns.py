@@ -135,6 +135,18 @@ def bounded(value: float, low: float, high: float) -> float:
 
 
 @inner
+def between(value: float, at: tuple[float, float], values: tuple[float, float]) -> float:
+    """The first of two values below the first of two numbers, the second above the second, linear
+    in between.
+    """
+    if value <= at[0]:
+        return values[0]
+    if value >= at[1]:
+        return values[1]
+    return (values[1] - values[0]) / (at[1] - at[0]) * (value - at[0]) + values[0]
+
+
+@inner
 def smooth(value: float, low: float, high: float) -> float:
     """0 below `low`, 1 above `high`, smooth between."""
     t = bounded((value - low) / (high - low), 0.0, 1.0)

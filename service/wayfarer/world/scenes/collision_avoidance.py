@@ -14,10 +14,11 @@ from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.avoidance.kernel import Width
 from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.goals.gait_rules import GoalArrays
+from wayfarer.world.output.legs import packed
 from wayfarer.world.output.turns import bounded
 from wayfarer.world.rows import Array, Flags, Float, Index, columns
 from wayfarer.world.scenes.people import crowd_of
-from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
+from wayfarer.world.scenes.world_scenes import WorldScenes
 
 REACH: Final = 1.0
 """Metres ahead of an agent of the point to which it heads when it leaves its way."""
@@ -92,20 +93,9 @@ class CollisionAvoidance:
 
     def clearance(self, rows: Index) -> Any:
         """Metres to the nearest wall at points [A, N, 2] of these rows; None: without walls."""
-        numbers, floors = self._slots.scene[rows], self._slots.footing.hips[rows]
-        if not numbers.any():
+        if not self._slots.scene[rows].any():
             return None
-
-        def clear(points: Float) -> Float:
-            found = np.full(points.shape[:2], np.inf, np.float32)
-            for number in set(numbers[numbers != NOWHERE].tolist()):
-                mine = np.flatnonzero(numbers == number)
-                heights = np.broadcast_to(floors[mine, None, None], (len(mine), points.shape[1], 1))
-                places = np.concatenate([points[mine], heights], -1)
-                found[mine] = self._scenery.scene(number).distance(places)
-            return found
-
-        return clear
+        return lambda points: packed(self._scenery.distance(rows, points))
 
 
 @compiled

@@ -8,14 +8,15 @@ import numpy as np
 from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
-from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Motion, Seeds, Slots
 from wayfarer.world.agents.velocity import moving
-from wayfarer.world.rows import Array, Flags, Index
-from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance, pass_through
+from wayfarer.world.goals.gait_rules import GoalArrays
+from wayfarer.world.rows import Array, Flags, Index, columns
+from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
 from wayfarer.world.scenes.company import Company
 from wayfarer.world.scenes.grounding import is_level
+from wayfarer.world.scenes.leads import LINE, METRES, TRIED, Space, lead_rows, look_along
 from wayfarer.world.scenes.making_way import MakingWay
 from wayfarer.world.scenes.nearest_obstacles import nearest_people, nearest_walls
 from wayfarer.world.scenes.people import PRESSED
@@ -24,47 +25,11 @@ from wayfarer.world.scenes.routes import Routes
 from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.guide import NextTarget
 
-REACH: Final = 1.0
-"""Metres along its way to the point that an agent heads for."""
-
-SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
-"""Shares of `REACH` that are tried in turn, until the straight line there cuts no corner."""
-
-LINE: Final = np.linspace(0.0, 1.0, 8)
-"""Points of that line that are tested."""
-
-ROOM: Final = 0.2
-"""Metres beyond the radius that this line keeps from walls, where the way itself does."""
-
-SLACK: Final = 0.01
-"""Metres by which it may come nearer."""
-
-ELBOW: Final = 0.18
-"""Metres beyond the radius that the hips keep from walls where they can: arms swing."""
-
-CLOSE: Final = 0.05
-"""Metres beyond the radius that both are in a crowd: else all would walk in single file."""
-
-PUSH: Final = (2.5, 0.25)
-"""Lateral push per metre of missing clearance, and the deficit (m) at which it saturates."""
-
 STRAYED: Final = 1.0
 """Metres outside the radius of a goal, once reached, from which an agent walks back to it."""
 
 DETOUR: Final = 1.0
 """Metres outside the radius of a goal, along the way, from which it cannot have been reached."""
-
-CURVE: Final = (0.4, 1.6)
-"""Metres ahead between which the bend of a way is taken."""
-
-BENDS: Final = np.radians([25.0, 80.0])
-CORNER_SPEED: Final = (1.5, 0.75)
-"""Maximum m/s at these bends, linear in between: sharp turns are taken slowly."""
-
-NARROW: Final = (0.02, 0.15)
-NARROW_SPEED: Final = (0.8, 1.5)
-"""Maximum m/s, by the room (m) that the way leaves beside the radius: gaps are passed slowly."""
-
 
 STAIRS: Final = np.arange(-0.45, 0.86, 0.05)
 """Metres along the way, starting behind the agent, at which stairs are looked for."""
@@ -194,29 +159,24 @@ class SceneGuide:
         self.making_way.update(rows, hips, start, ~wanted, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
-    def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:
+    def _lead(self, rows: Index, hips: Float, led: Index, ahead: GoalColumns) -> None:
         """Writes the next points of their ways to rows `led` of `ahead`."""
-        route = self._slots.route
+        route, count = self._slots.route, len(rows)
         progress, length = route.progress[rows][:, None], route.length[rows][:, None]
-        metres = np.minimum(progress + REACH * SHARES, length)
-        curve = np.minimum(progress + CURVE, length)
-        points = self._routes.at(rows, np.concatenate([metres, curve], 1))
-        crowded = self._crowded(rows)
-        best, room = self._visible(rows, hips, points[:, : len(SHARES)], crowded)
-        pick = np.arange(len(rows)), best
-        target = points[pick][:, :2] + self._pushed(rows, hips, crowded)
-        ends = metres[pick] >= length[:, 0] - 1e-6
-        passing, on = led[~ends], target[~ends] - hips[~ends]
-        ahead.position[passing, :2] = target[~ends]
-        pass_through(ahead, passing, on)
-        into, out = points[:, -2, :2] - hips, points[:, -1, :2] - points[:, -2, :2]
-        size = [np.linalg.norm(way, axis=-1, keepdims=True) for way in (into, out)]
-        turn = angle_between(into / np.maximum(size[0], 1e-6), out / np.maximum(size[1], 1e-6))
-        bend = np.where(size[1][:, 0] > 0.1, turn, 0.0)
-        most = np.minimum(
-            np.interp(bend, BENDS, CORNER_SPEED), np.interp(room, NARROW, NARROW_SPEED)
+        metres = np.minimum(progress + METRES, length)
+        points = self._routes.at(rows, metres)
+        lines = np.empty((count, TRIED * len(LINE), 3))
+        look_along(hips, points, lines)
+        near, away = self._scenery.clearance(rows, hips)
+        space = Space(
+            self._scenery.distance(rows, lines),
+            near,
+            away,
+            self._scenery.radius(rows),
+            self._crowded(rows),
         )
-        ahead.speed[led] = np.minimum(ahead.speed[led], most)
+        steers = columns(GoalArrays, ahead)
+        lead_rows(hips, led, points, metres >= length - np.float32(1e-6), space, steers)
         self._slow_on_stairs(rows, led, ahead)
 
     def _slow_on_stairs(self, rows: Index, led: Index, ahead: GoalColumns) -> None:
@@ -245,47 +205,6 @@ class SceneGuide:
         if avoids.any():
             crowd = self.avoidance.crowd
             found[avoids] = crowd.near(rows[avoids], crowd.people.walks, PRESSED)
-        return found
-
-    def _visible(
-        self, rows: Index, hips: Array, targets: Array, crowded: Flags
-    ) -> tuple[Index, Array]:
-        """The first of the targets [A, S, 3], farthest first, that a straight line leads to [A].
-
-        Also the room that the way leaves up to the farthest: metres beyond the radius [A].
-        """
-        lines = np.empty((*targets.shape[:2], len(LINE), 3))
-        lines[..., :2] = hips[:, None, None] + LINE[:, None] * (
-            targets[:, :, None, :2] - hips[:, None, None]
-        )
-        lines[..., 2] = targets[:, :, None, 2]
-        numbers, good = self._slots.scene[rows], np.empty(targets.shape[:2], np.bool_)
-        room = np.empty(len(rows))
-        for number in set(numbers.tolist()):
-            mine = np.flatnonzero(numbers == number)
-            scene = self._scenery.scene(number)
-            near = scene.distance(lines[mine])
-            # What the way itself keeps up to each target.
-            own = np.minimum.accumulate(near[:, ::-1, -1], 1)[:, ::-1]
-            # An agent that stands too near already may go wherever it is no nearer than that.
-            keeps = scene.spec.walkable.radius + np.where(crowded[mine, None], CLOSE, ROOM)
-            floor = np.minimum(np.minimum(keeps, own), near[:, :1, 0])
-            good[mine] = near.min(-1) >= floor - SLACK
-            room[mine] = own[:, 0] - scene.spec.walkable.radius
-        good[:, -1] |= ~good.any(1)
-        return good.argmax(1), room
-
-    def _pushed(self, rows: Index, hips: Array, crowded: Flags) -> Array:
-        """Metres [A, 2] to head aside, away from walls that are too near."""
-        slots, found = self._slots, np.zeros(hips.shape)
-        numbers, floors = slots.scene[rows], slots.footing.hips[rows]
-        for number in set(numbers.tolist()):
-            mine = np.flatnonzero(numbers == number)
-            scene = self._scenery.scene(number)
-            distance, away = scene.clearance(np.column_stack([hips[mine], floors[mine]]))
-            keeps = scene.spec.walkable.radius + np.where(crowded[mine], CLOSE, ELBOW)
-            lacks = np.clip(keeps - distance, 0.0, PUSH[1])
-            found[mine] = PUSH[0] * lacks[:, None] * away
         return found
 
 

@@ -6,13 +6,17 @@ own, beside the way of those who come out.
 """
 
 from collections.abc import Callable
+from functools import cache
+from math import inf, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.avoidance.people import People
-from wayfarer.world.rows import Array, Flags, Index, Int
+from wayfarer.world.output.legs import packed
+from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int
 
 BESIDE_WAY: Final = 0.5
 """Metres to either side of a way at which its width is measured."""
@@ -78,14 +82,35 @@ class Turns(NamedTuple):
     """The response of some people [A] to the narrow places ahead of them."""
 
     waits: Flags
-    place: Array  # [A, 2] where a waiting person stands
+    place: Double  # [A, 2] where a waiting person stands
     there: Flags  # whether it is there
+
+
+class Passers(NamedTuple):
+    """Columns of `People` [N], and the range of each one's session."""
+
+    first: Index
+    last: Index
+    number: Int
+    position: Float
+    height: Float
+    velocity: Float
+    goes: Flags
+    spot: Float
+    waited: Float
+
+
+class Narrows(NamedTuple):
+    """The narrow places ahead of some people [A]: where each begins, and the way through it."""
+
+    mouth: Double  # [A, 2]
+    way: Double  # [A, 2] unit vector
 
 
 def turns(
     people: People,
     rows: Index,
-    points: Array,
+    points: Double,
     distance: Callable[[Array], Array],
     own: tuple[Index, Index] | None = None,
 ) -> Turns:
@@ -95,102 +120,201 @@ def turns(
     at points [A, P, 2] of these rows, [A, P]. `own` [N]: the range [start, end) of
     each one's session in `people`; None: all are of one.
     """
-    place, count = people.position[rows], len(rows)
-    width = _widths(np.concatenate([place[:, None], points], 1), distance)
-    narrow = width[:, 1:] < NARROW
-    waits, there = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-    mouths, directions, spots = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
-    before = np.flatnonzero(narrow.any(1) & (width[:, 0] >= NARROW))
-    if not len(before):
-        return Turns(waits, spots, there)
-    mates = np.zeros((count, len(people.number)), np.bool_)
-    every_way = people.aims.spot - people.position
-    every_way = every_way / np.maximum(np.sqrt((every_way * every_way).sum(-1)), 1e-6)[:, None]
-    every_goes = people.walks & people.aims.wants
-    for row in before.tolist():
-        first, me = 0 if own is None else int(own[0][rows[row]]), int(rows[row])
-        session = slice(first, None if own is None else int(own[1][me]))
-        ways, goes, position = every_way[session], every_goes[session], people.position[session]
-        height, number, me = people.height[session], people.number[session], me - first
-        stretch = points[row][narrow[row]]
-        mouth = points[row, int(narrow[row].argmax())]
-        ahead = mouth - place[row]
-        off = float(np.sqrt((ahead * ahead).sum()))
-        way = stretch[-1] - stretch[0]
-        long = float(np.sqrt((way * way).sum()))
-        if long > LANES[1] and width[row, 1:][narrow[row]].min() > LANES[0]:
-            continue
-        way = way / long if long > 0.1 else ahead / max(off, 1e-6)
-        gaps = position[:, None] - stretch
-        gap = np.sqrt((gaps * gaps).sum(-1).min(1))
-        others = goes & (np.abs(height - height[me]) < 1.0)
-        others[me] = False
-        along = ways @ way
-        oncoming, same = others & (along < -AGAINST), others & (along > AGAINST)
-        at = (position - mouth) @ way
-        beyond = at > 0  # a person that has come out does not enter
-        # it is in the passage, or has just come out
-        inside = (gap < INSIDE) & np.where(along < 0, at < long + ENTERS, at > -ENTERS)
-        if (oncoming & inside).any():
-            waits[row] = True
-        elif not (same & inside).any():
-            closing = people.velocity[session] @ way * np.where(along < 0, -1.0, 1.0)
-            due = gap - EAGER * np.maximum(closing, 0.0)
-            mine, theirs = same & ~beyond, oncoming & beyond & (gap < CONTEST)
-            mine[me] = True
-            leader = _first(mine, due, number)
-            if theirs.any() and not (leader == me and people.memory.waited[rows[row]] > HESITATES):
-                waits[row] = _first(mine | theirs, due, number) != leader
-        mouths[row], directions[row], mates[row, session] = mouth, way, same & ~beyond
-    if waits.any():
-        places = _places(mouths, directions)
-        free = distance(places) > OPEN
-        stops = people.position + COASTS * people.velocity
-        slow = np.sqrt((people.velocity * people.velocity).sum(-1)) < SLOW
-        for row in np.flatnonzero(waits).tolist():
-            me = int(rows[row])
-            spot = _free_place(places[row], free[row], stops, me, mates[row], mouths[row])
-            off = float(np.linalg.norm(stops[me] - spot))
-            spots[row], there[row] = spot, off < (STAYS if slow[me] else BESIDE)
-    return Turns(waits, spots, there)
-
-
-def _widths(points: Array, distance: Callable[[Array], Array]) -> Array:
-    """Metres from wall to wall [A, S] across ways at points [A, S, 2]; large beside one wall."""
-    steps = np.diff(points, axis=1, append=2 * points[:, -1:] - points[:, -2:-1])
-    long = np.maximum(np.sqrt((steps * steps).sum(-1, keepdims=True)), 1e-6)
-    right = BESIDE_WAY * np.stack([steps[..., 1], -steps[..., 0]], -1) / long
-    room = distance(np.concatenate([points + right, points - right], 1))
-    found: Array = 2 * BESIDE_WAY + room[:, : points.shape[1]] + room[:, points.shape[1] :]
+    count, everyone = len(rows), len(people.number)
+    first, last = own or (np.zeros(everyone, np.int64), np.full(everyone, everyone))
+    them = Passers(
+        first,
+        last,
+        people.number,
+        people.position,
+        people.height,
+        people.velocity,
+        people.walks & people.aims.wants,
+        people.aims.spot,
+        people.memory.waited,
+    )
+    found = Turns(np.zeros(count, np.bool_), np.zeros((count, 2)), np.zeros(count, np.bool_))
+    sides, narrows = np.empty((count, 2 * points.shape[1] + 2, 2)), np.zeros((2, count, 2))
+    look_beside(them, rows, points, sides)
+    find_turns(them, rows, points, packed(distance(sides)), found.waits, Narrows(*narrows))
+    if found.waits.any():
+        places = np.empty((count, len(PLACES), 2))
+        find_places(Narrows(*narrows), places)
+        take_places(them, rows, Narrows(*narrows), places, packed(distance(places)), found)
     return found
 
 
-def _first(those: Flags, due: Array, number: Int) -> int:
-    """The one of the least `due` [N]; of two alike, that of the lower number."""
-    rows = np.flatnonzero(those)
-    return int(rows[np.lexsort((number[rows], due[rows]))[0]])
+@compiled
+def look_beside(them: Passers, rows: Index, points: Double, sides: Double) -> None:
+    """Writes points [A, 2 + 2 S, 2] to the right and left of where people are and of their ways."""
+    count = points.shape[1]
+    for row in range(len(rows)):
+        x, y = float(them.position[rows[row], 0]), float(them.position[rows[row], 1])
+        before_x, before_y = x, y
+        for k in range(count + 1):
+            next_x, next_y = 2 * x - before_x, 2 * y - before_y
+            if k < count:
+                next_x, next_y = points[row, k, 0], points[row, k, 1]
+            on_x, on_y = next_x - x, next_y - y
+            long = max(sqrt(on_x * on_x + on_y * on_y), 1e-6)
+            on_x, on_y = BESIDE_WAY * on_x / long, BESIDE_WAY * on_y / long
+            sides[row, k, 0], sides[row, k, 1] = x + on_y, y - on_x
+            sides[row, count + 1 + k, 0], sides[row, count + 1 + k, 1] = x - on_y, y + on_x
+            before_x, before_y, x, y = x, y, next_x, next_y
 
 
-def _places(mouths: Array, ways: Array) -> Array:
-    """Where people may wait [A, P, 2], before narrow places [A, 2] on ways [A, 2]."""
-    right = np.stack([ways[:, 1], -ways[:, 0]], -1)
-    back, aside = PLACES[:, 0, None], PLACES[:, 1, None]
-    found: Array = mouths[:, None] - back * ways[:, None] + aside * right[:, None]
-    return found
+@compiled
+def find_turns(
+    them: Passers, rows: Index, points: Double, room: Float, waits: Flags, found: Narrows
+) -> None:
+    """Finds which of `rows` [A] wait, and the narrow places ahead of them.
 
-
-def _free_place(
-    places: Array, free: Flags, stops: Array, me: int, mates: Flags, mouth: Array
-) -> Array:
-    """The place [2] where a person waits: none where others of its way stand, or stop sooner.
-
-    `places` [P, 2]; `stops` [N, 2]: where everybody would come to a stand.
+    `room` [A, 2 + 2 S]: metres from the points of `look_beside` to walls.
     """
-    off = np.linalg.norm(stops[:, None] - places, axis=-1)
-    taken = mates[:, None] & (off < APART) & (off < off[me])
-    cost = off[me] + NEARER * np.linalg.norm(places - mouth, axis=-1)
-    cost = np.where(free & ~taken.any(0), cost, np.inf)
-    cost[-1] = min(cost[-1], LAST)
-    # of equal costs, the first is taken: rounding must not choose
-    found: Array = places[int((cost <= cost.min() + 1e-4).argmax())]
-    return found
+    stretch = np.empty(points.shape[1:])
+    for row in range(len(rows)):
+        count, least = 0, np.float32(inf)
+        for k in range(len(stretch) + 1):
+            # metres from wall to wall; large beside one wall
+            width = np.float32(2 * BESIDE_WAY) + room[row, k] + room[row, len(stretch) + 1 + k]
+            if width >= np.float32(NARROW):
+                continue
+            if k == 0:  # the person is in it
+                break
+            stretch[count], least = points[row, k - 1], min(least, width)
+            count += 1
+        if count > 0:
+            wide = least > np.float32(LANES[0])
+            waits[row] = _waits(them, rows[row], row, stretch[:count], wide, found)
+
+
+@inner
+def _waits(them: Passers, me: int, row: int, stretch: Double, wide: bool, found: Narrows) -> bool:
+    """Whether a person waits before a narrow stretch [S, 2] of its way, and where that is."""
+    mouth_x, mouth_y = stretch[0, 0], stretch[0, 1]
+    x, y = stretch[-1, 0] - mouth_x, stretch[-1, 1] - mouth_y
+    long = size = sqrt(x * x + y * y)
+    if long > LANES[1] and wide:
+        return False
+    if long <= 0.1:
+        x, y = mouth_x - them.position[me, 0], mouth_y - them.position[me, 1]
+        size = max(sqrt(x * x + y * y), 1e-6)
+    found.mouth[row, 0], found.mouth[row, 1] = mouth_x, mouth_y
+    found.way[row, 0], found.way[row, 1] = x / size, y / size
+    follows, leader, due, rival, rival_due = False, me, inf, -1, inf
+    for other in range(them.first[me], them.last[me]):
+        along, at = _heads(them, me, other, row, found)
+        if other != me and abs(along) <= AGAINST:
+            continue
+        gap = inf
+        for k in range(len(stretch)):
+            x = them.position[other, 0] - stretch[k, 0]
+            y = them.position[other, 1] - stretch[k, 1]
+            gap = min(gap, sqrt(x * x + y * y))
+        # it is in the passage, or has just come out
+        if other != me and gap < INSIDE and (at < long + ENTERS if along < 0 else at > -ENTERS):
+            if along < 0:
+                return True
+            follows = True
+        closing = them.velocity[other, 0] * found.way[row, 0]
+        closing += them.velocity[other, 1] * found.way[row, 1]
+        comes = gap - EAGER * max(-closing if along < 0 else closing, 0.0)
+        number = them.number[other]  # of two that are due alike, the lower one is the first
+        if other == me or (along > 0 and at <= 0):
+            if comes < due or (comes == due and number < them.number[leader]):
+                leader, due = other, comes
+        elif along < 0 and at > 0 and gap < CONTEST:
+            comes_first = comes < rival_due
+            if comes_first or (comes == rival_due and number < them.number[rival]):
+                rival, rival_due = other, comes
+    if follows or rival < 0 or (leader == me and them.waited[me] > HESITATES):
+        return False
+    return rival_due < due or (rival_due == due and them.number[rival] < them.number[leader])
+
+
+@inner
+def _heads(them: Passers, me: int, other: int, row: int, found: Narrows) -> tuple[float, float]:
+    """Cosine between the way of another one on the floor of person `me` and the way through a
+    narrow place, 0 if it does not go; and metres by which it is past the beginning.
+    """
+    level = abs(them.height[other] - them.height[me]) < np.float32(1.0)
+    if other != me and not (them.goes[other] and level):
+        return 0.0, 0.0
+    way_x, way_y = found.way[row, 0], found.way[row, 1]
+    x = them.spot[other, 0] - them.position[other, 0]
+    y = them.spot[other, 1] - them.position[other, 1]
+    size = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
+    to_x = them.position[other, 0] - found.mouth[row, 0]
+    to_y = them.position[other, 1] - found.mouth[row, 1]
+    return (x / size) * way_x + (y / size) * way_y, to_x * way_x + to_y * way_y
+
+
+@compiled
+def find_places(narrows: Narrows, places: Double) -> None:
+    """Writes where people may wait [A, P, 2], before narrow places."""
+    for row in range(len(places)):
+        x, y = narrows.way[row, 0], narrows.way[row, 1]
+        for k in range(len(PLACES)):
+            back, aside = PLACES[k, 0], PLACES[k, 1]
+            places[row, k, 0] = narrows.mouth[row, 0] - back * x + aside * y
+            places[row, k, 1] = narrows.mouth[row, 1] - back * y - aside * x
+
+
+@compiled
+def take_places(
+    them: Passers, rows: Index, narrows: Narrows, places: Double, room: Float, found: Turns
+) -> None:
+    """Chooses the places of those of `rows` that wait: none where others of its way stand, or stop
+    sooner. `room` [A, P]: metres from `places` to walls.
+    """
+    costs, stops = np.empty(len(PLACES)), np.empty((len(them.number), 2), np.float32)
+    for row in np.flatnonzero(found.waits):
+        me, count = rows[row], 0
+        for other in range(them.first[me], them.last[me]):
+            along, at = _heads(them, me, other, row, narrows)
+            if other != me and along > AGAINST and at <= 0:
+                stops[count, 0], stops[count, 1] = coasted(them.position, them.velocity, other)
+                count += 1
+        mine_x, mine_y = coasted(them.position, them.velocity, me)
+        for k in range(len(PLACES)):
+            x, y = places[row, k, 0], places[row, k, 1]
+            off, free = _far(mine_x, mine_y, x, y), room[row, k] > np.float32(OPEN)
+            for mate in range(count):
+                free = free and _far(stops[mate, 0], stops[mate, 1], x, y) >= min(APART, off)
+            away = _far(x, y, narrows.mouth[row, 0], narrows.mouth[row, 1])
+            costs[k] = off + NEARER * away if free else inf
+        costs[-1] = min(costs[-1], LAST)
+        # of equal costs, the first is taken: rounding must not choose
+        best = (costs <= costs.min() + 1e-4).argmax()
+        found.place[row] = places[row, best]
+        x, y = them.velocity[me, 0], them.velocity[me, 1]
+        stays = STAYS if np.float32(sqrt(x * x + y * y)) < np.float32(SLOW) else BESIDE
+        found.there[row] = _far(mine_x, mine_y, places[row, best, 0], places[row, best, 1]) < stays
+
+
+@inner
+def coasted(position: Float, velocity: Float, row: int) -> tuple[float, float]:
+    """Where a person would come to a stand."""
+    return (
+        position[row, 0] + np.float32(COASTS) * velocity[row, 0],
+        position[row, 1] + np.float32(COASTS) * velocity[row, 1],
+    )
+
+
+@inner
+def _far(x: float, y: float, to_x: float, to_y: float) -> float:
+    return sqrt((x - to_x) * (x - to_x) + (y - to_y) * (y - to_y))
+
+
+@cache
+def prepare() -> None:
+    """Compiles the rules, or loads them, before agents walk."""
+    row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
+    one, points = place[0, :1], np.zeros((1, 1, 2))
+    them = Passers(row, row, row, place, one, place, flag, place, one)
+    narrows, room = Narrows(points[0], points[0]), np.ones((1, len(PLACES)), np.float32)
+    warm(look_beside, them, row, points, np.zeros((1, 4, 2)))
+    warm(find_turns, them, row, points, room[:, :4].copy(), flag, narrows)
+    places = np.zeros((1, len(PLACES), 2))
+    warm(find_places, narrows, places)
+    warm(take_places, them, row, narrows, places, room, Turns(flag, points[0], flag))

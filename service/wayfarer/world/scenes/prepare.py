@@ -21,8 +21,10 @@ from wayfarer.world.scenes import (
     cells,
     collision_avoidance,
     lanes,
+    leads,
     making_way,
     nearest_obstacles,
+    passages,
     people,
     routes,
     spots,
@@ -31,8 +33,8 @@ from wayfarer.world.stepping import mirror, new_frames, noise, playback
 
 PARTS: Final = (
     new_frames, mirror, cells, people, spots, around, nearest_obstacles, routes, lanes,
-    collision_avoidance, making_way, sampling, playback, noise, gait_rules, find, legs, twobone,
-    avoid,
+    collision_avoidance, leads, making_way, passages, sampling, playback, noise, gait_rules, find,
+    legs, twobone, avoid,
 )  # fmt: skip
 """The rules that take longest are at both ends, so that the two processes rarely meet in one."""
 

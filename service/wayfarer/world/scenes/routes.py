@@ -77,7 +77,7 @@ class Routes:
         points_at(self.ways, rows, metres, found)
         return found
 
-    def ahead(self, rows: Index, hips: Float, goals: Float, metres: Array) -> Array:
+    def ahead(self, rows: Index, hips: Float, goals: Float, metres: Array) -> Double:
         """Points [A, S, 2] at `metres` [S] ahead on the ways of rows to `goals` [A, 3]; straight
         from `hips` [A, 2] if there is no route.
         """

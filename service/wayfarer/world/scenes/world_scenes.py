@@ -10,7 +10,7 @@ from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.slots import Slots
-from wayfarer.world.rows import Array, Index
+from wayfarer.world.rows import Array, Double, Index
 from wayfarer.world.scenes.scene_registry import SceneEntry, SceneRegistry
 
 NOWHERE = 0
@@ -65,14 +65,46 @@ class WorldScenes:
 
     def walls(self, slot: int) -> tuple[Clear, float]:
         """The metres to the nearest wall on a slot's storey, as a function, and those it keeps."""
-        number, floor = int(self._slots.scene[slot]), self._slots.footing.hips[slot]
-        if number == NOWHERE:
-            return (lambda points: np.full(len(points), np.inf)), 0.0
-        scene = self.scene(number)
-        return (
-            lambda points: scene.distance(np.column_stack([points, np.full(len(points), floor)])),
-            scene.spec.walkable.radius,
-        )
+        row = np.array([slot])
+        return (lambda points: self.distance(row, points[None])[0]), float(self.radius(row)[0])
+
+    def distance(self, rows: Index, points: Array) -> Double:
+        """Metres to the nearest wall at points [A, N, 2 | 3] of slots [A]; inf without a scene. The
+        height of a point, or of the slot's floor, says on which storey it is.
+        """
+        numbers, found = self._slots.scene[rows], np.full(points.shape[:2], np.inf)
+        present = set(numbers.tolist())
+        for number in present - {NOWHERE}:
+            scene = self.scene(number)
+            mine = np.flatnonzero(numbers == number) if len(present) > 1 else slice(None)
+            places = points[mine]
+            if len(scene.fields) > 1 and places.shape[-1] == 2:
+                heights = np.broadcast_to(
+                    self._slots.footing.hips[rows[mine], None, None], (*places.shape[:2], 1)
+                )
+                places = np.concatenate([places, heights], -1)
+            found[mine] = scene.distance(places)
+        return found
+
+    def clearance(self, rows: Index, hips: Array) -> tuple[Double, Double]:
+        """Metres from places [A, 2] of slots to the nearest wall [A], and the direction from there
+        [A, 2]; see `ClearanceField.sample`.
+        """
+        numbers, floors = self._slots.scene[rows], self._slots.footing.hips[rows]
+        found, away = np.full(len(rows), np.inf), np.zeros((len(rows), 2))
+        for number in set(numbers.tolist()) - {NOWHERE}:
+            mine = np.flatnonzero(numbers == number)
+            places = np.column_stack([hips[mine], floors[mine]])
+            found[mine], away[mine] = self.scene(number).clearance(places)
+        return found, away
+
+    def radius(self, rows: Index) -> Double:
+        """Metres that slots [A] keep from walls."""
+        numbers = self._slots.scene[rows]
+        found = np.zeros(len(rows))
+        for number in set(numbers.tolist()) - {NOWHERE}:
+            found[numbers == number] = self.scene(number).spec.walkable.radius
+        return found
 
     def refresh(self, failed: Callable[[int, Exception], None]) -> Index:
         """Applies new versions, and forgets scenes without sessions; returns the slots in scenes
