@@ -98,7 +98,6 @@ STEERING: Final[Mapping[str, tuple[str, str]]] = {
     "astray": ("rad", "and begins when it is missed by more"),
     "reactions": ("steps", "who stands sets off at one step in this many only, each at another"),
     "turn_radius": ("m", "who turns on the spot aims so far off it, halfway to the heading"),
-    "turn_return": ("m", "its steps lead back from farther off than this"),
     "turn_speed": ("m/s", "and steps so fast: asked for no way, a body turns like a turntable"),
     "climbing": ("1/s", "steps on stairs (not here)"),
     "strafe_speed": ("m/s", "at most of people who face elsewhere than where they go"),

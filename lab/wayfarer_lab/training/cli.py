@@ -19,7 +19,6 @@ from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
 from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end
 from wayfarer_lab.training.following import FollowingConfig, train_following
 from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, train_goal_cvae
-from wayfarer_lab.training.mixing import mix_policies
 from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_policy
 from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
 from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
@@ -202,20 +201,6 @@ def policy_follow(settings: FollowingConfig, data: Path, out: Path, minutes: flo
     The log shows m/s off the way, soles' slide in m/s, and the divergence from the cloned policy.
     """
     return train_following(settings, *_frames(data, settings.mix), out, minutes)
-
-
-@app.command(short_help="Mix two policies, one of which began near the other.")
-def policy_mix(
-    first: Annotated[Path, typer.Argument(help="Run folder of a policy.")],
-    second: Annotated[Path, typer.Argument(help="Run folder of a policy that began near it.")],
-    out: Annotated[Path, typer.Option(help="Run folder to write.")],
-    share: Annotated[
-        float, typer.Option(min=0, max=1, help="Share of the second policy's weights.")
-    ] = 0.5,
-) -> None:
-    """Write a policy between two, by their weights. It takes no training and no data."""
-    mix_policies(first, second, share, out)
-    typer.echo(f"{out}: written")
 
 
 @training("goal-cvae", GoalCvaeConfig, "goal_cvae", "Train the baseline, a goal-conditioned CVAE.")

@@ -10,8 +10,10 @@ through bodies.
 Users ask for something else before a body has come to its aim, and no recorded person shows what to
 do then. So every agent gets new requests: the first agent of a crowd after about 100 steps on
 average, the last agent at nearly every step (`change`). Divergence costs the last agents less. With
-a `like_weight` all learn from a critic to move as recorded people do (`likeness.py`); with a
-`manner_weight` as well, each is also taught the manner that it has drawn (`manners.py`).
+a `like_weight` all learn from a critic to move as recorded people do (`likeness.py`).
+
+Costs would narrow what a policy draws, and then all people move alike. So they teach its mean, and
+how widely it draws stays as it was.
 """
 
 import copy
@@ -38,11 +40,10 @@ from wayfarer.spec import (
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.goals.steering import default_searches
 from wayfarer_lab.training.cloning import load_trajectory_policy
-from wayfarer_lab.training.costs import Costs, costs_of, waist_height
+from wayfarer_lab.training.costs import Costs, Wish, costs_of, waist_height
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.likeness import Likeness
-from wayfarer_lab.training.manners import measured
 from wayfarer_lab.training.orders import Orders, draw_orders
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.predictor import Serving
@@ -65,7 +66,7 @@ SLOWEST = 0.25
 """m/s: deviation from the way is divided by the requested speed, clamped to between this and 1 m/s.
 Undivided, standing still would cost least."""
 
-ASIDE = 2.5
+ASIDE = 4.0
 """Weight of the way in side steps and steps backward, relative to that ahead: few were recorded
 there, and a critic would slow everybody down."""
 
@@ -82,11 +83,11 @@ agent, since in a crowd people often wait only briefly."""
 SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
 
-REMEMBERED = 0.2
-"""Share that a window of .8 s has in the manner that an agent shows."""
+AVERAGED = 0.35
+"""Share that a step has in the mean deviation from the way: hips may sway about it."""
 
-WILDEST = 6.0
-"""Standard deviations to which a window's manner is clipped."""
+SWAYED = 1.6
+"""Factor on that mean. For deviations that come and go it is so much smaller than each."""
 
 WARMING = 300
 """Steps over which the critic's weight grows to its full value: it starts untrained."""
@@ -111,15 +112,18 @@ class FollowingConfig(BaseModel):
     # from, per latent dimension: for the first and the last agent, spaced geometrically
     way_weight: float = 2.0  # of a m/s off the requested way
     facing_weight: float = 1.0  # of 1 - cos(angle off)
+    faced_weight: float = 0.0  # of the chord of the last degrees off
+    linger_weight: float = 0.0  # of a metre beside the goal, for a body that is slow there
     slide_weight: float = 1.5  # of a m/s of soles on the floor
     floating_weight: float = 15.0  # of a metre
     upright_weight: float = 3.0
     squat_weight: float = 25.0  # of a part of the waist's height
     apart_weight: float = 0.0  # of a metre from foot to foot
+    short_weight: float = 0.0  # of a metre that a step is too short
+    narrow_weight: float = 0.0  # of a metre that it is too narrow
     seam_weight: float = 0.3  # of a m/s of change between seed and first frame
     like_weight: float = 0.0  # of the critic's verdict, see likeness.py
     like_rate: float = 2e-4  # of the critic's own training
-    manner_weight: float = 0.0  # of a deviation² from the manner that an agent has drawn
     renewal: float = 0.015  # chance at every step that an agent is replaced by a new one
     change: tuple[float, float] = (0.015, 0.015)  # chance at every step that an agent is asked for
     # something else: for the first and the last agent
@@ -145,7 +149,7 @@ class Advance(NamedTuple):
     """A step of a crowd."""
 
     crowd: TrainingCrowd  # after the step
-    costs: Costs
+    costs: Costs  # the way in world space
     away: Tensor  # [A] KL from the policy that it starts from
     view: BodyFrames | None  # as the critic sees it
 
@@ -177,9 +181,7 @@ class FollowingTrainer:
             g: Likeness(train, self.bodies[g], self.sites, length, config.like_rate)
             for g in critics
         }
-        bodies = list(self.bodies.values())
-        self.manners = measured(train, bodies) if config.manner_weight else None
-        self.shown = {g: c.manner.clone() for g, c in self.crowds.items()}
+        self.strayed = {g: torch.zeros(config.agents, 2) for g in GENDERS}  # mean m/s off the way
         self.run: TrainingRun | None = None
 
     def learning(self) -> dict[str, nn.Module | Optimizer]:
@@ -202,15 +204,22 @@ class FollowingTrainer:
             local = to_local(frame, goal[:, None])[:, 0]
             facing = (orders.facing[:, None] @ turn)[:, 0]
             asked = asked_of(seed.flatten(2), local, orders.speed, facing)
-            waist_up = waist_height(self.bodies[gender], crowd.betas, self.sites)
-            stands = ~orders.goes & (facing[:, 1] > ONWARD)
-            walks = orders.walks & ~orders.slow
+            wish = Wish(
+                asked,
+                goal=((orders.goal - crowd.place)[:, None] @ turn)[:, 0],
+                speed=crowd.speed,
+                waist_up=waist_height(self.bodies[gender], crowd.betas, self.sites),
+                headed=orders.facing.any(-1),
+                stands=~orders.goes & (facing[:, 1] > ONWARD),
+                walks=orders.walks & ~orders.slow,
+                straight=~orders.curves,
+            )
         with half_precision():
             answer = self.policy.lead(seed.flatten(2), asked, crowd.manner)
             before = self.cloned.lead(seed.flatten(2), asked, crowd.manner)
-        share = torch.where(stands, OWN_STANDING, OWN)[:, None]
+        share = torch.where(wish.stands, OWN_STANDING, OWN)[:, None]
         noise = torch.sqrt(1 - share) * torch.randn(count, LATENT) + torch.sqrt(share) * crowd.own
-        latent = answer.mean + torch.exp(answer.log_std) * noise
+        latent = answer.mean + torch.exp(answer.log_std).detach() * noise
         with half_precision():
             future = self.predictor.decode(seed.flatten(2), latent[:, None])[:, 0].float()
         markers = future.unflatten(-1, (MARKERS, 3))
@@ -230,7 +239,8 @@ class FollowingTrainer:
             own=crowd.own,
         )
         landed = to_local(frame, after.markers[:, -1])
-        costs = costs_of(seed, markers, landed, asked, self.sites, waist_up, stands, walks)
+        costs = costs_of(seed, markers, landed, wish, self.sites)
+        costs = costs._replace(way=(turn @ costs.way[..., None])[..., 0])
         view = None
         if self.likeness:
             seen = slice(EVERY - 1, None, EVERY)
@@ -239,21 +249,27 @@ class FollowingTrainer:
             )
         return Advance(after, costs, away(answer, before), view)
 
-    def cost(self, costs: Costs, orders: Orders, speed: Tensor) -> Tensor:
-        """The weighted sum [A], for bodies that moved at `speed` [A] before the step."""
+    def cost(self, costs: Costs, strayed: Tensor, orders: Orders, speed: Tensor) -> Tensor:
+        """The weighted sum [A], for bodies that moved at `speed` [A] before the step, and were off
+        their way by `strayed` [A, 2] m/s in the mean.
+        """
         config = self.config
         floating = costs.floating * (orders.speed < RUNNING)
         pace = torch.where(orders.goes, orders.speed.clamp(SLOWEST, 1.0), 1.0)
         pull = torch.where(orders.goes & ~orders.walks, ASIDE, 1.0)
         pull = torch.where(orders.walks & (speed < SETTING_OFF * orders.speed), URGED, pull)
         total = (
-            config.way_weight * pull * costs.way / pace
+            config.way_weight * pull * SWAYED * strayed.norm(dim=-1) / pace
             + config.facing_weight * costs.facing
+            + config.faced_weight * costs.faced
+            + config.linger_weight * costs.lingers
             + config.slide_weight * costs.slide
             + config.floating_weight * floating
             + config.upright_weight * costs.upright
             + config.squat_weight * costs.squat
             + config.apart_weight * costs.apart
+            + config.short_weight * costs.short
+            + config.narrow_weight * costs.narrow
             + config.seam_weight * costs.seam
         )
         return DEAREST * torch.tanh(total.nan_to_num(DEAREST) / DEAREST)
@@ -269,16 +285,18 @@ class FollowingTrainer:
                 group["lr"] = cosine_rate(rate, self.run.step, config.steps)
         crowd, orders = self.crowds[gender], self.orders[gender]
         total, sound = torch.zeros(()), torch.ones(config.agents)
-        seen = torch.zeros(len(Costs._fields) + 1)
+        seen, strayed = torch.zeros(len(Costs._fields) + 1), self.strayed[gender]
         views, same = self._first(gender, crowd), torch.ones(config.agents, dtype=torch.bool)
         for step in range(config.horizon):
             other, speed = self._ask(crowd, orders), crowd.speed.detach()
             same &= ~other | (step == 0)
             crowd, costs, far, view = self.advance(gender, crowd, orders)
             views += [view] if view else []
+            strayed = torch.where(other[:, None], 0.0, strayed).lerp(costs.way, AVERAGED)
             price = self.kl_weight * torch.where(orders.slow, SLOW_KL, 1.0)
-            total = total + (sound * (self.cost(costs, orders, speed) + price * far)).mean()
-            seen += torch.stack([c.detach().nan_to_num().mean() for c in (*costs, far)])
+            cost = self.cost(costs, strayed, orders, speed) + price * far
+            total = total + (sound * cost).mean()
+            seen += torch.cat([costs.means(), far.detach().nan_to_num().mean()[None]])
             sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
         total = total / config.horizon
         names = (*Costs._fields, "kl")
@@ -289,26 +307,14 @@ class FollowingTrainer:
             warm = min(1.0, self.run.step / WARMING)
             total = total + warm * config.like_weight * verdict.cost.mean()
             told |= {"critic_right": verdict.right, "unlike": verdict.mean}
-            if self.manners is not None:
-                seen_manners = self.manners.of(joined(views), crowd.betas, GENDERS.index(gender))
-                off = self._off(gender, crowd, seen_manners.detach())
-                # the slope of `off`², averaged over windows: a single one would punish swings
-                slope = (sound[:, None] * off.clamp(-2, 2) * seen_manners).mean()
-                total = total + warm * config.manner_weight * slope
-                told["manner"] = float(off.square().mean())
         self.optimizer.zero_grad()
         total.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 0.5)
         if norm.isfinite():
             self.optimizer.step()
+        self.strayed[gender] = strayed.detach().nan_to_num()
         self._go_on(gender, crowd.detached(), orders)
         return told | {"fallen": float(1 - sound.mean())}
-
-    def _off(self, gender: str, crowd: TrainingCrowd, seen: Tensor) -> Tensor:
-        """Deviations [A, 8] of the manners that agents showed lately from their own."""
-        shown = self.shown[gender].lerp(seen.clamp(-WILDEST, WILDEST), REMEMBERED)
-        self.shown[gender] = shown
-        return shown - crowd.manner
 
     def _first(self, gender: str, crowd: TrainingCrowd) -> list[BodyFrames]:
         """The last frame before an update, where there is a critic to see it."""
@@ -334,7 +340,7 @@ class FollowingTrainer:
         rows = torch.nonzero(leave).squeeze(-1)
         if len(rows):
             crowd.put(rows, self.samplers[gender].draw(len(rows)))
-            self.shown[gender][rows] = crowd.manner[rows]
+            self.strayed[gender][rows] = 0.0
         orders.put(leave, draw_orders(crowd.place, crowd.facing))
         self.crowds[gender] = crowd
 
@@ -349,7 +355,7 @@ class FollowingTrainer:
             orders = draw_orders(crowd.place, crowd.facing)
             for _ in range(20):
                 crowd, costs, far, _ = self.advance(gender, crowd, orders)
-                seen += torch.stack([c.nan_to_num().mean() for c in (*costs, far)]) / 40
+                seen += torch.cat([costs.means(), far.nan_to_num().mean()[None]]) / 40
         torch.set_rng_state(state)
         names = (*Costs._fields, "kl")
         return {f"val/{n}": v for n, v in zip(names, seen.tolist(), strict=True)}

@@ -14,8 +14,10 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
+from wayfarer.body.library import load_body
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.quality import Sites
+from wayfarer.spec import GENDERS
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.views import EVERY, BodyFrames
@@ -37,6 +39,12 @@ RENEWAL: Final = 100
 
 AMONG: Final = 24
 """Number of nearest ways, of which one is taken at random."""
+
+LEG: Final = (
+    *("THI", "KNE", "KNI", "SHN", "CLF", "ANK", "HEE", "TOE", "MT1", "MT5"),
+    *("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE"),
+)
+"""Markers of a leg."""
 
 SLOPE: Final = 3.0
 """Weight of the squared slope at recorded windows, which keeps the critic smooth (R1, Mescheder et
@@ -85,6 +93,9 @@ class RecordedWindows:
         self.sampler = WindowSampler(frames, length)
         self.offsets = torch.arange(0, length, EVERY)
         self.soles = frames.markers[..., 2].amin(-1)
+        names = list(load_body("anny52", GENDERS[0]).marker_names)
+        self.legs = [torch.tensor([names.index(side + name) for name in LEG]) for side in "LR"]
+        self.heels = [names.index(side + "SOLE_HEEL") for side in "LR"]
         self.renew()
 
     def renew(self) -> None:
@@ -112,7 +123,32 @@ class RecordedWindows:
         markers, _ = self.body.skin(self.body.shaped(random_betas(len(rows))), hips, rotations)
         lift = self.soles[rows].amin(-1) - markers[..., 2].amin((-1, -2))
         up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
-        return BodyFrames(markers + up[:, :, None], hips + up, rotations[:, :, 0])
+        markers, hips, turns = markers + up[:, :, None], hips + up, rotations[:, :, 0]
+        return BodyFrames(
+            self._as_wide(self.frames.markers[rows], markers, hips, turns), hips, turns
+        )
+
+    def _as_wide(self, recorded: Tensor, markers: Tensor, hips: Tensor, turns: Tensor) -> Tensor:
+        """Markers [A, T, 67, 3] with feet as far from each other, to the side, as recorded ones.
+
+        Rotations of a man's legs put a woman's feet 2.6 cm nearer to each other.
+        """
+        right = turns[..., :2, 0]
+
+        def width(bodies: Tensor) -> Tensor:
+            left_heel, right_heel = (bodies[:, :, heel, :2] for heel in self.heels)
+            return ((right_heel - left_heel) * right).sum(-1).mean(-1)
+
+        half = 0.5 * (width(recorded) - width(markers))
+        wide = markers.clone()
+        for side, leg in zip((-1.0, 1.0), self.legs, strict=True):
+            below = (1 - markers[:, :, leg, 2] / hips[..., 2:]).clamp(
+                0, 1
+            )  # a leg turns at the hip
+            wide[:, :, leg, :2] += (
+                side * (half[:, None, None] * below)[..., None] * right[:, :, None]
+            )
+        return wide
 
 
 @dataclass(frozen=True)

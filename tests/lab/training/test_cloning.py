@@ -1,11 +1,12 @@
 """Hindsight and cloning on made-up motion and untrained networks."""
 
 from dataclasses import replace
+from math import pi
 
 import pytest
 import torch
 
-from tests.lab.training.fakes import gliding_frames
+from tests.lab.training.fakes import gliding_frames, walking_frames
 from wayfarer.body.library import load_body
 from wayfarer.engines.torch.marker_bodies import marker_body
 from wayfarer.errors import ArtifactError
@@ -27,12 +28,13 @@ from wayfarer_lab.training.cloning import (
     smoothed,
     train_cloning,
 )
-from wayfarer_lab.training.costs import Costs, costs_of, waist_height
+from wayfarer_lab.training.costs import FACED, Wish, costs_of, waist_height
 from wayfarer_lab.training.following import (
     FollowingConfig,
     FollowingTrainer,
     train_following,
 )
+from wayfarer_lab.training.likeness import LEG, RecordedWindows
 from wayfarer_lab.training.orders import Orders
 
 
@@ -149,7 +151,7 @@ def test_cloning_learns_resumes_and_is_followed(runs, tmp_path):
     assert any(not torch.equal(a, b) for a, b in pairs)
 
     out = tmp_path / "alike"
-    judged = {"horizon": 4, "steps": 4, "like_weight": 1.0, "manner_weight": 1.0}
+    judged = {"horizon": 4, "steps": 4, "like_weight": 1.0}
     alike = following.model_copy(update=judged)
     assert not train_following(alike, data, held, out, minutes=0.0001)
     assert train_following(alike, data, held, out)
@@ -161,6 +163,32 @@ def test_the_paper_s_policy_is_no_start(runs, tmp_path):
     torch.save({"model": GoalPolicy(16).state_dict()}, tmp_path / "goal" / "last.pt")
     with pytest.raises(ArtifactError, match="a cloned one is needed"):
         load_trajectory_policy(tmp_path / "goal")
+
+
+@pytest.fixture
+def standing():
+    """Costs of a T-pose on the floor that faces +Y and stands, with a left leg that is moved."""
+    model = load_body("anny52", "male")
+    names, body = list(model.marker_names), marker_body(model)
+    hips, unturned = torch.zeros(1, 10, 3), torch.eye(3).expand(1, 10, 22, 3, 3)
+    markers, _ = body.skin(body.shaped(torch.zeros(1, 10)), hips, unturned)
+    markers[..., 2] -= markers[..., 2].min()
+    sites, leg = Sites.from_names(names), [names.index("L" + name) for name in LEG]
+    ahead, no = torch.tensor([0.0, 1.0]), torch.tensor([False])
+
+    def costs(moved=None, facing=ahead, **wishes):
+        body = markers.clone()
+        if moved is not None:
+            body[:, :, leg] += moved
+        wish = Wish(
+            Asked(torch.zeros(1, 3, 2), facing.expand(1, 3, 2)),
+            goal=torch.zeros(1, 2), speed=torch.zeros(1),
+            waist_up=waist_height(marker_body(model), torch.zeros(1, 10), sites),
+            headed=~no, stands=no, walks=no, straight=no,
+        )._replace(**wishes)  # fmt: skip
+        return costs_of(body[:, :2], body[:, 2:], body[:, -1], wish, sites)
+
+    return costs
 
 
 def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
@@ -178,22 +206,25 @@ def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
     sites = Sites.from_names(model.marker_names)
     waist_up = waist_height(body, torch.zeros(1, 10), sites)
     stands = torch.tensor([True])
-    asked = Asked(ways, facings)
+    wish = Wish(
+        Asked(ways, facings),
+        goal=torch.tensor([[0.0, 1.2]]), speed=torch.ones(1), waist_up=waist_up,
+        headed=stands, stands=stands, walks=~stands, straight=~stands,
+    )  # fmt: skip
 
-    def cost(markers, stands=stands):
-        return costs_of(
-            *(markers[:, :2], markers[:, 2:], markers[:, -1]),
-            *(asked, sites, waist_up, stands, ~stands),
-        )
+    def cost(markers, stands=stands, **other):
+        asked = wish._replace(stands=stands, walks=~stands, straight=~stands, **other)
+        return costs_of(markers[:, :2], markers[:, 2:], markers[:, -1], asked, sites)
 
     costs = cost(markers)
-    assert costs.way.item() == pytest.approx(0, abs=1e-4)
+    assert costs.way[0].tolist() == pytest.approx([0, 0], abs=1e-4)
     assert costs.facing.item() == pytest.approx(0, abs=1e-3)
     assert costs.slide.item() == pytest.approx(1.5, abs=0.1)  # 1 m/s, half again for the rest
     assert costs.seam.item() == pytest.approx(0, abs=1e-3)
     assert costs.floating.item() < 0.01
     still = cost(markers[:, :1].expand(-1, 10, -1, -1))
-    assert still.slide.item() < 1e-4 and still.way.item() == pytest.approx(1.0, abs=1e-3)
+    assert still.slide.item() < 1e-4 and costs.lingers == 0
+    assert still.way[0].tolist() == pytest.approx([0, -1.0], abs=1e-3)
     assert still.squat.item() == 0
     sunk = markers - torch.tensor([0.0, 0.0, 0.05])  # as if the knees gave way by 5 cm
     low = [cost(sunk, who).squat.item() for who in (stands, ~stands)]
@@ -202,7 +233,63 @@ def test_costs_of_a_body_that_glides_upright(runs, tmp_path):
     strides[:, :, sites.left_ankle, 1] += 0.2
     apart = [cost(strides, who).apart.item() for who in (stands, ~stands)]
     assert apart == pytest.approx([0.12, 0], abs=0.01) and costs.apart.item() == 0
-    assert len(Costs._fields) == 8
+
+
+@pytest.mark.parametrize("degrees, chord", [(0, 0), (4, 0.0698), (40, FACED)])
+def test_every_degree_of_a_facing_costs_as_much_up_to_a_few(standing, degrees, chord):
+    angle = torch.tensor(degrees * pi / 180)
+    facing = torch.stack([-torch.sin(angle), torch.cos(angle)])
+    costs = standing(facing=facing)
+    assert costs.faced.item() == pytest.approx(chord, abs=2e-3)
+    assert costs.facing.item() == pytest.approx(1 - torch.cos(angle).item(), abs=2e-3)
+    assert standing(facing=facing, headed=torch.tensor([False])).faced == 0
+
+
+@pytest.mark.parametrize(
+    "beside, speed, cost", [(0.0, 0.0, 0), (0.2, 0.0, 0.16), (0.2, 0.2, 0.08), (0.5, 0.0, 0)]
+)
+def test_a_slow_body_beside_its_goal_lingers(standing, beside, speed, cost):
+    costs = standing(goal=torch.tensor([[beside, 0.0]]), speed=torch.tensor([speed]))
+    assert costs.lingers.item() == pytest.approx(cost, abs=2e-3)
+
+
+def test_steps_are_too_short_or_too_narrow_while_both_feet_rest(standing):
+    """The left foot is ahead by `length` from ankle to ankle, and as far to the left as it was."""
+
+    def stepped(length, aside=0.0, **other):
+        walks = torch.tensor([True])
+        far = torch.tensor([[0.0, 3.0]])
+        moved = torch.tensor([-aside, length, 0.0])
+        return standing(moved, **{"walks": walks, "straight": walks, "goal": far} | other)
+
+    asked = stepped(0.8, speed=torch.ones(1))
+    assert asked.short.item() == 0 and asked.narrow.item() == 0
+    short = [stepped(length, speed=torch.ones(1)).short.item() for length in (0.2, 0.3)]
+    assert short[0] - short[1] == pytest.approx(0.1, abs=0.02) and short[1] > 0.2
+    near = torch.tensor([[0.0, 0.5]])
+    assert stepped(0.2, speed=torch.ones(1), goal=near).short == 0
+    narrow = [stepped(0.6, aside).narrow.item() for aside in (-0.2, -0.25)]
+    assert narrow[1] - narrow[0] == pytest.approx(0.05, abs=0.01) and narrow[0] > 0
+    assert stepped(0.6, -0.2, straight=torch.tensor([False])).narrow == 0
+    assert stepped(0.0, -0.2).narrow == 0  # feet abreast make no step
+
+
+def test_a_critic_s_recorded_people_have_feet_as_far_apart_as_recorded():
+    """On bodies of other shapes, too."""
+    frames, body = walking_frames(), marker_body(load_body("anny52", "female"))
+    names = list(load_body("anny52", "female").marker_names)
+    left, right = (names.index(side + "SOLE_HEEL") for side in "LR")
+
+    def width(markers):
+        torch.manual_seed(0)
+        windows = RecordedWindows(replace(frames, markers=markers), body, 9)
+        view = windows.view(torch.arange(8))
+        apart = view.markers[:, :, right] - view.markers[:, :, left]
+        return (apart * view.turns[..., 0]).sum(-1).mean(-1)
+
+    wider = frames.markers.clone()
+    wider[:, right] += 0.1 * frames.hips_rotation[:, :, 0]
+    assert torch.allclose(width(wider) - width(frames.markers), torch.tensor(0.1), atol=0.025)
 
 
 def test_orders_are_put_row_by_row(runs):
@@ -247,9 +334,9 @@ def test_a_walker_is_not_paid_for_lifting_a_sliding_foot():
     future.requires_grad_()
     asked = asked_of(seed.flatten(2), torch.ones(2, 3), torch.ones(2), torch.zeros(2, 2))
     walks = torch.tensor([True, False])
-    costs = costs_of(
-        seed, future, future[:, -1], asked, sites, torch.ones(2), torch.zeros(2) > 0, walks
-    )
+    ones, stands = torch.ones(2), torch.zeros(2) > 0
+    wish = Wish(asked, torch.ones(2, 2), ones, ones, stands, stands, walks, walks)
+    costs = costs_of(seed, future, future[:, -1], wish, sites)
     (slope,) = torch.autograd.grad(costs.slide.sum(), future)
     lifts = slope[:, :, soles, 2].abs().amax((1, 2))
     assert lifts[0] == 0 and lifts[1] > 0

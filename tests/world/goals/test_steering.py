@@ -164,14 +164,6 @@ def test_a_turn_on_the_spot_is_asked_for_whole_with_a_small_way_ahead():
     assert np.isfinite(back.place).all() and np.abs(back.place - [1, 0]).max() < 0.5
 
 
-def test_steps_of_a_turn_lead_back_before_they_lead_off_the_spot():
-    """An agent whose heading lacked a few degrees stood at the aim of its turn for good."""
-    now = gait(Mode.TURNING, stop_facing=facing(20), stop_place=(1.0, 0.0))
-    target = STEERING.targets(now, at(1.0 - STEERING.turn_return - 0.01, heading=0), goal())
-    np.testing.assert_allclose(target.place[0], [1, 0], atol=1e-6)
-    assert target.speed[0] == pytest.approx(STEERING.turn_speed)
-
-
 def test_a_turn_ends_where_it_has_come_to():
     now = gait(Mode.TURNING, stop_facing=facing(90), stop_place=(9.0, 9.0))
     now = STEERING.decide(now, at(0.4, heading=90), goal(0.2, heading=facing(90), radius=0.5))

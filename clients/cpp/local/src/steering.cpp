@@ -75,7 +75,6 @@ Steering::Steering(const std::map<std::string, double>& constants) {
   astray_ = read("astray");
   reactions = static_cast<int>(read("reactions"));
   turn_radius_ = read("turn_radius");
-  turn_return_ = read("turn_return");
   turn_speed_ = read("turn_speed");
   strafe_speed_ = read("strafe_speed");
   strafe_slowest_ = read("strafe_slowest");
@@ -145,8 +144,7 @@ Gait Steering::decide(Gait gait, const Start& start, const GoalRow& goal, bool r
 Targets Steering::targets(const Gait& gait, const Start& start, const GoalRow& goal) const {
   if (gait.mode == TURNING) {
     const Point arc = start.facing + gait.stop_facing;
-    const double share = length(start.hips - gait.stop_place) < turn_return_ ? turn_radius_ / std::max(length(arc), 0.1) : 0;
-    return {gait.stop_place + share * arc, gait.stop_facing, turn_speed_};
+    return {gait.stop_place + turn_radius_ / std::max(length(arc), 0.1) * arc, gait.stop_facing, turn_speed_};
   }
   if (gait.mode != WALKING && gait.mode != STRAFING) {
     const double aside = gait.mode == STANDING ? weight_shift_ * leans(gait.stop_place, gait.slow_seconds) : 0;

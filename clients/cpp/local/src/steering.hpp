@@ -70,7 +70,7 @@ class Steering {
 
  private:
   double braking_seconds_, braking_margin_, coasting_seconds_, pausing_, slow_, slow_seconds_, resume_margin_, lookahead_,
-      lookahead_seconds_, faced_, astray_, turn_radius_, turn_return_, turn_speed_, strafe_speed_, strafe_slowest_, weight_shift_;
+      lookahead_seconds_, faced_, astray_, turn_radius_, turn_speed_, strafe_speed_, strafe_slowest_, weight_shift_;
 
   Point ahead(const Start& start, const GoalRow& goal) const;
   Point rest(const Gait& gait, const Start& start) const;

@@ -88,7 +88,6 @@ export class Steering {
     this.astray = read("astray");
     this.reactions = read("reactions");
     this.turnRadius = read("turn_radius");
-    this.turnReturn = read("turn_return");
     this.turnSpeed = read("turn_speed");
     this.strafeSpeed = read("strafe_speed");
     this.strafeSlowest = read("strafe_slowest");
@@ -148,8 +147,7 @@ export class Steering {
     const { mode, stopPlace, stopFacing } = gait;
     if (mode === TURNING) {
       const arc = plus(start.facing, stopFacing), share = this.turnRadius / Math.max(Math.hypot(...arc), 0.1);
-      const near = apart(start.hips, stopPlace) < this.turnReturn;
-      return { place: near ? plus(stopPlace, times(share, arc)) : stopPlace, facing: stopFacing, speed: this.turnSpeed };
+      return { place: plus(stopPlace, times(share, arc)), facing: stopFacing, speed: this.turnSpeed };
     }
     if (mode !== WALKING && mode !== STRAFING) {
       const aside = mode === STANDING && !goal.close ? this.weightShift * leans(stopPlace, gait.slowSeconds) : 0;

@@ -68,7 +68,6 @@ class SteeringNumbers(NamedTuple):
     faced: float
     astray: float
     turn_radius: float
-    turn_return: float
     turn_speed: float
     climbing: float
     strafe_speed: float
@@ -256,13 +255,10 @@ def aim_rows(
                 speed = min(speed, limits.strafe_speed)
             speed = max(speed, 0.0)
         elif mode == TURNING:
-            # an agent that still turns where its steps have led it would stand there for good
-            off_x, off_y = float(hips[row, last, 0]) - place_x, float(hips[row, last, 1]) - place_y
-            if sqrt(off_x * off_x + off_y * off_y) < limits.turn_return:
-                face_x, face_y = _faces(turns, row)
-                arc_x, arc_y = face_x + facing_x, face_y + facing_y
-                wide = limits.turn_radius / max(sqrt(arc_x * arc_x + arc_y * arc_y), 0.1)
-                place_x, place_y = place_x + wide * arc_x, place_y + wide * arc_y
+            face_x, face_y = _faces(turns, row)
+            arc_x, arc_y = face_x + facing_x, face_y + facing_y
+            wide = limits.turn_radius / max(sqrt(arc_x * arc_x + arc_y * arc_y), 0.1)
+            place_x, place_y = place_x + wide * arc_x, place_y + wide * arc_y
             speed = limits.turn_speed
         elif mode == STANDING and not goals.close[row]:
             leans = _leans(place_x, place_y, float(gait.slow_seconds[row]))

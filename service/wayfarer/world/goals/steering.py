@@ -105,9 +105,8 @@ class Steering:
     astray: float = radians(14)  # a turn begins beyond this
     reactions: int = 3  # a standing agent sets off at its own one of this many steps
     turn_radius: float = 0.35  # metres from the spot to the aim of a turn, halfway to the heading
-    turn_return: float = 0.25  # metres from the spot beyond which the steps of a turn lead back
     turn_speed: float = 0.5  # m/s of its steps: without a way, a body turns like a turntable
-    climbing: float = 2.0  # steps per second on stairs, where each is as long as a tread
+    climbing: float = 1.8  # steps per second on stairs, where each is as long as a tread
     strafe_speed: float = 1.2  # maximum speed of side steps and steps backward
     strafe_slowest: float = 0.8  # minimum speed of these: with less, a body glides
     weight_shift: float = 0.1  # metres to either side where a standing body is asked to be
