@@ -279,19 +279,20 @@ def test_a_person_that_comes_forward_slowly_is_not_told():
 
 
 @pytest.mark.parametrize("barred", [0.0, 3.4])
-def test_who_waits_too_far_from_its_goal_is_told_although_its_way_was_closed_before(barred):
+def test_an_agent_that_waits_too_far_from_its_goal_is_told_every_8_seconds(barred):
+    """Although its way was closed before."""
     slots, people, told = Slots.empty(1), People.empty(1), []
     everybody = SimpleNamespace(people=people, slots=np.zeros(1, np.int64), stand=np.ones(1, bool))
     crowd = SimpleNamespace(session=lambda slot: everybody)
     avoidance = SimpleNamespace(crowd=crowd)
     company = Company(slots, None, None, avoidance, lambda *event: told.append(event))
     people.aims.barred[0] = barred
-    for _ in range(50):
+    for _ in range(50):  # 10 s: at the start, and again 8 s later
         company._wait(0, people.aims)
-    assert [kind for _, kind, *_ in told] == [EventKind.BLOCKED]
+    assert [kind for _, kind, *_ in told] == [EventKind.BLOCKED] * 2
     people.aims.barred[0] = REPORT_S + STEP_SECONDS  # `BLOCKED` has said that its way is closed
     company._wait(0, people.aims)
-    assert len(told) == 1
+    assert len(told) == 2
 
 
 def told_stuck(speeds):

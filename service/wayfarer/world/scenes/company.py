@@ -249,12 +249,13 @@ class Company:
         return is_stuck
 
     def _wait(self, slot: int, aims: Aims) -> None:
-        """Counts how long an agent waits at a spot too far from its goal, and reports the start,
-        unless `BLOCKED` has just said that its way there is closed.
+        """Counts how long an agent waits at a spot too far from its goal, and reports it at the
+        start, unless `BLOCKED` has just said that its way there is closed, and every `STUCK`
+        seconds.
 
         `aims` are its own: one row.
         """
-        if aims.barred[0] < REPORT_S:
+        if not REPORT_S <= aims.barred[0] < REPORT_S + STUCK:
             everybody = self._avoidance.crowd.session(slot)
             gaps = np.linalg.norm(everybody.people.position - aims.asked[0], axis=-1)
             others = everybody.slots[(gaps < FARTHEST) & everybody.stand]
