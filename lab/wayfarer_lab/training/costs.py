@@ -24,7 +24,6 @@ BESIDE = 0.08
 """Metres ahead of each other at which the feet of a person that stands are side by side: nine in
 ten recorded people stop so."""
 
-
 FACED = 0.15
 """Chord of an angle, 8.6°, up to which every degree of a facing costs as much as the first."""
 
