@@ -57,8 +57,8 @@ class Wish(NamedTuple):
     goal: Tensor  # [A, 2] m from the hips before the step
     speed: Tensor  # [A] m/s of the hips before the step
     waist_up: Tensor  # [A] m, see `waist_height`
-    headed: Tensor  # [A] bool: whether an agent is asked for a heading of its own
-    stands: Tensor  # [A] bool: whether it is asked to stand
+    headed: Tensor  # [A] bool: whether a heading is requested
+    stands: Tensor  # [A] bool: whether an agent is asked to stand
     walks: Tensor  # [A] bool: whether it is asked to go ahead, and not slowly
     straight: Tensor  # [A] bool: whether it is not asked for a curve
 

@@ -146,8 +146,8 @@ def turns(
 
 @compiled
 def look_beside(them: Passers, rows: Index, points: Double, sides: Double) -> None:
-    """Writes points [A, 2 + 2 S, 2]: those to the right of people and of the points of their ways,
-    then those to the left.
+    """Writes points [A, 2 + 2 S, 2] beside people and the points of their ways: first to the right,
+    then to the left.
     """
     count = points.shape[1]
     for row in range(len(rows)):
