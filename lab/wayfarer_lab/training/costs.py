@@ -25,48 +25,48 @@ BESIDE = 0.08
 ten recorded people stop so."""
 
 FACED = 0.15
-"""Chord of an angle, 8.6°, up to which every degree of a facing costs as much as the first."""
+"""Chord of 8.6°. Up to this angle, every degree off the requested facing costs the same."""
 
 LINGERS = 0.4
-"""m/s: a body that is slower, and near its goal, comes no nearer by itself."""
+"""m/s: a slower body that is near its goal comes no nearer by itself."""
 
 ROUND_GOAL = 0.04, 0.3
-"""Metres from its goal up to which a body may sway for nothing, and from which it is on its way."""
+"""Metres from its goal up to which a body may sway at no cost, and from which it is on its way."""
 
 STEP = 0.28, 0.31
 """Length of a recorded step on legs of .98 m, in metres: at 0 m/s, and what each m/s adds."""
 
 LEGS = 0.98
-"""Metres from the soles to the waist of these people."""
+"""Metres from the soles to the waist of the people whose steps `STEP` describes."""
 
 LAST_STEPS = 0.8
 """Metres to a goal before which steps may be short, and narrow."""
 
 ABREAST = 0.15
-"""Metres: feet that are less far ahead of each other make no step."""
+"""Metres: if one foot is ahead of the other by less than this, they make no step."""
 
 WIDE = 0.11
-"""Metres to the side from the ball of the foot behind to the heel of the foot in front, which
-recorded people have in the median (7 to 14 cm)."""
+"""Metres to the side from the ball of the foot behind to the heel of the foot in front: the median
+of recorded people, who have 7 to 14 cm."""
 
 
 class Wish(NamedTuple):
-    """What A agents should do in a step, and who they are; canonical frame."""
+    """The requests of A agents for a step, and their state before it; canonical frame."""
 
     asked: Asked
     goal: Tensor  # [A, 2] m from the hips before the step
     speed: Tensor  # [A] m/s of the hips before the step
     waist_up: Tensor  # [A] m, see `waist_height`
-    headed: Tensor  # [A] bool: are asked to face somewhere, not just their way
-    stands: Tensor  # [A] bool: are asked to stand
-    walks: Tensor  # [A] bool: are asked to go ahead, and not slowly
-    straight: Tensor  # [A] bool: and not in a curve
+    headed: Tensor  # [A] bool: whether a heading is requested
+    stands: Tensor  # [A] bool: whether an agent is asked to stand
+    walks: Tensor  # [A] bool: whether it is asked to go ahead, and not slowly
+    straight: Tensor  # [A] bool: whether it is not asked for a curve
 
 
 class Costs(NamedTuple):
     """Deviations of a step [A]; units as of the config's weights."""
 
-    way: Tensor  # [A, 2] m/s beyond the requested way; all others [A]
+    way: Tensor  # [A, 2] m/s beyond the requested way; all other costs are [A]
     facing: Tensor
     faced: Tensor
     lingers: Tensor
@@ -155,11 +155,11 @@ def costs_of(
 
 
 def _steps(soles: Tensor, on_floor: Tensor, wish: Wish) -> tuple[Tensor, Tensor]:
-    """By how many metres steps are too short, and too narrow, while both feet rest [A], [A].
+    """Metres by which steps are too short [A], and too narrow [A], while both feet rest.
 
-    soles [A, F, 2, 4, 3]: heel, ball (two) and toe, left before right; on_floor [A, F, 2, 4]. The
-    foot behind counts from its ball: its heel swings out while it pushes off. Ahead is where the
-    goal lies: hips turn and sway with each step.
+    `soles` [A, F, 2, 4, 3]: heel, ball (two) and toe, left before right. `on_floor` [A, F, 2, 4].
+    The foot behind is measured at its ball, since its heel swings out while it pushes off. Steps
+    are measured along the way to the goal, since hips turn and sway with each step.
     """
     distance = wish.goal.norm(dim=-1, keepdim=True)
     way = wish.goal / distance.clamp(min=1e-3)

@@ -12,8 +12,8 @@ do then. So every agent gets new requests: the first agent of a crowd after abou
 average, the last agent at nearly every step (`change`). Divergence costs the last agents less. With
 a `like_weight` all learn from a critic to move as recorded people do (`likeness.py`).
 
-Costs would narrow what a policy draws, and then all people move alike. So they teach its mean, and
-how widely it draws stays as it was.
+Costs would narrow what a policy draws, and then all people would move alike. So costs teach its
+mean only; its spread follows from divergence alone.
 """
 
 import copy
@@ -84,10 +84,10 @@ SLOW_KL = 0.15
 """Factor on the weight of divergence for slow walks, which the cloned policy does not know."""
 
 AVERAGED = 0.35
-"""Share that a step has in the mean deviation from the way: hips may sway about it."""
+"""Share of the latest step in the mean deviation from the way, about which hips may sway."""
 
 SWAYED = 1.6
-"""Factor on that mean. For deviations that come and go it is so much smaller than each."""
+"""Factor on the mean deviation from the way, since deviations that come and go partly cancel."""
 
 WARMING = 300
 """Steps over which the critic's weight grows to its full value: it starts untrained."""
@@ -250,8 +250,8 @@ class FollowingTrainer:
         return Advance(after, costs, away(answer, before), view)
 
     def cost(self, costs: Costs, strayed: Tensor, orders: Orders, speed: Tensor) -> Tensor:
-        """The weighted sum [A], for bodies that moved at `speed` [A] before the step, and were off
-        their way by `strayed` [A, 2] m/s in the mean.
+        """The weighted sum [A]. Bodies moved at `speed` [A] m/s before the step; their mean
+        deviation from the way is `strayed` [A, 2] m/s.
         """
         config = self.config
         floating = costs.floating * (orders.speed < RUNNING)

@@ -124,14 +124,13 @@ class RecordedWindows:
         lift = self.soles[rows].amin(-1) - markers[..., 2].amin((-1, -2))
         up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
         markers, hips, turns = markers + up[:, :, None], hips + up, rotations[:, :, 0]
-        return BodyFrames(
-            self._as_wide(self.frames.markers[rows], markers, hips, turns), hips, turns
-        )
+        wide = self._as_wide(self.frames.markers[rows], markers, hips, turns)
+        return BodyFrames(wide, hips, turns)
 
     def _as_wide(self, recorded: Tensor, markers: Tensor, hips: Tensor, turns: Tensor) -> Tensor:
-        """Markers [A, T, 67, 3] with feet as far from each other, to the side, as recorded ones.
+        """Markers [A, T, 67, 3] whose feet are as far apart, to the side, as the recorded ones.
 
-        Rotations of a man's legs put a woman's feet 2.6 cm nearer to each other.
+        A man's rotations put a woman's feet 2.6 cm nearer to each other than his.
         """
         right = turns[..., :2, 0]
 
@@ -142,12 +141,10 @@ class RecordedWindows:
         half = 0.5 * (width(recorded) - width(markers))
         wide = markers.clone()
         for side, leg in zip((-1.0, 1.0), self.legs, strict=True):
-            below = (1 - markers[:, :, leg, 2] / hips[..., 2:]).clamp(
-                0, 1
-            )  # a leg turns at the hip
-            wide[:, :, leg, :2] += (
-                side * (half[:, None, None] * below)[..., None] * right[:, :, None]
-            )
+            # a leg turns at the hip
+            below = (1 - markers[:, :, leg, 2] / hips[..., 2:]).clamp(0, 1)
+            moved = side * half[:, None, None] * below
+            wide[:, :, leg, :2] += moved[..., None] * right[:, :, None]
         return wide
 
 

@@ -72,11 +72,6 @@ class Manners(nn.Module):
         mean, log_spread = self._usual(view, betas, gender)
         return (features(view) - mean) * torch.exp(-log_spread)
 
-    def of(self, view: BodyFrames, betas: Tensor, gender: int) -> Tensor:
-        """The manners [A, 8] that bodies `betas` [A, 10] show."""
-        shown: Tensor = (self.unusual(view, betas, gender) - self.base) @ self.basis
-        return shown
-
     def _usual(self, view: BodyFrames, betas: Tensor, gender: int) -> tuple[Tensor, Tensor]:
         kind = torch.zeros(len(betas), len(GENDERS))
         kind[:, gender] = 1

@@ -13,7 +13,7 @@ Array = NDArray[np.floating[Any]]
 
 
 CELLS: Final = (0.0, 0.0, 1.0, 0.0)
-"""The frame of places that are in cells; see `sample`."""
+"""The `frame` (see `sample`) of places that are given in cells."""
 
 
 def bilinear(
@@ -21,7 +21,9 @@ def bilinear(
     places: Array,
     frame: tuple[float, float, float, float] = CELLS,
 ) -> NDArray[np.float64]:
-    """Values [rows, columns] at places [..., 2], held constant beyond the border."""
+    """Values [rows, columns] at places [..., 2] of a frame, held constant beyond the border; see
+    `sample`.
+    """
     found = np.empty(places.shape[:-1])
     spots = np.ascontiguousarray(places, np.float64)
     sample(values, spots.reshape(-1, 2), frame, found.reshape(-1))
@@ -35,8 +37,8 @@ def sample(
     frame: tuple[float, float, float, float],
     found: NDArray[np.float64],
 ) -> None:
-    """Into `found` [N]; places [N, 2]. `frame`: the origin (x, y) of the cells, their size, and the
-    place of the first value in the first cell, in cells.
+    """Writes values at places [N, 2] into `found` [N]. `frame`: the origin (x, y) of the cells,
+    their size, and where in its cell each value lies, in cells.
     """
     rows, columns = values.shape
     left, front, cell, middle = frame

@@ -280,7 +280,7 @@ def test_a_person_that_comes_forward_slowly_is_not_told():
 
 @pytest.mark.parametrize("barred", [0.0, 3.4])
 def test_an_agent_that_waits_too_far_from_its_goal_is_told_every_8_seconds(barred):
-    """Although its way was closed before."""
+    """The event comes although the agent's way was closed before."""
     slots, people, told = Slots.empty(1), People.empty(1), []
     everybody = SimpleNamespace(people=people, slots=np.zeros(1, np.int64), stand=np.ones(1, bool))
     crowd = SimpleNamespace(session=lambda slot: everybody)

@@ -88,7 +88,7 @@ def avoid(
 
 @cache
 def prepare() -> None:
-    """Compile the rule, or load it, before anybody walks."""
+    """Compiles the rules, or loads them, before agents walk."""
     people, row = People.empty(1), np.zeros(1, np.int64)
     made, one = _room_for(1), np.ones(1, np.float32)
     warm(aim, _everybody(people, None), row, np.ones((1, 2), np.float32), one, made)

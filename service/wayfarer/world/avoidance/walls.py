@@ -40,9 +40,10 @@ def see_ways(everybody: Everybody, rows: Index, made: Choices, points: Float) ->
 
 @compiled
 def see_walls(everybody: Everybody, rows: Index, half: Float, room: Float, made: Choices) -> None:
-    """Writes how far each way is free, and its costs, into `made`.
+    """Writes how far each way is free of walls, and what it costs, into `made`.
 
-    half [A]: half the width of their ways. room [A, SEEN]: metres from the points to walls.
+    `half` [A]: half the width of each person's way. `room` [A, SEEN]: metres from the points of
+    `see_ways` to walls.
     """
     most = np.float32(WALL_ROOM)
     for row in range(len(rows)):

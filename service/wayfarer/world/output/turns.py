@@ -136,9 +136,7 @@ def bounded(value: float, low: float, high: float) -> float:
 
 @inner
 def between(value: float, at: tuple[float, float], values: tuple[float, float]) -> float:
-    """The first of two values below the first of two numbers, the second above the second, linear
-    in between.
-    """
+    """`values[0]` up to `at[0]`, `values[1]` from `at[1]` on, linear in between: as `np.interp`."""
     if value <= at[0]:
         return values[0]
     if value >= at[1]:

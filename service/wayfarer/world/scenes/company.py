@@ -249,11 +249,11 @@ class Company:
         return is_stuck
 
     def _wait(self, slot: int, aims: Aims) -> None:
-        """Counts how long an agent waits at a spot too far from its goal, and reports it at the
-        start, unless `BLOCKED` has just said that its way there is closed, and every `STUCK`
-        seconds.
+        """Counts how long an agent waits at a spot too far from its goal. It is reported at the
+        start and every `STUCK` seconds. The first report is left out if `BLOCKED` has just said
+        that the way there is closed.
 
-        `aims` are its own: one row.
+        `aims`: the agent's own, one row.
         """
         if not REPORT_S <= aims.barred[0] < REPORT_S + STUCK:
             everybody = self._avoidance.crowd.session(slot)

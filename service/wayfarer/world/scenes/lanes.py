@@ -32,13 +32,14 @@ LANE: Final = 0.4
 """Distance of a lane from the middle, as a share of the half width."""
 
 STEERS: Final = 0.3
-"""Metres farther aside that it heads for, for each metre by which it is off its lane."""
+"""Metres farther aside that an agent heads for, per metre by which it is off its lane."""
 
 BACK: Final = 4.0
-"""Radians by which it turns back for each metre by which it is nearer to the wall than its lane."""
+"""Radians by which an agent turns back per metre that it is nearer to the wall than its lane."""
 
 DRIFT: Final = 0.5
-"""Metres that it heads to the other side per radian of turn: a body drifts to where it faces."""
+"""Metres that an agent heads to the other side, per radian of turn, since it drifts to where it
+faces."""
 
 SEES: Final = 7.0
 """Metres ahead within which an oncoming agent makes an agent keep to its lane."""
@@ -206,7 +207,7 @@ def _meets(them: PeopleColumns, me: int, x: float, y: float) -> tuple[bool, bool
 
 @cache
 def prepare() -> None:
-    """Compiles the rule, or loads it, before agents walk."""
+    """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
     everybody = PeopleColumns(row, row, place, place[0, :1], place, flag, place)
     points, width = np.zeros((1, 1, 2)), Width(place[0, :1], place[0, :1])

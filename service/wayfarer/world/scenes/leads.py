@@ -1,4 +1,4 @@
-"""Where an agent heads for on its way through a scene: as far along it as no corner is cut."""
+"""The point that an agent heads for on its way: the farthest to which no corner is cut."""
 
 from functools import cache
 from math import acos, inf, radians, sqrt
@@ -20,19 +20,19 @@ SHARES: Final = (1.0, 0.75, 0.5, 0.3, 0.15)
 """Shares of `REACH` that are tried in turn, until the straight line there cuts no corner."""
 
 LINE: Final = np.linspace(0.0, 1.0, 8)
-"""Points of that line that are tested."""
+"""Shares of a straight line at which its distance from walls is tested."""
 
 ROOM: Final = 0.2
-"""Metres beyond the radius that this line keeps from walls, where the way itself does."""
+"""Metres beyond the radius that a straight line keeps from walls, where the way itself does."""
 
 SLACK: Final = 0.01
-"""Metres by which it may come nearer."""
+"""Metres by which a straight line may come nearer to walls than it should."""
 
 ELBOW: Final = 0.18
 """Metres beyond the radius that the hips keep from walls where they can: arms swing."""
 
 CLOSE: Final = 0.05
-"""Metres beyond the radius that both are in a crowd: else all would walk in single file."""
+"""Value of `ROOM` and `ELBOW` in a crowd, in metres: otherwise all would walk in single file."""
 
 PUSH: Final = (2.5, 0.25)
 """Lateral push per metre of missing clearance, and the deficit (m) at which it saturates."""
@@ -50,7 +50,7 @@ NARROW_SPEED: Final = (0.8, 1.5)
 
 TRIED: Final = len(SHARES)
 METRES: Final = np.array([REACH * share for share in SHARES] + list(CURVE))
-"""Metres along the way to the points that a rule looks at: those tried, and those of the bend."""
+"""Metres along the way to the points that the rules read: those tried, and those of the bend."""
 
 
 class Space(NamedTuple):
@@ -59,7 +59,7 @@ class Space(NamedTuple):
     lines: Double  # [A, S L] metres from the points of `look_along` to walls
     near: Double  # metres to the nearest wall
     away: Double  # [A, 2] direction from there, see `ClearanceField.sample`
-    radius: Double  # metres that it keeps
+    radius: Double  # metres that an agent keeps from walls
     crowded: Flags  # whether it walks in a crowd
 
 

@@ -51,8 +51,8 @@ APART: Final = 0.46
 """Metres that a step leaves between two people."""
 
 BODY, NEARER = 0.37, 0.9
-"""Metres beside the line of a step within which somebody stops it, or that share of the distance to
-that one: a step leads out of another one, not through it."""
+"""Metres beside the line of a step within which another one stops it, or this share of the distance
+to that one if that is less: a step may lead out of another one, not through it."""
 
 ROOMIER: Final = 0.05
 """Metres of more room that make a step out of another one worthwhile where no place is free."""
@@ -196,8 +196,8 @@ def find_free(
     places: tuple[Float, Float],
     own: Stepping,
 ) -> int:
-    """Finds which of `rows` [A] may step: they face no heading, and are near their goal, if they
-    have any, or have stepped from there. Returns their number.
+    """Finds which of `rows` [A] may step, and returns their number. A row with a goal may only step
+    if it `stays`, faces no heading, and is near the goal or has stepped aside from there.
 
     `slots`: whether each avoids others, its `Feeding`, and its row of everybody. `places`: goals
     and spots of the rows.
@@ -357,7 +357,7 @@ def find_steps(own: Stepping, asks: Asks, places: Double) -> bool:
 
 @inner
 def _step(asks: Asks, at: int, k: int) -> tuple[float, float]:
-    """A step, in `ASIDE`."""
+    """Step `k` of person `at` in the world's frame, in `ASIDE`."""
     x, y, on = asks.way[at, 0], asks.way[at, 1], STEPS[k, 0]
     aside = STEPS[k, 1] if asks.left[at] >= 0 else -STEPS[k, 1]
     return on * x - aside * y, on * y + aside * x
@@ -367,9 +367,9 @@ def _step(asks: Asks, at: int, k: int) -> tuple[float, float]:
 def best_step(
     here: Float, goal: Float, asks: Asks, at: int, places: Double, room: Double, others: Float
 ) -> int:
-    """The step of a person from `here` [2] to the first free one of `places` [S, 2] to which nobody
-    stops it, near its `goal` [2]; or -1. Neighbours would come to a stand at `others` [N, 2].
-    `room` [S]: metres that the places leave to walls.
+    """The first step of a person from `here` [2] to a free one of `places` [S, 2], or -1. The place
+    is near its `goal` [2], and nobody stops it on the way there. Neighbours would come to a stand
+    at `others` [N, 2]. `room` [S]: metres that the places leave to walls.
 
     A person that cannot leave the way steps on along it. A person that touches another need not
     leave it. If no place is free, it takes the one with the most room, if that is more than it has.
@@ -416,8 +416,8 @@ def take_steps(
     facing: Float,
 ) -> None:
     """Makes people [A] step to one of `places` [A, S, 2], or back. `room` [A, S]: metres that those
-    leave to walls. Columns of the batch: `stays`, goals and spots, `yields` and `retreat`, what
-    lies `ahead`, and where each is `facing`.
+    leave to walls. The other arguments are columns of the batch. `aims`: goals and spots. `memory`:
+    `yields` and `retreat`. `facing`: the facing that each keeps.
     """
     (asked, spot), (yields, retreat) = aims, memory
     for at in range(len(own.me)):

@@ -2,7 +2,7 @@
 
 One direction at a time: an agent enters while others go its way in the passage. If nobody is in it,
 the direction goes whose first person would be there first. The others wait, each at a place of its
-own, beside the way of those who come out.
+own, beside the way of those that come out.
 """
 
 from collections.abc import Callable
@@ -42,24 +42,24 @@ CONTEST: Final = 2.5
 """Metres from a narrow place within which a person is about to enter it."""
 
 EAGER: Final = 1.0
-"""Seconds of walking on by which who walks is before who stands."""
+"""Seconds that a walking person is assumed to walk on, so that it is before a standing one."""
 
 HESITATES: Final = 6.0
 """Seconds of waiting after which the nearest of a direction enters an empty narrow place anyway."""
 
 MOUTH: Final = 0.9
 ASIDE: Final = 1.2
-"""Metres before a narrow place, and to the right of the way there, from which on others wait: not
-where people come out."""
+"""Minimum metres before a narrow place, and to the right of the way there, at which people wait, so
+that nobody waits where others come out."""
 
 APART: Final = 0.65
-"""Metres between two who wait: nearer, their shoulders touch."""
+"""Minimum metres between two people that wait: nearer, their shoulders touch."""
 
 PLACES: Final = np.array(
     [(MOUTH + APART * k, ASIDE + APART * n) for k in range(5) for n in range(5)] + [(MOUTH, 0.9)]
 )
-"""Where they may [P, 2], in metres before it and to the right. The last one is nearest to the way,
-and is for all where nothing is free."""
+"""Places where people may wait [P, 2]: metres before the narrow place, and to the right. The last
+one is nearest to the way, and is for everybody if no other is free."""
 
 NEARER: Final = 0.5
 """Cost of a metre from the narrow place, relative to that of a metre to walk."""
@@ -69,7 +69,7 @@ LAST: Final = 100.0
 
 BESIDE: Final = 0.3
 STAYS: Final = 0.5
-"""Metres from its place within which a person stops that walks, and stays where it stands."""
+"""Metres from its place within which a walking person stops, and a standing one stays."""
 
 COASTS: Final = 0.35
 """Seconds at its present speed for which a body moves on before it stands."""
@@ -146,7 +146,9 @@ def turns(
 
 @compiled
 def look_beside(them: Passers, rows: Index, points: Double, sides: Double) -> None:
-    """Writes points [A, 2 + 2 S, 2] to the right and left of where people are and of their ways."""
+    """Writes points [A, 2 + 2 S, 2] beside people and the points of their ways: first to the right,
+    then to the left.
+    """
     count = points.shape[1]
     for row in range(len(rows)):
         x, y = float(them.position[rows[row], 0]), float(them.position[rows[row], 1])
@@ -234,8 +236,9 @@ def _waits(them: Passers, me: int, row: int, stretch: Double, wide: bool, found:
 
 @inner
 def _heads(them: Passers, me: int, other: int, row: int, found: Narrows) -> tuple[float, float]:
-    """Cosine between the way of another one on the floor of person `me` and the way through a
-    narrow place, 0 if it does not go; and metres by which it is past the beginning.
+    """Cosine between the way of person `other` and the way through a narrow place, and metres by
+    which it is past the beginning. Both are 0 for another one that stays, or is not on the floor of
+    person `me`.
     """
     level = abs(them.height[other] - them.height[me]) < np.float32(1.0)
     if other != me and not (them.goes[other] and level):
@@ -251,7 +254,7 @@ def _heads(them: Passers, me: int, other: int, row: int, found: Narrows) -> tupl
 
 @compiled
 def find_places(narrows: Narrows, places: Double) -> None:
-    """Writes where people may wait [A, P, 2], before narrow places."""
+    """Writes the places [A, P, 2] where people may wait before narrow places."""
     for row in range(len(places)):
         x, y = narrows.way[row, 0], narrows.way[row, 1]
         for k in range(len(PLACES)):
@@ -264,8 +267,8 @@ def find_places(narrows: Narrows, places: Double) -> None:
 def take_places(
     them: Passers, rows: Index, narrows: Narrows, places: Double, room: Float, found: Turns
 ) -> None:
-    """Chooses the places of those of `rows` that wait: none where others of its way stand, or stop
-    sooner. `room` [A, P]: metres from `places` to walls.
+    """Chooses a place for each of `rows` that waits. A place is taken if another person of the same
+    way would stop there, and nearer to it. `room` [A, P]: metres from `places` to walls.
     """
     costs, stops = np.empty(len(PLACES)), np.empty((len(them.number), 2), np.float32)
     for row in np.flatnonzero(found.waits):

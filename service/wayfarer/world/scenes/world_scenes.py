@@ -69,8 +69,8 @@ class WorldScenes:
         return (lambda points: self.distance(row, points[None])[0]), float(self.radius(row)[0])
 
     def distance(self, rows: Index, points: Array) -> Double:
-        """Metres to the nearest wall at points [A, N, 2 | 3] of slots [A]; inf without a scene. The
-        height of a point, or of the slot's floor, says on which storey it is.
+        """Metres to the nearest wall at points [A, N, 2 | 3] of slots [A]; inf without a scene. A
+        point without a height is on the storey of its slot.
         """
         numbers, found = self._slots.scene[rows], np.full(points.shape[:2], np.inf)
         present = set(numbers.tolist())
@@ -87,8 +87,8 @@ class WorldScenes:
         return found
 
     def clearance(self, rows: Index, hips: Array) -> tuple[Double, Double]:
-        """Metres from places [A, 2] of slots to the nearest wall [A], and the direction from there
-        [A, 2]; see `ClearanceField.sample`.
+        """Metres from places [A, 2] of slots to the nearest wall [A], and the direction away from
+        it [A, 2]; see `ClearanceField.sample`.
         """
         numbers, floors = self._slots.scene[rows], self._slots.footing.hips[rows]
         found, away = np.full(len(rows), np.inf), np.zeros((len(rows), 2))
@@ -99,7 +99,7 @@ class WorldScenes:
         return found, away
 
     def radius(self, rows: Index) -> Double:
-        """Metres that slots [A] keep from walls."""
+        """Metres that slots [A] keep from walls; 0 without a scene."""
         numbers = self._slots.scene[rows]
         found = np.zeros(len(rows))
         for number in set(numbers.tolist()) - {NOWHERE}:
