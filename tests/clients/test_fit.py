@@ -51,7 +51,7 @@ def test_short_legs_reach_further_than_with_the_mean_body(client):
     fit = client.fit_body(MAPS["vrm1"])
     fitted = walked(MAPS["vrm1"], track_of(client, fit.spec(seed=3)))
     mean = walked(MAPS["vrm1"], track_of(client, MEAN))
-    assert fitted.hips < 0.01 < mean.hips and fitted.legs < mean.legs
+    assert 10 * fitted.hips < mean.hips and fitted.legs < mean.legs
 
 
 @pytest.mark.parametrize("basis", ["unity", "unreal", "blender"])
