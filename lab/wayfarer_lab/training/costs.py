@@ -47,7 +47,7 @@ ABREAST = 0.15
 
 WIDE = 0.11
 """Metres to the side from the ball of the foot behind to the heel of the foot in front: the median
-of recorded people, who have 7 to 14 cm."""
+of recorded people: they have 7 to 14 cm."""
 
 
 class Wish(NamedTuple):

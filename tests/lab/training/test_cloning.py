@@ -275,7 +275,7 @@ def test_steps_are_too_short_or_too_narrow_while_both_feet_rest(standing):
 
 
 def test_a_critic_s_recorded_people_have_feet_as_far_apart_as_recorded():
-    """On bodies of other shapes, too."""
+    """Bodies of other shapes do, too."""
     frames, body = walking_frames(), marker_body(load_body("anny52", "female"))
     names = list(load_body("anny52", "female").marker_names)
     left, right = (names.index(side + "SOLE_HEEL") for side in "LR")

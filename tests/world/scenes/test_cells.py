@@ -5,8 +5,8 @@ import numpy as np
 from tests.world.scenes.test_making_way import around
 from wayfarer.process.compiled import compiled
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.asks import Asks, find_asks
 from wayfarer.world.scenes.cells import CELL, beside, cells_of
-from wayfarer.world.scenes.making_way import Asks, find_asks
 from wayfarer.world.scenes.nearest_obstacles import nearest_people
 from wayfarer.world.scenes.people import Gathering
 

@@ -7,15 +7,13 @@ from tests.world.scenes.grounds import enter, field, world_in
 from tests.world.scenes.test_company import CORRIDOR, blocked, on_floor
 from tests.world.scenes.test_world_scenes import goal, walked
 from wayfarer.world.avoidance.people import People
+from wayfarer.world.scenes.asks import Asks, Neighbours, find_asks
 from wayfarer.world.scenes.cells import cells_of
 from wayfarer.world.scenes.making_way import (
     ASIDE,
     STEPS,
-    Asks,
-    Neighbours,
     Stepping,
     best_step,
-    find_asks,
     find_steps,
     find_stops,
     is_stopped,
@@ -220,7 +218,7 @@ def test_it_steps_out_of_the_nearest_that_waits_in_its_place(others, touches):
     assert found.touches[0] == touches
     if touches >= 0:
         assert found.asks[0] == -1, "nobody is looked for that it would step aside for otherwise"
-        x, y = them.position[touches]
+        x, y = them.people.position[touches]
         assert found.left[0] == pytest.approx(max(abs(x), abs(y)))
         assert found.way[0] == pytest.approx(np.array([-y, x]) / found.left[0])
 

@@ -18,7 +18,10 @@ import { apart, bounded, times } from "./steering.js";
  * @property {Point} position @property {Point} velocity @property {boolean} walks @property {Memory} memory
  * @property {{ spot: Point }} aims where it will stand
  */
-/** Half widths of a way over the next metre: the widest and the narrowest, in metres. @typedef {{ most: number, least: number }} Width */
+/**
+ * Metres: half of the greatest and of the least width of a way over the next metre.
+ * @typedef {{ most: number, least: number }} Width
+ */
 /** @typedef {{ other: Other, dx: number, dy: number, distance: number }} Neighbour */
 
 const RADIUS = Math.fround(0.22); // of a person among others

@@ -18,6 +18,7 @@ from wayfarer.world.avoidance.people import People
 from wayfarer.world.output.legs import packed
 from wayfarer.world.output.turns import between
 from wayfarer.world.rows import Array, Double, Flags, Float, Index
+from wayfarer.world.scenes.people import PeopleColumns
 
 ACROSS: Final = np.arange(-1.2, 1.21, 0.1)
 """Metres to the right of a way at which walls are looked for."""
@@ -74,18 +75,6 @@ class Lane(NamedTuple):
     way: Double  # [A, 2] unit vector
 
 
-class PeopleColumns(NamedTuple):
-    """Columns of `People` [N], and the range of each one's session."""
-
-    first: Index
-    last: Index
-    position: Float
-    height: Float
-    velocity: Float
-    walks: Flags
-    preferred: Float
-
-
 def lanes(
     people: People,
     rows: Index,
@@ -99,17 +88,7 @@ def lanes(
     `distance`: metres to the nearest wall at points [A, P, 2] of these rows, [A, P]. `own` [N]: the
     range [start, end) of each one's session in `people`; None: all are of one.
     """
-    count, everyone = len(rows), len(people.number)
-    first, last = own or (np.zeros(everyone, np.int64), np.full(everyone, everyone))
-    everybody = PeopleColumns(
-        first,
-        last,
-        people.position,
-        people.height,
-        people.velocity,
-        people.walks,
-        people.memory.preferred,
-    )
+    everybody, count = PeopleColumns.of(people, own), len(rows)
     width = Width(np.empty(count, np.float32), np.empty(count, np.float32))
     places, way = np.empty((count, 2)), np.empty((count, 2))
     found = Lane(width, np.empty(count, np.bool_), places, np.empty(count), way)
@@ -209,7 +188,7 @@ def _meets(them: PeopleColumns, me: int, x: float, y: float) -> tuple[bool, bool
 def prepare() -> None:
     """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
-    everybody = PeopleColumns(row, row, place, place[0, :1], place, flag, place)
+    everybody = PeopleColumns.of(People.empty(1))
     points, width = np.zeros((1, 1, 2)), Width(place[0, :1], place[0, :1])
     across = np.zeros((1, len(ACROSS), 2))
     warm(look_across, points, points[0], across)

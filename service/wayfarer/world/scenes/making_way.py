@@ -18,23 +18,15 @@ from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Feeding, Motion, Slots
-from wayfarer.world.avoidance.people import People
 from wayfarer.world.goals.gait_rules import GoalArrays
 from wayfarer.world.output.turns import apart
-from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int8, columns
-from wayfarer.world.scenes.cells import Cells, beside, cells_of
+from wayfarer.world.rows import Double, Flags, Float, Index, Int8, columns
+from wayfarer.world.scenes.asks import CLOSES, Asks, Neighbours, find_asks, is_level, nobody
 from wayfarer.world.scenes.collision_avoidance import CollisionAvoidance
-from wayfarer.world.scenes.company import PATIENCE, TOUCH
+from wayfarer.world.scenes.company import TOUCH
 from wayfarer.world.scenes.passages import coasted
-from wayfarer.world.scenes.people import Gathering
 from wayfarer.world.scenes.spots import FARTHEST
 from wayfarer.world.scenes.world_scenes import WorldScenes
-
-SIGHT: Final = 2.5
-"""Metres ahead of an agent within which people make way for it."""
-
-CLOSES: Final = 0.5
-"""Metres to either side of its way within which a person closes it."""
 
 ASIDE: Final = 0.8
 """Metres of a step aside."""
@@ -67,58 +59,6 @@ NEIGHBOURS: Final = 1.5
 """Metres from a person and its place within which others matter to its step."""
 
 EACH_STEP = int(Feeding.EACH_STEP)
-
-
-class Neighbours(NamedTuple):
-    """Everybody of some sessions [N], for compiled rules."""
-
-    first: Index  # [N] first row and last of everybody's session
-    last: Index
-    cells: Cells
-    number: Int
-    position: Float
-    height: Float
-    velocity: Float
-    walks: Flags
-    stand: Flags
-    asks: Flags  # it is stuck
-    preferred: Float
-    spot: Float
-
-    @classmethod
-    def of(cls, crowd: Gathering) -> "Neighbours":
-        """The people of a gathering."""
-        people = crowd.people
-        return cls(
-            *crowd.own,
-            crowd.cells,
-            people.number,
-            people.position,
-            people.height,
-            people.velocity,
-            people.walks,
-            crowd.stand,
-            is_stuck(people),
-            people.memory.preferred,
-            people.aims.spot,
-        )
-
-
-class Asks(NamedTuple):
-    """Whom some people [A] step aside for: a row of everybody, or -1."""
-
-    touches: Index  # the nearest at rest that is still where the person stands
-    asks: Index  # the nearest that is stuck since the person closes its way
-    comes: Index  # the nearest whose way a person that has stepped aside would close at its place
-    way: Float  # [A, 2] unit vector: that one's way, or one through the first, past the person
-    left: Float  # [A] metres from that way to the person, to the left
-
-    @classmethod
-    def empty(cls, count: int) -> "Asks":
-        """Nobody."""
-        touches, asks, comes = np.full((3, count), -1)
-        way, left = np.zeros((count, 2), np.float32), np.zeros(count, np.float32)
-        return cls(touches, asks, comes, way, left)
 
 
 class Stepping(NamedTuple):
@@ -180,11 +120,6 @@ class MakingWay:
         )
 
 
-def is_stuck(people: People) -> Flags:
-    """Whether a walker asks others to make way: they close its way, or leave too little room."""
-    return people.walks & (np.maximum(people.aims.barred, people.memory.waited) > PATIENCE)
-
-
 @compiled
 def find_free(
     slots: tuple[Flags, Int8, Index],
@@ -221,103 +156,16 @@ def find_free(
 
 
 @compiled
-def find_asks(
-    them: Neighbours,
-    mine: Index,
-    hips: Float,
-    homes: Float,
-    stays: Flags,
-    aside: Flags,
-    found: Asks,
-) -> None:
-    """Finds for whom people at rows `mine` [A], at `hips` [A, 2], with places at `homes` [A, 2],
-    step aside.
-
-    A person asks while it is stuck. A person that has stepped `aside` [A] stays there for everybody
-    that comes. If it does not stay (`stays` [A]), it only steps out of another one.
-    """
-    for row in range(len(mine)):
-        me = mine[row]
-        touches = found.touches[row] = _toucher(them, me)
-        if aside[row]:
-            found.comes[row] = _comer(them, me, homes, row, True, found)
-        if stays[row] and touches < 0:
-            found.asks[row] = _comer(them, me, hips, row, False, found)
-        if touches >= 0:
-            x = them.position[me, 0] - them.position[touches, 0]
-            y = them.position[me, 1] - them.position[touches, 1]
-            far = np.float32(sqrt(x * x + y * y))
-            least = max(far, np.float32(1e-6))
-            found.way[row, 0], found.way[row, 1], found.left[row] = y / least, -x / least, far
-
-
-@inner
-def _toucher(them: Neighbours, me: int) -> int:
-    """The nearest at rest that is still where person `me` stands, and goes first; or -1."""
-    nearest, first = np.float32(TOUCH), -1
-    x, y = them.position[me, 0], them.position[me, 1]
-    for side in range(-1, 2):
-        begin, end = beside(them.cells, them.first[me], x, y, side)
-        for k in range(begin, end):
-            other = them.cells.rows[k]
-            far = apart(them.position, me, them.position, other)
-            if far > nearest or (far == nearest and other > first) or not is_level(them, me, other):
-                continue  # of equally near ones the lower row is found
-            rests = them.velocity[other, 0] == 0 and them.velocity[other, 1] == 0
-            waits = them.walks[other] and them.stand[me]
-            if rests and (waits or them.number[other] < them.number[me]):
-                nearest, first = far, other
-    return first
-
-
-@inner
-def _comer(them: Neighbours, me: int, places: Float, row: int, anybody: bool, found: Asks) -> int:
-    """The nearest, that is stuck or `anybody`, whose way person `me` would close at `places[row]`;
-    or -1. Writes the way.
-    """
-    nearest, first = np.float32(SIGHT), -1
-    for side in range(-1, 2):
-        begin, end = beside(them.cells, them.first[me], places[row, 0], places[row, 1], side)
-        for k in range(begin, end):
-            other = them.cells.rows[k]
-            comes = them.walks[other] and (anybody or (them.asks[other] and them.stand[me]))
-            if not comes or not is_level(them, me, other):
-                continue
-            x, y = them.preferred[other, 0], them.preferred[other, 1]
-            long = max(np.float32(sqrt(x * x + y * y)), np.float32(1e-6))
-            x, y = x / long, y / long
-            to_x = places[row, 0] - them.position[other, 0]
-            to_y = places[row, 1] - them.position[other, 1]
-            on, left = to_x * x + to_y * y, x * to_y - y * to_x
-            if on <= 0 or abs(left) >= np.float32(CLOSES):
-                continue
-            if on > nearest or (on == nearest and other > first):
-                continue
-            goes_x = them.spot[other, 0] - them.position[other, 0]
-            goes_y = them.spot[other, 1] - them.position[other, 1]
-            if on < np.float32(sqrt(goes_x * goes_x + goes_y * goes_y)):
-                nearest, first = on, other
-                found.way[row, 0], found.way[row, 1], found.left[row] = x, y, left
-    return first
-
-
-@inner
-def is_level(them: Neighbours, me: int, other: int) -> bool:
-    """Whether another one is on the floor of person `me`."""
-    return other != me and abs(them.height[other] - them.height[me]) < np.float32(1.0)
-
-
-@compiled
 def find_stops(them: Neighbours, me: int, here: Float, home: Float) -> Float:
     """Where others on the floor of person `me`, that is at `here` [2] with a place at `home` [2],
     would come to a stand [N, 2]: those near `here` or `home`.
     """
-    stops = np.empty((them.last[me] - them.first[me], 2), np.float32)
+    stops = np.empty((them.people.last[me] - them.people.first[me], 2), np.float32)
     count = 0
-    for other in range(them.first[me], them.last[me]):
+    for other in range(them.people.first[me], them.people.last[me]):
         if not is_level(them, me, other):
             continue
-        x, y = coasted(them.position, them.velocity, other)
+        x, y = coasted(them.people.position, them.people.velocity, other)
         near = (x - here[0]) ** 2 + (y - here[1]) ** 2
         near = min(near, (x - home[0]) ** 2 + (y - home[1]) ** 2)
         if near < NEIGHBOURS**2:
@@ -426,7 +274,7 @@ def take_steps(
         if not (is_asked or own.aside[at]):
             continue
         others = find_stops(them, me, here, home)
-        stop_x, stop_y = coasted(them.position, them.velocity, me)
+        stop_x, stop_y = coasted(them.people.position, them.people.velocity, me)
         stopped, step = is_stopped(here, stop_x, stop_y, others), -1
         if is_asked and not stopped:
             goal = asked[row] if ahead.given[row] else here
@@ -477,15 +325,11 @@ def _next_place(
 def prepare() -> None:
     """Compiles the rules, or loads them, before agents walk."""
     row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
-    flags, one, mode = (flag, flag, flag), place[0, :1], np.zeros(1, np.int8)
-    them = Neighbours(
-        row, row + 1, cells_of(row, place), row, place, one, place, *flags, place, place
-    )
-    warm(find_asks, them, row, place, place, flag, flag, Asks.empty(1))
+    mode = np.zeros(1, np.int8)
     slots, steers = (flag, mode, row), columns(GoalArrays, GoalColumns.empty(1))
     own, steps = Stepping(row, row, place, place, flag), np.zeros((1, len(STEPS), 2))
     warm(find_free, slots, row, place, flag, steers, place[0, :1], (place, place), own)
     warm(find_steps, own, Asks.empty(1), steps)
     aims, memory, room = (place, place), (place[0, :1], place), steps[..., 0].copy()
     asks = Asks.empty(1)
-    warm(take_steps, them, own, asks, steps, room, flag, aims, memory, steers, place)
+    warm(take_steps, nobody(), own, asks, steps, room, flag, aims, memory, steers, place)

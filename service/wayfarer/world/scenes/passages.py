@@ -2,7 +2,7 @@
 
 One direction at a time: an agent enters while others go its way in the passage. If nobody is in it,
 the direction goes whose first person would be there first. The others wait, each at a place of its
-own, beside the way of those that come out.
+own, beside the way of the people that come out.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,8 @@ from wayfarer.process.compiled import compiled, inner, warm
 from wayfarer.world.agents.velocity import SLOW
 from wayfarer.world.avoidance.people import People
 from wayfarer.world.output.legs import packed
-from wayfarer.world.rows import Array, Double, Flags, Float, Index, Int
+from wayfarer.world.rows import Array, Double, Flags, Float, Index
+from wayfarer.world.scenes.people import PeopleColumns
 
 BESIDE_WAY: Final = 0.5
 """Metres to either side of a way at which its width is measured."""
@@ -86,20 +87,6 @@ class Turns(NamedTuple):
     there: Flags  # whether it is there
 
 
-class Passers(NamedTuple):
-    """Columns of `People` [N], and the range of each one's session."""
-
-    first: Index
-    last: Index
-    number: Int
-    position: Float
-    height: Float
-    velocity: Float
-    goes: Flags
-    spot: Float
-    waited: Float
-
-
 class Narrows(NamedTuple):
     """The narrow places ahead of some people [A]: where each begins, and the way through it."""
 
@@ -120,19 +107,7 @@ def turns(
     at points [A, P, 2] of these rows, [A, P]. `own` [N]: the range [start, end) of
     each one's session in `people`; None: all are of one.
     """
-    count, everyone = len(rows), len(people.number)
-    first, last = own or (np.zeros(everyone, np.int64), np.full(everyone, everyone))
-    them = Passers(
-        first,
-        last,
-        people.number,
-        people.position,
-        people.height,
-        people.velocity,
-        people.walks & people.aims.wants,
-        people.aims.spot,
-        people.memory.waited,
-    )
+    them, count = PeopleColumns.of(people, own), len(rows)
     found = Turns(np.zeros(count, np.bool_), np.zeros((count, 2)), np.zeros(count, np.bool_))
     sides, narrows = np.empty((count, 2 * points.shape[1] + 2, 2)), np.zeros((2, count, 2))
     look_beside(them, rows, points, sides)
@@ -145,7 +120,7 @@ def turns(
 
 
 @compiled
-def look_beside(them: Passers, rows: Index, points: Double, sides: Double) -> None:
+def look_beside(them: PeopleColumns, rows: Index, points: Double, sides: Double) -> None:
     """Writes points [A, 2 + 2 S, 2] beside people and the points of their ways: first to the right,
     then to the left.
     """
@@ -167,7 +142,7 @@ def look_beside(them: Passers, rows: Index, points: Double, sides: Double) -> No
 
 @compiled
 def find_turns(
-    them: Passers, rows: Index, points: Double, room: Float, waits: Flags, found: Narrows
+    them: PeopleColumns, rows: Index, points: Double, room: Float, waits: Flags, found: Narrows
 ) -> None:
     """Finds which of `rows` [A] wait, and the narrow places ahead of them.
 
@@ -191,7 +166,9 @@ def find_turns(
 
 
 @inner
-def _waits(them: Passers, me: int, row: int, stretch: Double, wide: bool, found: Narrows) -> bool:
+def _waits(
+    them: PeopleColumns, me: int, row: int, stretch: Double, wide: bool, found: Narrows
+) -> bool:
     """Whether a person waits before a narrow stretch [S, 2] of its way, and where that is."""
     mouth_x, mouth_y = stretch[0, 0], stretch[0, 1]
     x, y = stretch[-1, 0] - mouth_x, stretch[-1, 1] - mouth_y
@@ -235,13 +212,15 @@ def _waits(them: Passers, me: int, row: int, stretch: Double, wide: bool, found:
 
 
 @inner
-def _heads(them: Passers, me: int, other: int, row: int, found: Narrows) -> tuple[float, float]:
+def _heads(
+    them: PeopleColumns, me: int, other: int, row: int, found: Narrows
+) -> tuple[float, float]:
     """Cosine between the way of person `other` and the way through a narrow place, and metres by
-    which it is past the beginning. Both are 0 for another one that stays, or is not on the floor of
+    which it is past the beginning. Both are 0 if that person stays, or is not on the floor of
     person `me`.
     """
     level = abs(them.height[other] - them.height[me]) < np.float32(1.0)
-    if other != me and not (them.goes[other] and level):
+    if other != me and not (them.walks[other] and them.wants[other] and level):
         return 0.0, 0.0
     way_x, way_y = found.way[row, 0], found.way[row, 1]
     x = them.spot[other, 0] - them.position[other, 0]
@@ -265,7 +244,7 @@ def find_places(narrows: Narrows, places: Double) -> None:
 
 @compiled
 def take_places(
-    them: Passers, rows: Index, narrows: Narrows, places: Double, room: Float, found: Turns
+    them: PeopleColumns, rows: Index, narrows: Narrows, places: Double, room: Float, found: Turns
 ) -> None:
     """Chooses a place for each of `rows` that waits. A place is taken if another person of the same
     way would stop there, and nearer to it. `room` [A, P]: metres from `places` to walls.
@@ -312,9 +291,8 @@ def _far(x: float, y: float, to_x: float, to_y: float) -> float:
 @cache
 def prepare() -> None:
     """Compiles the rules, or loads them, before agents walk."""
-    row, flag, place = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 2), np.float32)
-    one, points = place[0, :1], np.zeros((1, 1, 2))
-    them = Passers(row, row, row, place, one, place, flag, place, one)
+    row, flag, points = np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((1, 1, 2))
+    them = PeopleColumns.of(People.empty(1))
     narrows, room = Narrows(points[0], points[0]), np.ones((1, len(PLACES)), np.float32)
     warm(look_beside, them, row, points, np.zeros((1, 4, 2)))
     warm(find_turns, them, row, points, room[:, :4].copy(), flag, narrows)

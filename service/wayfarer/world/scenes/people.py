@@ -74,6 +74,32 @@ class Gathering(NamedTuple):
         )
 
 
+class PeopleColumns(NamedTuple):
+    """Columns of `People` [N], for compiled rules, and everybody's session."""
+
+    first: Index  # first row of everybody's session
+    last: Index  # the row after its last one
+    number: Int
+    position: Float
+    height: Float
+    velocity: Float
+    walks: Flags
+    wants: Flags
+    preferred: Float
+    spot: Float
+    waited: Float
+
+    @classmethod
+    def of(cls, people: People, own: tuple[Index, Index] | None = None) -> "PeopleColumns":
+        """The columns of some people. `own`: the sessions; None: all are of one."""
+        count, aims, memory = len(people.number), people.aims, people.memory
+        first, last = own or (np.zeros(count, np.int64), np.full(count, count))
+        return cls(
+            *(first, last, people.number, people.position, people.height, people.velocity),
+            *(people.walks, aims.wants, memory.preferred, aims.spot, memory.waited),
+        )
+
+
 class SlotArrays(NamedTuple):
     """The columns of all slots that a gathering is made of."""
 

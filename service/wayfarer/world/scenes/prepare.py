@@ -18,6 +18,7 @@ from wayfarer.world.goals import gait_rules
 from wayfarer.world.output import legs, twobone
 from wayfarer.world.scenes import (
     around,
+    asks,
     cells,
     collision_avoidance,
     lanes,
@@ -33,8 +34,8 @@ from wayfarer.world.stepping import mirror, new_frames, noise, playback
 
 PARTS: Final = (
     new_frames, mirror, cells, people, spots, around, nearest_obstacles, routes, lanes,
-    collision_avoidance, leads, making_way, passages, sampling, playback, noise, gait_rules, find,
-    legs, twobone, avoid,
+    collision_avoidance, leads, asks, making_way, passages, sampling, playback, noise, gait_rules,
+    find, legs, twobone, avoid,
 )  # fmt: skip
 """The rules that take longest are at both ends, so that the two processes rarely meet in one."""
 
